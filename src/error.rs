@@ -81,6 +81,17 @@ impl Error {
         Self { kind, problems: vec![problem] }
     }
 
+    /// Returns an error of all `problems`, or `Ok` if there are none.
+    ///
+    /// # Errors
+    /// Of the kind `kind`.
+    pub fn check(kind: Kind, problems: Vec<Problem>) -> Result<()> {
+        match problems.is_empty() {
+            true => Ok(()),
+            false => Err(Self { kind, problems }),
+        }
+    }
+
     /// Makes an error about invalid input at `place`.
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self::new(Kind::Invalid, Problem::new(place, message))
@@ -113,8 +124,13 @@ impl Error {
     }
 
     /// Adds a next step to the last problem.
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        if let Some(problem) = self.problems.last_mut() {
+    pub fn help(self, help: impl Into<String>) -> Self {
+        self.maybe_help(Some(help))
+    }
+
+    /// Adds the help, if there is one, to the last problem.
+    pub fn maybe_help(mut self, help: Option<impl Into<String>>) -> Self {
+        if let (Some(problem), Some(help)) = (self.problems.last_mut(), help) {
             problem.help = Some(help.into());
         }
         self

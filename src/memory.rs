@@ -89,12 +89,8 @@ pub fn promise(path: &Path) -> Result<DeclaredSizes> {
 
 /// Returns the additional bytes of a PNG with two bytes per channel.
 pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
-    match depth {
-        Depth::Eight => 0,
-        Depth::Sixteen => {
-            PNG_BYTES.saturating_mul(u64::from(window.width()) * u64::from(window.height()))
-        }
-    }
+    let pixels = u64::from(window.width()) * u64::from(window.height());
+    PNG_BYTES.saturating_mul(pixels) * u64::from(depth.bits() / 8 - 1)
 }
 
 /// Predicts the memory of a scene from the headers of all files, without the accelerator.
@@ -136,9 +132,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
             ShapeKind::Plane { .. } => sum.primitives += 2,
         }
     }
-    if !problems.is_empty() {
-        return Err(Error { kind: Kind::Invalid, problems });
-    }
+    Error::check(Kind::Invalid, problems)?;
     textures(scene, &mut sum);
     Ok(sum.with_peak())
 }
@@ -216,9 +210,13 @@ impl Prediction {
             units::bytes(limit),
             units::bytes_rounded_up(self.peak_bytes)
         );
-        let problem = Problem::new("--max-memory", message);
-        Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
+        Err(over_limit(message))
     }
+}
+
+fn over_limit(message: String) -> Error {
+    let problem = Problem::new("--max-memory", message);
+    Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh"))
 }
 
 /// The limit of `--max-memory`, with the prediction for the scene.
@@ -288,8 +286,7 @@ impl Budget {
             units::bytes(film),
             units::bytes(held),
         );
-        let problem = Problem::new("--max-memory", message);
-        Err(Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh")))
+        Err(over_limit(message))
     }
 }
 

@@ -32,6 +32,13 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     }
 }
 
+/// Returns the path with `ending` after its name. Unlike an extension, it replaces nothing.
+pub fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
+    let mut name = prefix.as_os_str().to_owned();
+    name.push(ending);
+    name.into()
+}
+
 /// Returns the file name without its ending. A compressed mesh has two endings.
 pub fn stem(path: &Path) -> Option<&OsStr> {
     let stem = Path::new(path.file_stem()?);

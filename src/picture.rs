@@ -10,6 +10,7 @@ use crate::{
     layers::{LayerPlan, Mattes},
     monitor::Monitor,
     output::{Outputs, ValueCounts, WriteOptions, atomic::Part, exr, tonemap::Depth},
+    paths,
     scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
 
@@ -33,17 +34,9 @@ pub struct Storage {
 #[derive(Debug)]
 pub struct Files {
     outputs: Outputs,
-    manifests: Vec<Manifest>,
-}
-
-/// A manifest file beside the picture.
-#[derive(Debug)]
-struct Manifest {
-    /// Kind of the cryptomattes that it names.
-    kind: &'static str,
-    /// File name within the folder.
-    name: String,
-    file: Part,
+    /// Header attributes that describe the layers.
+    attributes: Vec<(String, String)>,
+    manifests: Vec<(Part, String)>,
 }
 
 impl Files {
@@ -60,13 +53,13 @@ impl Files {
     /// As [`Part::create`]; a name that no EXR attribute can hold.
     pub fn create(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Result<Self> {
         let outputs = Outputs::create(prefix)?;
-        let create = |mattes: &Mattes| {
-            let path = manifest_path(prefix, mattes.kind);
-            let name = file_name(&path)?;
-            Ok(Manifest { kind: mattes.kind, name, file: Part::create(&path)? })
+        let mut attributes = layer_attributes(plan);
+        let manifests = match storage.crypto_sidecar {
+            true => manifests(&mut attributes, prefix)?,
+            false => Vec::new(),
         };
-        let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar).map(create);
-        Ok(Self { outputs, manifests: manifests.collect::<Result<_>>()? })
+        let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<_>>()?;
+        Ok(Self { outputs, attributes, manifests })
     }
 
     /// Adds another file to the picture: see [`Outputs::add`].
@@ -80,27 +73,72 @@ pub const MANIFESTS: [&str; 2] = ["CryptoObject", "CryptoMaterial"];
 
 /// Path of the manifest for one kind of cryptomattes, if it is not in the header.
 pub fn manifest_path(prefix: &Path, kind: &str) -> PathBuf {
-    let mut path = prefix.as_os_str().to_owned();
-    path.push(format!(".{kind}.json"));
-    path.into()
+    paths::with_ending(prefix, &format!(".{kind}.json"))
 }
 
 /// Name of a file within its folder, for an EXR attribute.
 ///
 /// # Errors
 /// A name that no EXR attribute can hold.
-pub fn file_name(path: &Path) -> Result<String> {
+fn file_name(path: &Path) -> Result<String> {
     path.file_name().and_then(|name| name.to_str()).map(str::to_string).ok_or_else(|| {
         let message = "found a name that is not UTF-8, which the EXR cannot hold";
         Error::invalid(path.display().to_string(), message).help("choose another name: -o PREFIX")
     })
 }
 
+/// A cryptomatte manifest that moves from the EXR header to a file of its own.
+#[derive(Debug)]
+pub struct Manifest {
+    /// Path of that file.
+    pub path: PathBuf,
+    text: String,
+}
+
+impl Manifest {
+    /// Creates the part file of the manifest.
+    ///
+    /// # Errors
+    /// As for [`Part::create`].
+    pub fn create(self) -> Result<(Part, String)> {
+        Ok((Part::create(&self.path)?, self.text))
+    }
+
+    /// Writes the manifest, hands its part file to `outputs` for the final rename, and returns its
+    /// path.
+    ///
+    /// # Errors
+    /// `Retry` if the disk is full.
+    pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
+        file.fill((text + "\n").as_bytes())?;
+        Ok(outputs.add(file))
+    }
+}
+
+/// Replaces cryptomatte manifests in `attributes` by the names of files, and returns the manifests.
+///
+/// # Errors
+/// A file name that an EXR attribute cannot hold.
+pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<Vec<Manifest>> {
+    let mut found = Vec::new();
+    for index in 0..attributes.len() {
+        let Some(key) = attributes[index].0.strip_suffix("/manifest").map(str::to_string) else {
+            continue;
+        };
+        let kind = attributes.iter().find(|(name, _)| *name == format!("{key}/name"));
+        let kind = kind.map(|(_, kind)| kind.clone()).unwrap_or_default();
+        let path = manifest_path(prefix, &kind);
+        let file = file_name(&path)?;
+        let (name, text) = &mut attributes[index];
+        *name = format!("{key}/manif_file");
+        found.push(Manifest { path, text: std::mem::replace(text, file) });
+    }
+    Ok(found)
+}
+
 /// The information that a picture's files hold beside the pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct PictureHeader<'a> {
-    /// Layers of the picture and their meaning.
-    pub plan: &'a LayerPlan,
     /// Additional header attributes: names and values.
     pub more: &'a [(String, String)],
     /// Backend that found the hits.
@@ -130,15 +168,11 @@ pub fn write(
     storage: Storage,
     monitor: &Monitor,
 ) -> Result<(Vec<PathBuf>, ValueCounts)> {
-    let Files { mut outputs, manifests } = files;
+    let Files { mut outputs, attributes: layers, manifests } = files;
+    let manifests = manifests.into_iter().map(|manifest| Manifest::write(manifest, &mut outputs));
+    let beside = manifests.collect::<Result<Vec<_>>>()?;
     let mut attributes = origin(scene, &says);
-    attributes.extend(layer_attributes(says.plan, &manifests));
-    let mut beside = Vec::new();
-    for Manifest { kind, mut file, .. } in manifests {
-        let mattes = says.plan.mattes.iter().find(|mattes| mattes.kind == kind);
-        file.fill(&(mattes.map(Mattes::manifest).unwrap_or_default() + "\n"))?;
-        beside.push(outputs.add(file));
-    }
+    attributes.extend(layers);
     attributes.extend_from_slice(says.more);
     let options = WriteOptions {
         tonemap: &scene.tonemap,
@@ -195,12 +229,8 @@ fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
 }
 
 /// Header attributes that describe the layers.
-fn layer_attributes(plan: &LayerPlan, manifests: &[Manifest]) -> Vec<(String, String)> {
-    let mut attributes = Vec::new();
-    for mattes in &plan.mattes {
-        let beside = manifests.iter().find(|manifest| manifest.kind == mattes.kind);
-        attributes.extend(mattes.attributes(beside.map(|manifest| manifest.name.as_str())));
-    }
+fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
+    let mut attributes: Vec<_> = plan.mattes.iter().flat_map(Mattes::attributes).collect();
     let mut add = |name: &str, text: &str| {
         attributes.push((format!("lightpath:{name}"), text.to_string()));
     };

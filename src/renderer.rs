@@ -121,7 +121,6 @@ impl Renderer {
         prefix: &Path,
     ) -> Result<[PathBuf; 2]> {
         let says = PictureHeader {
-            plan: &self.plan,
             more: &[],
             info: &accelerator.info(),
             scene_hash: None,

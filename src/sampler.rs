@@ -9,6 +9,8 @@
 //! best. [`Sampler::camera_lanes`] and [`Sampler::light_lanes`] compute many points at once in SIMD
 //! lanes. They give the bits of the crate in a fraction of its time.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
 /// Length of the Sobol tables' sequences; longer sequences continue with a new scramble.
@@ -21,13 +23,15 @@ pub const STRETCH: usize = 64;
 /// Block number for the keys of independent points; no Sobol sequence has it.
 const INDEPENDENT: u32 = u32::MAX;
 
-/// How the points of a set are distributed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+/// Sampler that chooses the points on pixels, the lens and area lights.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+#[schemars(rename = "Sampler")]
 pub enum Kind {
-    /// Owen-scrambled Sobol points, which are stratified.
+    /// Owen-scrambled Sobol points: stratified
     #[default]
     Sobol,
-    /// Independent: each point is uniform in the square.
+    /// uniform and independent points, as in the coursework: the baseline
     Random,
 }
 

@@ -1,4 +1,6 @@
-//! Pools of worker threads.
+//! Pools of worker threads, and their locks.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -13,4 +15,9 @@ pub fn pool(threads: usize) -> Result<ThreadPool> {
         let message = format!("cannot start {threads} threads: {error}");
         Error::new(Kind::Retry, Problem::new("--threads", message))
     })
+}
+
+/// Locks the mutex, also after a thread panicked while it held the lock.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

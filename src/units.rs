@@ -155,6 +155,12 @@ pub fn plural(number: usize, one: &str) -> String {
     format!("{} {one}{s}", count(number as u64))
 }
 
+/// Returns the text with a capital first letter.
+pub fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
+}
+
 /// Formats a time in seconds: `0.82 s`, `3:07`, `2:03:07`.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;

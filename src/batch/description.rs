@@ -27,38 +27,28 @@ pub struct JobFile {
     /// Path of the template: the scene that shows the meshes. Each mesh is rendered in place of the
     /// first shape of type `trimesh` in the template. Default: the built-in scene (ground and
     /// lights).
-    #[serde(default)]
     pub template: Option<Name>,
     /// Which axis of the meshes points up. Default: y. Excludes `rotate`.
-    #[serde(default)]
     pub up: Option<Axis>,
     /// Rotation of the meshes in degrees about the x, then y, then z axis. Excludes `up`.
-    #[serde(default)]
     pub rotate: Option<Angles>,
     /// Free space around a mesh at each border, as a fraction of the picture's width (left and
     /// right) and height (top and bottom). Default: 0.08.
-    #[serde(default)]
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 0.5))]
     pub margin: Option<f64>,
     /// Edges across which the normals of meshes are interpolated, in place of the template's
     /// `smooth`.
-    #[serde(default)]
     pub smooth: Option<Smooth>,
     /// Path of the texture of all meshes, in place of those that the mesh files or the template
     /// name.
-    #[serde(default)]
     pub texture: Option<Name>,
     /// false: removes the template's plane named `ground`. Default: true.
-    #[serde(default)]
     pub ground: Option<bool>,
     /// Picture width and height in pixels.
-    #[serde(default)]
     pub size: Option<[u32; 2]>,
     /// Names of layers to add to the EXR, as for `--aov`.
-    #[serde(default)]
     pub layers: Option<Vec<Name>>,
     /// Number of objects that one pixel of a cryptomatte can hold, as for `--crypto-ranks`.
-    #[serde(default)]
     #[schemars(range(min = 2, max = 16), extend("multipleOf" = 2))]
     pub cryptoranks: Option<u32>,
     /// Keys of the scene's `camera`, set in every scene. Unless `position` is among them, the
@@ -72,7 +62,6 @@ pub struct JobFile {
     #[schemars(schema_with = "open_object")]
     pub set: BTreeMap<String, Value>,
     /// Renders several frames of each input: a full turn around it.
-    #[serde(default)]
     pub turntable: Option<TurntableKeys>,
     /// Folder, names and format of the pictures.
     #[serde(default)]
@@ -98,11 +87,9 @@ pub struct Entry {
     /// A file, folder or pattern.
     pub path: Name,
     /// Which axis of the mesh points up, in place of the job's `up` or `rotate`. Excludes `rotate`.
-    #[serde(default)]
     pub up: Option<Axis>,
     /// Rotation of the mesh in degrees about the x, then y, then z axis, in place of the job's `up`
     /// or `rotate`. Excludes `up`.
-    #[serde(default)]
     pub rotate: Option<Angles>,
     /// Keys of the scene's `camera`, set after the job's `camera` and `set`.
     #[serde(default)]
@@ -126,7 +113,6 @@ pub struct TurntableKeys {
     pub turn: Turning,
     /// Whether the lights stay with the camera or with the object. Default: with the camera if the
     /// object turns, with the object if the camera turns.
-    #[serde(default)]
     pub lights: Option<LightsFollow>,
     /// Angle of the first frame in degrees. At 0 this frame is the scene itself.
     #[serde(default)]
@@ -134,7 +120,6 @@ pub struct TurntableKeys {
     pub start: f64,
     /// A point on the vertical axis of the turn. Default: the middle of a mesh, or the `target` of
     /// a scene's camera.
-    #[serde(default)]
     pub pivot: Option<Point>,
 }
 

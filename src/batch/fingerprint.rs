@@ -4,12 +4,10 @@
 //! scene and its files, the second one only the scene, so that a difference can be named. Paths of
 //! files do not count.
 
-use sha2::{Digest, Sha256};
-
 use crate::{
     output::{exr::Sequence, tonemap::Depth},
     picture::Storage,
-    scene::{Backend, EmbreeMode, Loaded, written},
+    scene::{Backend, EmbreeMode, Loaded},
 };
 
 /// Hexadecimal digits kept of a hash: 128 bits.
@@ -74,20 +72,8 @@ fn part<'a>(text: &'a str, key: &str) -> Option<&'a str> {
 /// Returns a hash of the scene with all file names left out.
 fn scene(loaded: &Loaded) -> String {
     let mut all = loaded.description.clone();
-    let clear = |material: &mut written::Material| {
-        material.texture_path.iter_mut().for_each(|path| path.0 = "-".to_string());
-    };
-    all.scene.materials.values_mut().for_each(clear);
-    for shape in &mut all.scene.shapes {
-        if let written::Shape::TriMesh(mesh) = shape {
-            mesh.path.0 = "-".to_string();
-        }
-        if let written::MaterialUse::Inline(material) = shape.material_mut() {
-            clear(material);
-        }
-    }
-    let hash = Sha256::digest(all.to_json().to_string());
-    let mut text: String = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+    all.paths_mut().into_iter().for_each(|path| path.0 = "-".to_string());
+    let mut text = all.hash();
     text.truncate(DIGITS);
     text
 }

@@ -3,13 +3,10 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{Condvar, Mutex, PoisonError},
 };
 
-/// Locks a mutex, poisoned or not: the counters stay valid if another thread panics.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
+use crate::threads::lock;
 
 /// Admits meshes into memory one after the other, within a limit.
 #[derive(Debug)]

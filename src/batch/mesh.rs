@@ -2,7 +2,6 @@
 //! and drops it.
 
 use std::{
-    panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering::Relaxed},
@@ -23,7 +22,7 @@ use crate::{
 
 use super::{
     journal::{FrameRecord, MeshRecord, Record, seen_from},
-    pipeline::{Run, panicked, together},
+    pipeline::{Run, guarded, together},
     plan::Task,
     resume::Resume,
     scene::{self, Frame, Ready},
@@ -132,9 +131,7 @@ impl Run<'_> {
         let work = || {
             let mut film = None;
             while let Some(frame) = frames.get(next.fetch_add(1, Relaxed)) {
-                let one = || self.frame(built, frame, &mut film);
-                let done = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|_| Err(panicked()));
-                if let Err(error) = done {
+                if let Err(error) = guarded(|| self.frame(built, frame, &mut film)) {
                     self.failed(built.input, Some(frame.number), 1, error);
                 }
                 if self.stopped() {
@@ -176,7 +173,6 @@ impl Run<'_> {
         drop(turn);
         let written = counts.map(|counts| {
             let says = PictureHeader {
-                plan: &plan,
                 more: &[],
                 info: &built.info,
                 scene_hash: frame.hash.as_deref(),

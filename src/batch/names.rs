@@ -52,11 +52,7 @@ impl Pattern {
             };
             pieces.push(Piece::Text(before.to_string()));
             pieces.push(piece(&field[1..end]).map_err(|(message, help)| {
-                let error = complain(format!("{message} in {text:?}"));
-                match help {
-                    Some(help) => error.help(help),
-                    None => error,
-                }
+                complain(format!("{message} in {text:?}")).maybe_help(help)
             })?);
             rest = &field[end + 1..];
         }
@@ -132,20 +128,15 @@ fn parent(input: &Path) -> std::ffi::OsString {
 fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
     let (name, width) = field.split_once(':').unwrap_or((field, ""));
     let digits = || {
-        let digits: usize = match width {
-            "" => 0,
-            _ => width.parse().map_err(|_| width)?,
-        };
-        if digits <= 20 { Ok(digits) } else { Err(width) }
+        let digits = if width.is_empty() { Some(0) } else { width.parse().ok() };
+        let wrong = || (format!("found the width {width:?}, expected digits such as 04"), None);
+        digits.filter(|digits| *digits <= 20).ok_or_else(wrong)
     };
-    let wrong =
-        |width: &str| (format!("found the width {width:?}, expected digits such as 04"), None);
     match name {
-        "stem" | "parent" if width.is_empty() => {
-            Ok(if name == "stem" { Piece::Stem } else { Piece::Parent })
-        }
-        "input" => digits().map(Piece::Input).map_err(wrong),
-        "frame" => digits().map(Piece::Frame).map_err(wrong),
+        "stem" if width.is_empty() => Ok(Piece::Stem),
+        "parent" if width.is_empty() => Ok(Piece::Parent),
+        "input" => digits().map(Piece::Input),
+        "frame" => digits().map(Piece::Frame),
         _ => {
             let help = did_you_mean(name, FIELDS);
             let help =

@@ -8,7 +8,7 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     sync::{
-        Mutex, MutexGuard, PoisonError,
+        Mutex, PoisonError,
         atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
     },
 };
@@ -25,7 +25,7 @@ use crate::{
     render::RayCounts,
     reserve::MemoryLimit,
     scene::Backend,
-    threads,
+    threads::{self, lock},
     world::Read,
 };
 
@@ -146,10 +146,6 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
     });
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are
 /// small.
 fn jobs(job: &Job, options: &Options) -> usize {
@@ -172,10 +168,9 @@ impl Run<'_> {
             };
             let input = self.job.inputs[task.input].path.display().to_string();
             let predicted = match self.stopped() {
-                true => Ok(Ok(Prediction::default())),
-                false => catch_unwind(AssertUnwindSafe(|| self.predict(task))),
+                true => Ok(Prediction::default()),
+                false => guarded(|| self.predict(task)),
             };
-            let predicted = predicted.unwrap_or_else(|_| Err(panicked()));
             let bytes = predicted.as_ref().map_or(0, |p| {
                 p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
             });
@@ -191,8 +186,7 @@ impl Run<'_> {
                 continue;
             }
             let done = predicted.and_then(|prediction| {
-                let one = || self.mesh(number, task, &input, prediction, held.share);
-                catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|_| Err(panicked()))
+                guarded(|| self.mesh(number, task, &input, prediction, held.share))
             });
             if let Err(error) = done {
                 self.failed(&input, None, task.frames.len() as u64, error);
@@ -303,8 +297,11 @@ impl Run<'_> {
     }
 }
 
-/// The error of a panic in one mesh or frame, which does not end the batch.
-pub fn panicked() -> Error {
-    let message = "the program failed here because of a bug; the batch goes on";
-    Error::new(Kind::Unsupported, Problem::new("", message).help("please report it with the file"))
+/// Runs the work, and turns a panic into an error: a bug must not end the batch.
+pub fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+        let message = "the program failed here because of a bug; the batch goes on";
+        let problem = Problem::new("", message).help("please report it with the file");
+        Err(Error::new(Kind::Unsupported, problem))
+    })
 }

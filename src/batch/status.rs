@@ -3,7 +3,7 @@
 use std::{
     path::PathBuf,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicU64, Ordering::Relaxed},
     },
 };
@@ -13,6 +13,7 @@ use serde_json::Value;
 use crate::{
     error::{Error, Problem},
     monitor::{Monitor, Phase},
+    threads::lock,
 };
 
 /// Counters that a batch updates and a display polls.
@@ -34,19 +35,19 @@ pub struct Status {
 impl Status {
     /// Includes the progress of a frame until [`Status::ended`].
     pub fn began(&self, monitor: &Arc<Monitor>) {
-        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut running = lock(&self.running);
         running.push(Arc::clone(monitor));
     }
 
     /// Removes a frame that has ended, whether it succeeded or failed.
     pub fn ended(&self, monitor: &Arc<Monitor>) {
-        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut running = lock(&self.running);
         running.retain(|other| !Arc::ptr_eq(other, monitor));
     }
 
     /// Returns the progress of the frames under way, as a sum of fractions, and their rays so far.
     pub fn under_way(&self) -> (f64, u64) {
-        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let running = lock(&self.running);
         running.iter().fold((0.0, 0), |(frames, rays), monitor| {
             let part = match monitor.phase() {
                 Phase::Render => {

@@ -26,14 +26,13 @@ pub fn version(verbose: bool) -> String {
     if !verbose {
         return text;
     }
-    let mut lines = vec![
-        ("commit".to_string(), COMMIT.unwrap_or("unknown").to_string()),
-        ("rustc".to_string(), RUSTC.unwrap_or("unknown").to_string()),
-    ];
-    lines.extend(backends());
     let tiers: Vec<String> = Isa::compiled().iter().map(Isa::to_string).collect();
-    let tiers = format!("{} (compiled in: {})", Isa::detect(), tiers.join(", "));
-    lines.push(("kernels".to_string(), tiers));
+    let lines = [
+        ("commit", COMMIT.unwrap_or("unknown").to_string()),
+        ("rustc", RUSTC.unwrap_or("unknown").to_string()),
+        ("embree", embree()),
+        ("kernels", format!("{} (compiled in: {})", Isa::detect(), tiers.join(", "))),
+    ];
     for (name, value) in lines {
         text.push_str(&format!("{name}: {value}\n"));
     }
@@ -51,19 +50,21 @@ pub fn versions(backend: &str) -> BTreeMap<String, String> {
     pairs.map(|(k, v)| (k.to_string(), v.to_string())).into()
 }
 
-/// Returns name and version of Embree, or why it is not available.
-fn backends() -> Vec<(String, String)> {
-    #[cfg(feature = "embree")]
-    let embree = match crate::accel::embree::describe() {
+/// Returns the version of Embree and its instruction set, or why it cannot be used.
+#[cfg(feature = "embree")]
+fn embree() -> String {
+    match crate::accel::embree::describe() {
         Ok((version, isa)) => format!("{version} ({isa})"),
         Err(error) => match error.problems.first() {
             Some(problem) => format!("not available: {}", problem.message),
             None => "not available".to_string(),
         },
-    };
-    #[cfg(not(feature = "embree"))]
-    let embree = "not compiled in".to_string();
-    vec![("embree".to_string(), embree)]
+    }
+}
+
+#[cfg(not(feature = "embree"))]
+fn embree() -> String {
+    "not compiled in".to_string()
 }
 
 /// Prints the schema of one kind of file.

@@ -7,8 +7,8 @@ use clap::{Args, ValueHint};
 use rayon::ThreadPool;
 
 use crate::{
-    error::Result,
-    output::exr::Compression,
+    error::{Error, Kind, Problem, Result},
+    output::{ValueCounts, exr::Compression},
     scene::{SamplerKind, ToneOperator, written::Accelerator},
     simd::Isa,
     studio::{Appearance, Axis, smooth},
@@ -268,4 +268,21 @@ pub struct PrefixArgs {
     /// Fail (exit code 1) if a pixel is NaN or infinite; the files are written all the same
     #[arg(long)]
     pub strict: bool,
+}
+
+impl PrefixArgs {
+    /// Checks the values that were written, if `--strict` was given.
+    ///
+    /// # Errors
+    /// `Check` if some are NaN or infinite.
+    pub fn check(&self, values: &ValueCounts) -> Result<()> {
+        let problem = values.first_non_finite.as_ref().filter(|_| self.strict).map(|spot| {
+            let count = values.non_finite;
+            Problem::new(
+                "--strict",
+                format!("{count} pixels are NaN or infinite, the first {spot}"),
+            )
+        });
+        Error::check(Kind::Check, problem.into_iter().collect())
+    }
 }

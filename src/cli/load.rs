@@ -8,9 +8,9 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     paths::seen_from,
-    scene::{Description, Loaded, Overrides, Source, written},
+    scene::{Loaded, Overrides, Source},
     studio::{self, MeshScene, Subject, Template},
-    world::{own_texture, sources},
+    world::{LoadOptions, World, own_texture, sources},
 };
 
 /// A checked scene, ready to be rendered.
@@ -32,6 +32,20 @@ impl Job {
         let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
         let named = sources(&self.loaded.scene).into_iter().chain(own);
         [input.to_owned()].into_iter().chain(named).collect()
+    }
+
+    /// Loads the world. `note` prints the warnings of the scene and of its files.
+    ///
+    /// # Errors
+    /// As for [`World::load`].
+    pub fn world(&mut self, monitor: &Monitor, note: impl Fn(&str)) -> Result<World> {
+        let ready = std::mem::take(&mut self.ready);
+        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let (world, more) = World::load(&self.loaded.scene, options, monitor)?;
+        for warning in self.warnings.iter().chain(&more) {
+            note(&format!("warning: {warning}"));
+        }
+        Ok(world)
     }
 }
 
@@ -112,23 +126,9 @@ fn load_mesh(request: SceneRequest) -> Result<Job> {
 /// A path that is not UTF-8.
 pub fn saved(job: &Job, target: &Path) -> Result<String> {
     let to = target.parent().unwrap_or(Path::new(""));
-    let mut description: Description = job.loaded.description.clone();
-    let move_path = |path: &mut String| -> Result<()> {
-        *path = seen_from(&job.folder.join(&*path), to)?;
-        Ok(())
-    };
-    let material = |material: &mut written::Material| match &mut material.texture_path {
-        Some(path) => move_path(&mut path.0),
-        None => Ok(()),
-    };
-    description.scene.materials.values_mut().try_for_each(material)?;
-    for shape in &mut description.scene.shapes {
-        if let written::Shape::TriMesh(mesh) = shape {
-            move_path(&mut mesh.path.0)?;
-        }
-        if let written::MaterialUse::Inline(inline) = shape.material_mut() {
-            material(inline)?;
-        }
+    let mut description = job.loaded.description.clone();
+    for path in description.paths_mut() {
+        path.0 = seen_from(&job.folder.join(&path.0), to)?;
     }
     Ok(description.to_text())
 }

@@ -54,6 +54,12 @@ pub fn cpu() -> String {
     name.unwrap_or_else(|| std::env::consts::ARCH.to_string())
 }
 
+/// Returns the versions of the program and its libraries, for the head of a report.
+pub fn versions(machine: &Machine) -> String {
+    let versions = machine.versions.iter().map(|(name, version)| format!("{name} {version}"));
+    versions.collect::<Vec<_>>().join(", ")
+}
+
 /// Describes this machine for a report. `isa` is the instruction set in use.
 pub fn describe(isa: Isa) -> Machine {
     let mut versions = about::versions("");

@@ -6,7 +6,7 @@ use std::{path::PathBuf, sync::Arc, time::Instant};
 use clap::{Args, ValueHint};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Result},
     merge::Parts,
     monitor::{Monitor, Phase},
     output::{Outputs, WriteOptions, exr},
@@ -18,10 +18,7 @@ use super::{
     names::ProgressMode,
     outputs, print,
     progress::Progress,
-    render::{
-        layers::{self, Manifest},
-        progress as render_progress,
-    },
+    render::{layers, progress as render_progress},
     signals,
 };
 
@@ -59,7 +56,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let (part, prefix) = (&parts.part, paths::prefix(Some(&args.output), &args.output));
     let mut attributes = parts.attributes();
     let manifests = match args.files.crypto_sidecar {
-        true => layers::manifests(&mut attributes, &prefix)?,
+        true => picture::manifests(&mut attributes, &prefix)?,
         false => Vec::new(),
     };
     let previews = layers::named_previews(&args.png_layer, &part.recipe, &prefix)?;
@@ -69,7 +66,8 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     outputs::refuse_overwrites(&args.parts, &outputs, "-o PREFIX")?;
     signals::watch(&monitor)?;
     let mut files = Outputs::create(&prefix)?;
-    let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<Vec<_>>>()?;
+    let manifests =
+        manifests.into_iter().map(picture::Manifest::create).collect::<Result<Vec<_>>>()?;
     let previews = layers::open_previews(previews)?;
     let mode = if args.messages.quiet { ProgressMode::Off } else { ProgressMode::Auto };
     let progress = Progress::start(mode, render_progress::meter(&monitor));
@@ -95,7 +93,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let (paths, oddities) = pool.install(|| -> Result<_> {
         monitor.begin(Phase::Load, u64::from(part.whole().height()));
         let film = parts.film(&monitor)?;
-        let manifests = manifests.into_iter().map(|m| Manifest::write(m, &mut files));
+        let manifests = manifests.into_iter().map(|m| picture::Manifest::write(m, &mut files));
         let mut beside = manifests.collect::<Result<Vec<_>>>()?;
         beside.extend(layers::write_previews(&film, previews, |part| files.add(part))?);
         let (paths, oddities) = files.write(&film, &options, &monitor)?;
@@ -116,12 +114,5 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     args.messages.note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
     print::paths(&paths)?;
-    match &oddities.first_non_finite {
-        Some(spot) if args.files.strict => {
-            let count = oddities.non_finite;
-            let message = format!("{count} pixels are NaN or infinite, the first {spot}");
-            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
-        }
-        _ => Ok(()),
-    }
+    args.files.check(&oddities)
 }

@@ -36,7 +36,7 @@ use clap::{
     error::{ContextKind, ContextValue},
 };
 
-use crate::error::{Error, Result, printable};
+use crate::error::{Error, Kind, Problem, Result, printable};
 
 /// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
@@ -60,6 +60,12 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
     }
     error
+}
+
+/// Returns an error (exit code 1) that lists all failures of a check, if there are any.
+fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()> {
+    let problems = failures.into_iter().map(|failure| Problem::new(check, failure));
+    Error::check(Kind::Check, problems.collect())
 }
 
 /// Runs one command.

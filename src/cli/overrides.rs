@@ -1,7 +1,6 @@
 //! Converts flags that change the scene into overrides of the scene.
 
-use clap::ValueEnum;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::{
     error::Result,
@@ -24,25 +23,17 @@ pub fn from_flags(args: &SceneArgs, machine: &MachineArgs) -> Result<Overrides> 
 /// Returns the overrides of the scene flags, followed by those of `--set`, which win.
 fn scene_overrides(args: &SceneArgs) -> Overrides {
     let mut all = Overrides::default();
-    let name = |value: Option<clap::builder::PossibleValue>| {
-        value.map(|value| Value::from(value.get_name()))
-    };
     add_size(&mut all, args.picture.size);
     all.flag("--spp", "/spp", args.spp);
     all.flag("--nbounces", "/nbounces", args.nbounces);
     all.flag("--seed", "/seed", args.seed);
-    let sampler = args.sampler.and_then(|s| name(s.to_possible_value()));
-    all.flag("--sampler", "/sampler", sampler);
+    all.flag("--sampler", "/sampler", args.sampler.map(|sampler| json!(sampler)));
     all.flag("--fov", "/camera/fov", args.fov.map(number));
     all.flag("--exposure", "/tonemap/exposure", args.exposure.map(number));
-    let tonemap = args.tonemap.and_then(|t| name(t.to_possible_value()));
-    all.flag("--tonemap", "/tonemap/operator", tonemap);
-    let backend = args.backend.and_then(|b| name(b.to_possible_value()));
-    all.flag("--backend", "/scene/accelerator", backend);
-    let transparent = args.transparent.then_some(true);
-    all.flag("--transparent", "/output/transparent", transparent);
-    let shadows = args.adaptive_shadows.then_some(true);
-    all.flag("--adaptive-shadows", "/adaptiveshadows", shadows);
+    all.flag("--tonemap", "/tonemap/operator", args.tonemap.map(|operator| json!(operator)));
+    all.flag("--backend", "/scene/accelerator", args.backend.map(|backend| json!(backend)));
+    all.flag("--transparent", "/output/transparent", args.transparent.then_some(true));
+    all.flag("--adaptive-shadows", "/adaptiveshadows", args.adaptive_shadows.then_some(true));
     all.flag("--aov", "/output/layers", args.aov.clone());
     all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);
     add_sets(&mut all, &args.set);
@@ -51,19 +42,13 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
 
 /// Adds the overrides of `--size`.
 pub fn add_size(all: &mut Overrides, size: Option<[u32; 2]>) {
-    let [width, height] = match size {
-        Some([w, h]) => [Some(w), Some(h)],
-        None => [None; 2],
-    };
-    all.flag("--size", "/camera/width", width);
-    all.flag("--size", "/camera/height", height);
+    all.flag("--size", "/camera/width", size.map(|[width, _]| width));
+    all.flag("--size", "/camera/height", size.map(|[_, height]| height));
 }
 
 /// Adds the overrides of `--set`.
 pub fn add_sets(all: &mut Overrides, sets: &[String]) {
-    for set in sets {
-        all.set(set);
-    }
+    sets.iter().for_each(|set| all.set(set));
 }
 
 /// Converts a number to JSON. A number that JSON cannot hold (NaN) becomes a string, so that the

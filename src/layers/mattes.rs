@@ -62,26 +62,21 @@ impl Mattes {
         self.ids.iter().collect::<HashSet<_>>().len()
     }
 
-    /// Returns the header attributes by which a reader finds mattes by name. `sidecar` is the name
-    /// of a file with the manifest, if there is one.
-    pub fn attributes(&self, sidecar: Option<&str>) -> Vec<(String, String)> {
+    /// Returns the header attributes by which a reader finds mattes by name.
+    pub fn attributes(&self) -> Vec<(String, String)> {
         // The key is the first 7 digits of the hash of the kind itself.
         let key = format!("{:08x}", id(self.kind));
         let name = |what: &str| format!("cryptomatte/{}/{what}", &key[..7]);
-        let manifest = match sidecar {
-            Some(file) => (name("manif_file"), file.to_string()),
-            None => (name("manifest"), self.manifest()),
-        };
         vec![
             (name("conversion"), "uint32_to_float32".to_string()),
             (name("hash"), "MurmurHash3_32".to_string()),
-            manifest,
+            (name("manifest"), self.manifest()),
             (name("name"), self.kind.to_string()),
         ]
     }
 
     /// Returns names and ids as a JSON object.
-    pub fn manifest(&self) -> String {
+    pub(super) fn manifest(&self) -> String {
         let pairs = self.named.iter().map(|(name, id)| {
             let name = serde_json::Value::from(name.as_str());
             format!("{name}:\"{id:08x}\"")

@@ -66,26 +66,20 @@ impl Parts {
         let Some(first) = open.first() else {
             return Err(Error::invalid("", "found no parts to merge"));
         };
-        let problems: Vec<Problem> =
-            open[1..].iter().filter_map(|other| first.difference(other)).collect();
-        if !problems.is_empty() {
-            return Err(Error { kind: Kind::Invalid, problems });
-        }
+        let differences = open[1..].iter().filter_map(|other| first.difference(other));
+        Error::check(Kind::Invalid, differences.collect())?;
         let part = first.part.clone();
         let pieces = open
             .iter()
             .map(|o| CoveredRegion { window: o.reader.window, samples: o.part.samples() });
         let faults = cover::faults(&pieces.collect::<Vec<_>>(), part.whole(), part.of);
-        if !faults.is_empty() {
-            let named =
-                faults.iter().take(MAX_NAMED_FAULTS).map(|fault| describe(fault, &open, &part));
-            let mut problems: Vec<Problem> = named.collect();
-            if faults.len() > MAX_NAMED_FAULTS {
-                let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
-                problems.push(Problem::new("parts", message));
-            }
-            return Err(Error { kind: Kind::Invalid, problems });
+        let named = faults.iter().take(MAX_NAMED_FAULTS).map(|fault| describe(fault, &open, &part));
+        let mut problems: Vec<Problem> = named.collect();
+        if faults.len() > MAX_NAMED_FAULTS {
+            let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
+            problems.push(Problem::new("parts", message));
         }
+        Error::check(Kind::Invalid, problems)?;
         Ok(Self { open, part })
     }
 
@@ -275,31 +269,26 @@ impl Open {
 
     /// Returns why `other` is not a part of the same picture.
     fn difference(&self, other: &Self) -> Option<Problem> {
-        let (a, b) = (&self.part, &other.part);
         let texts = |open: &Self| -> Vec<(String, String)> {
             let own = open.reader.attributes.iter().filter(|(name, _)| name != part::ATTRIBUTE);
-            let own = own.cloned();
             let software = ("software".to_string(), open.reader.software.clone());
             // The most informative attribute comes first.
-            [software].into_iter().chain(own).collect()
+            [software].into_iter().chain(own.cloned()).collect()
         };
-        let print =
-            |fingerprint: &Option<String>| fingerprint.clone().unwrap_or_else(|| "none".into());
-        let window = |[x0, y0, x1, y1]: [u32; 4]| format!("x {x0}..{x1}, y {y0}..{y1}");
-        let size = |frame: [u32; 2]| format!("{} x {}", frame[0], frame[1]);
+        let none = || "none".to_string();
+        let both =
+            |what: &str, of: &dyn Fn(&Self) -> String| (what.to_string(), of(other), of(self));
         let mut facts = vec![
-            ("frame".to_string(), size(other.reader.frame), size(self.reader.frame)),
-            ("--of".to_string(), b.of.to_string(), a.of.to_string()),
-            ("picture".to_string(), window(b.whole), window(a.whole)),
-            ("fingerprint".to_string(), print(&b.fingerprint), print(&a.fingerprint)),
-            (
-                "way of writing files".to_string(),
-                format!("{:?}", b.files),
-                format!("{:?}", a.files),
-            ),
+            both("frame", &|open| open.reader.frame.map(|side| side.to_string()).join(" x ")),
+            both("--of", &|open| open.part.of.to_string()),
+            both("picture", &|open| {
+                let [x0, y0, x1, y1] = open.part.whole;
+                format!("x {x0}..{x1}, y {y0}..{y1}")
+            }),
+            both("fingerprint", &|open| open.part.fingerprint.clone().unwrap_or_else(none)),
+            both("way of writing files", &|open| format!("{:?}", open.part.files)),
+            both(INSTRUCTIONS, &|open| open.part.isa.clone().unwrap_or_else(none)),
         ];
-        let isa = |part: &PictureTile| part.isa.clone().unwrap_or_else(|| "none".into());
-        facts.push((INSTRUCTIONS.to_string(), isa(b), isa(a)));
         let (theirs, ours) = (texts(other), texts(self));
         for (name, value) in &theirs {
             let known = ours.iter().find(|(known, _)| known == name);
@@ -311,12 +300,11 @@ impl Open {
                 facts.push((name.clone(), "none".to_string(), value.clone()));
             }
         }
-        let view = |open: &Self| format!("{:?}", open.reader.view);
-        facts.push(("camera".to_string(), view(other), view(self)));
-        let sequence = |open: &Self| format!("{:?}", open.reader.sequence);
-        facts.push(("frame of a sequence".to_string(), sequence(other), sequence(self)));
-        let layers = |part: &PictureTile| format!("{:?}", part.recipe);
-        facts.push(("layers".to_string(), layers(b), layers(a)));
+        facts.extend([
+            both("camera", &|open| format!("{:?}", open.reader.view)),
+            both("frame of a sequence", &|open| format!("{:?}", open.reader.sequence)),
+            both("layers", &|open| format!("{:?}", open.part.recipe)),
+        ]);
         let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
         let message =
             format!("found another {what}: {found}, expected {expected} as in {}", self.name);

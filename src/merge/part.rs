@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 use crate::film::Window;
 use crate::layers::{PixelLayout, RawLayout};
 use crate::output::{exr::Compression, tonemap::Depth};
-use crate::scene::{ToneOperator, Tonemap};
+use crate::scene::Tonemap;
 
 /// Name of the EXR attribute that holds the description as JSON.
 pub const ATTRIBUTE: &str = "lightpath:part";
@@ -63,18 +64,13 @@ pub struct PictureFormat {
 impl PictureFormat {
     /// Returns the default format with this tone curve.
     pub fn new(tonemap: &Tonemap) -> Self {
-        let operator = match tonemap.operator {
-            ToneOperator::Max => "max",
-            ToneOperator::Clamp => "clamp",
-            ToneOperator::Reinhard => "reinhard",
-        };
         Self {
             float: false,
             compression: Compression::default(),
             multipart: false,
             depth: Depth::default(),
             transparent: false,
-            tonemap: operator.to_string(),
+            tonemap: json!(tonemap.operator).as_str().unwrap_or_default().to_string(),
             exposure: tonemap.exposure,
             srgb: tonemap.srgb,
         }
@@ -82,12 +78,7 @@ impl PictureFormat {
 
     /// Returns the tone curve, or `None` if its name is unknown.
     pub fn curve(&self) -> Option<Tonemap> {
-        let operator = match self.tonemap.as_str() {
-            "max" => ToneOperator::Max,
-            "clamp" => ToneOperator::Clamp,
-            "reinhard" => ToneOperator::Reinhard,
-            _ => return None,
-        };
+        let operator = serde_json::from_value(self.tonemap.as_str().into()).ok()?;
         Some(Tonemap { operator, exposure: self.exposure, srgb: self.srgb })
     }
 }

@@ -12,14 +12,14 @@ use std::{
     fs::{File, OpenOptions},
     io::Write,
     path::{Path, PathBuf},
-    sync::{Mutex, PoisonError},
+    sync::Mutex,
 };
 
 use tempfile::NamedTempFile;
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    paths,
+    paths, threads,
 };
 
 /// File name ending of incomplete files.
@@ -52,14 +52,14 @@ struct Live(PathBuf);
 
 impl Live {
     fn new(path: &Path) -> Self {
-        LIVE.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_owned());
+        threads::lock(&LIVE).push(path.to_owned());
         Self(path.to_owned())
     }
 }
 
 impl Drop for Live {
     fn drop(&mut self) {
-        let mut live = LIVE.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut live = threads::lock(&LIVE);
         if let Some(at) = live.iter().position(|path| *path == self.0) {
             live.swap_remove(at);
         }
@@ -120,12 +120,12 @@ impl Part {
         self.file.as_file_mut()
     }
 
-    /// Writes the whole text and waits until it is on the disk.
+    /// Writes all bytes and waits until it is on the disk.
     ///
     /// # Errors
     /// `Retry` if the disk is full or fails.
-    pub fn fill(&mut self, text: &str) -> Result<()> {
-        let written = self.file().write_all(text.as_bytes());
+    pub fn fill(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = self.file().write_all(bytes);
         written.map_err(|error| Error::io(&self.target, "write", &error))?;
         self.sync()
     }
@@ -135,7 +135,7 @@ impl Part {
     /// # Errors
     /// `Retry` if the disk is full. The target is unchanged then.
     pub fn finish(mut self, text: &str) -> Result<PathBuf> {
-        self.fill(text)?;
+        self.fill(text.as_bytes())?;
         self.commit()
     }
 
@@ -176,7 +176,7 @@ impl Sweep {
     /// Removes part files of `target` that existed when its folder was listed, if their writers
     /// have died. Files that another process is writing stay. Returns the number removed.
     pub fn target(&self, target: &Path) -> usize {
-        let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut folders = threads::lock(&self.0);
         let folder = folder_of(target);
         let parts = folders.entry(folder.to_owned()).or_insert_with(|| parts_in(folder));
         let parts = target.file_name().and_then(|name| parts.remove(name)).unwrap_or_default();

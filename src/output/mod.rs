@@ -22,6 +22,7 @@ use crate::{
     error::Result,
     film::{ChannelKind, Dropped, Film},
     monitor::{Monitor, Phase},
+    paths,
     scene::Tonemap,
 };
 
@@ -174,11 +175,7 @@ pub struct WriteOptions<'a> {
 impl Outputs {
     /// Returns the names of the EXR and the PNG for a prefix.
     pub fn names(prefix: &Path) -> [PathBuf; 2] {
-        [".exr", ".png"].map(|ending| {
-            let mut name = prefix.as_os_str().to_owned();
-            name.push(ending);
-            PathBuf::from(name)
-        })
+        [".exr", ".png"].map(|ending| paths::with_ending(prefix, ending))
     }
 
     /// Creates both part files.

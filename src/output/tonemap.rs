@@ -47,10 +47,7 @@ pub fn to_samples(
 ) -> Vec<u8> {
     let curve = Curve::new(pixels, tonemap, transparent);
     let channels = if transparent { 4 } else { 3 };
-    let size = match depth {
-        Depth::Eight => 1,
-        Depth::Sixteen => 2,
-    };
+    let size = usize::from(depth.bits() / 8);
     let mut bytes = vec![0; pixels.len() * channels * size];
     let chunks = bytes.par_chunks_mut(channels * size).with_min_len(1024);
     chunks.zip(pixels).for_each(|(to, pixel)| {

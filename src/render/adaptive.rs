@@ -10,6 +10,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::{Tile, pixels, tiles};
 use crate::accel::Accelerator;
@@ -63,7 +64,7 @@ impl Adaptive {
 }
 
 /// Number of camera samples of a film's pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct SampleCounts {
     /// Fewest samples of a pixel.
     pub least: u32,

@@ -9,7 +9,7 @@ pub struct Ratios {
     /// Heading of the chart.
     pub title: String,
     /// Subtitle: the meaning of the ratios, such as `how many times as fast as embree`.
-    pub unit: String,
+    pub subtitle: String,
     /// The ratios from top to bottom.
     pub rows: Vec<Ratio>,
 }
@@ -53,7 +53,7 @@ impl Ratios {
         let x = |v: f64| left + (right - left) * (0.5 + 0.5 * (v.ln() / span).clamp(-1.0, 1.0));
         let mut svg = Svg::new(WIDTH);
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
-        svg.text([0.0, 34.0], Anchor::Start, "dim", &self.unit);
+        svg.text([0.0, 34.0], Anchor::Start, "dim", &self.subtitle);
         let legend = [("faster", FASTER), ("slower", SLOWER), ("no difference shown", EVEN)];
         let wrong = self.rows.iter().any(|r| r.wrong.is_some());
         let legend = legend.into_iter().chain(wrong.then_some(("wrong answers", WRONG)));
@@ -75,7 +75,7 @@ impl Ratios {
             svg.circle([b, y], 3.5, color);
             svg.text([right + 10.0, y + 4.0], Anchor::Start, class, &row.text());
         }
-        svg.finish(bottom + 24.0, &format!("{}: {}", self.title, self.unit))
+        svg.finish(bottom + 24.0, &format!("{}: {}", self.title, self.subtitle))
     }
 }
 

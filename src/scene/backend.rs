@@ -107,11 +107,8 @@ impl BackendFlags {
             let message = format!("found with the backend `{name}`, {why}");
             Problem::new("--isa", message).help("leave --isa out, or --backend bvh")
         });
-        let problems: Vec<Problem> = fast.into_iter().chain(isa).collect();
-        match problems.is_empty() {
-            true => Ok(backend),
-            false => Err(Error { kind: Kind::Invalid, problems }),
-        }
+        Error::check(Kind::Invalid, fast.into_iter().chain(isa).collect())?;
+        Ok(backend)
     }
 
     /// Combines two sets of flags. `last` takes precedence.

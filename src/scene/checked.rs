@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use glam::{DVec2, DVec3, Vec3};
 
+pub use super::description::{ColorSpace, Falloff, Filter, ToneOperator, Wrap};
 pub use crate::sampler::Kind as SamplerKind;
 
 use super::{
@@ -63,17 +64,6 @@ impl Scene {
         let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
         self.adaptive_shadows && self.lights.iter().any(spares)
     }
-}
-
-/// Divisor of a light's contribution at distance d.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Falloff {
-    /// Divides by 1: no falloff.
-    None,
-    /// Divides by d, as the coursework does.
-    Linear,
-    /// Divides by the square of d.
-    Quadratic,
 }
 
 /// The camera as written. The formulas are in docs/guide/scene-format.md.
@@ -222,15 +212,6 @@ pub enum Smooth {
     },
 }
 
-/// Encoding of stored colour values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ColorSpace {
-    /// Values are encoded as sRGB.
-    Srgb,
-    /// Values are linear light.
-    Linear,
-}
-
 /// A Blinn-Phong material with an optional mirror.
 #[derive(Debug, Clone)]
 pub struct Material {
@@ -272,24 +253,6 @@ pub struct TextureUse {
     pub scale: DVec2,
 }
 
-/// Filter of a texture lookup.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Filter {
-    /// Interpolates four texels, whose centres are at half-integers.
-    Bilinear,
-    /// Takes texel (floor(u w), floor(v h)).
-    Nearest,
-}
-
-/// Lookup of texels outside the image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wrap {
-    /// Indices modulo the size.
-    Repeat,
-    /// The nearest border texel.
-    Clamp,
-}
-
 /// Conversion of radiance to 8-bit pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct Tonemap {
@@ -299,15 +262,4 @@ pub struct Tonemap {
     pub exposure: f32,
     /// True for the sRGB transfer curve, false for linear values.
     pub srgb: bool,
-}
-
-/// Tone curve of the PNG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ToneOperator {
-    /// Divides by the largest channel value of the frame.
-    Max,
-    /// Clips values at 1.
-    Clamp,
-    /// Maps x to x / (1 + x) per channel.
-    Reinhard,
 }

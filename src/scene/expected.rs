@@ -17,7 +17,7 @@ pub fn found(node: &Node) -> String {
         NodeKind::Null => "null".into(),
         NodeKind::Bool(b) => b.to_string(),
         NodeKind::Number(text) => cut(text),
-        NodeKind::Text(text) => quoted(text),
+        NodeKind::String(text) => quoted(text),
         NodeKind::List(items) => format!("an array of {}", items.len()),
         NodeKind::Object(_) => "an object".into(),
     }

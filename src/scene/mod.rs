@@ -37,6 +37,7 @@ pub use layers::{Layer, LightGroups};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
+pub use write::hexadecimal;
 
 /// The types of the format as written, for scenes made by code.
 pub mod written {
@@ -47,7 +48,6 @@ use std::{fs::File, io::Read, path::Path};
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Kind, Problem, Result};
 
@@ -121,11 +121,7 @@ pub fn from_description(
 pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
     let mut problems = problems::Problems::new(document);
     structure::check(&schema_of::<T>(""), &mut problems);
-    let (problems, _) = problems.finish();
-    if !problems.is_empty() {
-        let kind = Kind::Invalid;
-        return Err(Error { kind, problems });
-    }
+    Error::check(Kind::Invalid, problems.finish().0)?;
     serde_json::from_value(document.root.to_value())
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
 }
@@ -140,16 +136,10 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     errors.extend(bad_overrides);
     match checked {
         Some((description, scene)) if errors.is_empty() => {
-            Ok(Loaded { scene, hash: hash(&description), description, warnings })
+            Ok(Loaded { scene, hash: description.hash(), description, warnings })
         }
         _ => Err(Error { kind: Kind::Invalid, problems: errors }),
     }
-}
-
-fn hash(description: &Description) -> String {
-    let canonical = description.to_json().to_string();
-    let digest = Sha256::digest(canonical.as_bytes());
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// File name extensions of mesh formats that cannot be read.
@@ -166,11 +156,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
         _ => {
             let missing = error.kind() == std::io::ErrorKind::NotFound;
             let near = check::near_file(path).filter(|_| missing);
-            let failed = Error::io(path, "read", &error);
-            match near {
-                Some(near) => failed.help(near),
-                None => failed,
-            }
+            Error::io(path, "read", &error).maybe_help(near)
         }
     };
     let mut bytes = Vec::new();

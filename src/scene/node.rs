@@ -49,7 +49,7 @@ pub enum NodeKind {
     /// The source text of a number.
     Number(String),
     /// A string with escapes resolved.
-    Text(String),
+    String(String),
     /// An array of values.
     List(Vec<Node>),
     /// An object in file order. Duplicate keys are kept.
@@ -75,6 +75,14 @@ impl Node {
                 let found = members.iter().rev().find(|m| m.key == key)?;
                 Some(&found.value)
             }
+            _ => None,
+        }
+    }
+
+    /// Returns the string that the node holds.
+    pub fn text(&self) -> Option<&str> {
+        match &self.kind {
+            NodeKind::String(text) => Some(text),
             _ => None,
         }
     }
@@ -116,7 +124,7 @@ impl Node {
         match &self.kind {
             NodeKind::Null => Value::Null,
             NodeKind::Bool(b) => Value::Bool(*b),
-            NodeKind::Text(s) => Value::String(s.clone()),
+            NodeKind::String(s) => Value::String(s.clone()),
             NodeKind::List(items) => items.iter().map(Self::to_value).collect(),
             NodeKind::Object(members) => members
                 .iter()
@@ -139,7 +147,7 @@ impl Node {
             Value::Null => NodeKind::Null,
             Value::Bool(b) => NodeKind::Bool(*b),
             Value::Number(n) => NodeKind::Number(n.to_string()),
-            Value::String(s) => NodeKind::Text(s.clone()),
+            Value::String(s) => NodeKind::String(s.clone()),
             Value::Array(items) => NodeKind::List(items.iter().map(Self::from_value).collect()),
             Value::Object(map) => NodeKind::Object(
                 map.iter()

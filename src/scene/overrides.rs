@@ -36,7 +36,7 @@ impl Document {
         let place = Place::Set(Arc::from(pointer));
         let kind = match parse::parse(value) {
             Ok(node) => node.kind,
-            Err(_) => NodeKind::Text(value.to_string()),
+            Err(_) => NodeKind::String(value.to_string()),
         };
         let mut new = Node { place: place.clone(), kind };
         replace_places(&mut new, &place);
@@ -116,7 +116,7 @@ fn descend<'a>(
             let problem = Problem::new("", message);
             // The material of a shape is often the name of one.
             Err(match kind {
-                NodeKind::Text(name) if walked.ends_with("/material") => {
+                NodeKind::String(name) if walked.ends_with("/material") => {
                     let there = join(&join("/scene/materials", name), step);
                     problem.help(format!("the material is named {name:?}: --set {there}=VALUE"))
                 }

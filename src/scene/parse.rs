@@ -53,6 +53,13 @@ impl Parser<'_> {
         self.text.as_bytes().get(self.at).copied()
     }
 
+    /// Moves past the next byte if it is one of `bytes`. Returns true if it is.
+    fn accept(&mut self, bytes: &[u8]) -> bool {
+        let found = self.peek().is_some_and(|byte| bytes.contains(&byte));
+        self.at += usize::from(found);
+        found
+    }
+
     fn place(&mut self) -> Place {
         self.mark = (self.at, self.column_of(self.at));
         Place::Text { line: self.line, column: self.mark.1 }
@@ -126,7 +133,7 @@ impl Parser<'_> {
         let kind = match self.peek() {
             Some(b'{') => self.nested(Self::object)?,
             Some(b'[') => self.nested(Self::list)?,
-            Some(b'"') => NodeKind::Text(self.string()?),
+            Some(b'"') => NodeKind::String(self.string()?),
             Some(b'-' | b'0'..=b'9') => NodeKind::Number(self.number()?),
             _ => self.word()?,
         };
@@ -160,66 +167,52 @@ impl Parser<'_> {
         Ok(kind)
     }
 
-    /// Moves past the separator after an item. Returns true if another item follows, false after
-    /// `close`.
-    fn another(&mut self, close: u8, expected: &str) -> Parsed<bool> {
+    /// Moves to the next item of a list or an object: past the comma, unless it is the first one.
+    /// Returns false after `close`.
+    fn another(&mut self, first: bool, close: u8, expected: &str) -> Parsed<bool> {
         self.skip_space();
-        match self.peek() {
-            Some(b',') => {
-                let comma = self.error("found a comma after the last item");
-                self.at += 1;
-                self.skip_space();
-                if self.peek() == Some(close) {
-                    return Err(SyntaxError { help: Some("remove the comma"), ..comma });
-                }
-                Ok(true)
-            }
-            Some(byte) if byte == close => {
-                self.at += 1;
-                Ok(false)
-            }
-            _ => Err(self.unexpected(expected)),
+        if self.accept(&[close]) {
+            return Ok(false);
+        }
+        if first {
+            return Ok(true);
+        }
+        let comma = self.error("found a comma after the last item");
+        if !self.accept(b",") {
+            return Err(self.unexpected(expected));
+        }
+        self.skip_space();
+        match self.peek() == Some(close) {
+            true => Err(SyntaxError { help: Some("remove the comma"), ..comma }),
+            false => Ok(true),
         }
     }
 
     fn list(&mut self) -> Parsed<NodeKind> {
         let mut items = Vec::new();
-        if self.peek() == Some(b']') {
-            self.at += 1;
-            return Ok(NodeKind::List(items));
-        }
-        loop {
+        while self.another(items.is_empty(), b']', "a comma or `]`")? {
             items.push(self.value()?);
-            if !self.another(b']', "a comma or `]`")? {
-                return Ok(NodeKind::List(items));
-            }
         }
+        Ok(NodeKind::List(items))
     }
 
     fn object(&mut self) -> Parsed<NodeKind> {
         let mut members = Vec::new();
-        if self.peek() == Some(b'}') {
-            self.at += 1;
-            return Ok(NodeKind::Object(members));
-        }
-        loop {
+        while self.another(members.is_empty(), b'}', "a comma or `}`")? {
             let place = self.place();
             if self.peek() != Some(b'"') {
                 return Err(self.unexpected("a key in double quotes"));
             }
             let key = self.string()?;
             self.skip_space();
-            if self.peek() != Some(b':') {
+            if !self.accept(b":") {
                 return Err(self.unexpected(&format!("`:` after the key {key:?}")));
             }
-            self.at += 1;
             self.skip_space();
             let value = self.value()?;
             members.push(Member { place, key, value });
-            if !self.another(b'}', "a comma or `}`")? {
-                return Ok(NodeKind::Object(members));
-            }
         }
+        Ok(NodeKind::Object(members))
     }
 
     fn digits(&mut self) -> Parsed<()> {
@@ -235,23 +228,15 @@ impl Parser<'_> {
 
     fn number(&mut self) -> Parsed<String> {
         let start = self.at;
-        if self.peek() == Some(b'-') {
-            self.at += 1;
-        }
-        if self.peek() == Some(b'0') {
-            self.at += 1;
-        } else {
+        self.accept(b"-");
+        if !self.accept(b"0") {
             self.digits()?;
         }
-        if self.peek() == Some(b'.') {
-            self.at += 1;
+        if self.accept(b".") {
             self.digits()?;
         }
-        if matches!(self.peek(), Some(b'e' | b'E')) {
-            self.at += 1;
-            if matches!(self.peek(), Some(b'+' | b'-')) {
-                self.at += 1;
-            }
+        if self.accept(b"eE") {
+            self.accept(b"+-");
             self.digits()?;
         }
         if matches!(self.peek(), Some(b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' | b'.' | b'_')) {

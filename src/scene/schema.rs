@@ -134,7 +134,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
                 without_defaults(root, of_key, member);
                 let mut default = of_key["default"].clone();
                 without_defaults(root, of_key, &mut default);
-                !same(&default, member)
+                default != *member
             });
         }
         Value::Number(n) => {
@@ -159,8 +159,4 @@ fn variant<'a>(root: &'a Value, schema: &'a Value, value: &Value) -> &'a Value {
         None => value.is_object() && b["type"] == json!("object"),
     });
     found.unwrap_or(schema)
-}
-
-fn same(default: &Value, value: &Value) -> bool {
-    !default.is_null() && default == value
 }

@@ -54,13 +54,10 @@ impl<'a> Walk<'a, '_> {
                 self.object(schema, node, members, pointer)
             }
             (Some("array"), NodeKind::List(items)) => self.list(schema, node, items, pointer),
-            (Some("string"), NodeKind::Text(text)) => {
+            (Some("string"), NodeKind::String(text)) => {
                 if text.is_empty() && schema["minLength"] == 1 {
-                    self.problems.error(
-                        pointer,
-                        "found \"\", expected a string that is not empty",
-                        None,
-                    );
+                    let message = "found \"\", expected a string that is not empty";
+                    self.problems.error(pointer, message, None);
                 }
             }
             (Some("number" | "integer"), NodeKind::Number(_)) => self.number(schema, node, pointer),
@@ -72,21 +69,22 @@ impl<'a> Walk<'a, '_> {
     /// Reports a value that does not match the schema.
     fn wrong(&mut self, schema: &Value, node: &Node, pointer: &str) {
         let message = format!("found {}, expected {}", found(node), expected(self.root, schema));
-        self.problems.error_at(&node.place, pointer, message, None);
+        self.unreadable(node, pointer, message, None);
+    }
+
+    /// Reports a value that the later checks cannot read.
+    fn unreadable(&mut self, node: &Node, pointer: &str, message: String, help: Option<String>) {
+        self.problems.error_at(&node.place, pointer, message, help);
         self.broken.push(pointer.to_string());
     }
 
     fn word(&mut self, schema: &Value, words: &[&str], node: &Node, pointer: &str) {
-        match &node.kind {
-            NodeKind::Text(text) if words.contains(&text.as_str()) => {}
-            NodeKind::Text(text) => {
-                let message =
-                    format!("found {}, expected {}", found(node), expected(self.root, schema));
-                let help = did_you_mean(text, words.iter().copied());
-                self.problems.error_at(&node.place, pointer, message, help);
-                self.broken.push(pointer.to_string());
-            }
-            _ => self.wrong(schema, node, pointer),
+        let text = node.text();
+        if !text.is_some_and(|text| words.contains(&text)) {
+            let wanted = expected(self.root, schema);
+            let help = text.and_then(|text| did_you_mean(text, words.iter().copied()));
+            let message = format!("found {}, expected {wanted}", found(node));
+            self.unreadable(node, pointer, message, help);
         }
     }
 
@@ -97,27 +95,18 @@ impl<'a> Walk<'a, '_> {
         let tags: Vec<&str> = branches.iter().filter_map(|b| tag(b)).collect();
         let Some(kind) = node.member("type") else {
             let message = format!("missing key `type`, expected {}", list(tags));
-            self.problems.error_at(&node.place, pointer, message, None);
-            self.broken.push(pointer.to_string());
+            self.unreadable(node, pointer, message, None);
             return self.shared(branches, members, pointer);
         };
-        let branch = match &kind.kind {
-            NodeKind::Text(text) => branches.iter().find(|b| tag(b) == Some(text)),
-            _ => None,
-        };
-        match (branch, &kind.kind) {
-            (Some(branch), _) => self.object(branch, node, members, pointer),
-            (None, kind_text) => {
-                let help = match kind_text {
-                    NodeKind::Text(text) => did_you_mean(text, tags.iter().copied()),
-                    _ => None,
-                };
-                let message = format!("found {}, expected {}", found(kind), list(tags));
-                self.problems.error_at(&kind.place, &join(pointer, "type"), message, help);
-                self.broken.push(pointer.to_string());
-                self.shared(branches, members, pointer);
-            }
+        let text = kind.text();
+        if let Some(branch) = branches.iter().find(|b| text.is_some() && tag(b) == text) {
+            return self.object(branch, node, members, pointer);
         }
+        let help = text.and_then(|text| did_you_mean(text, tags.iter().copied()));
+        let message = format!("found {}, expected {}", found(kind), list(tags));
+        self.problems.error_at(&kind.place, &join(pointer, "type"), message, help);
+        self.broken.push(pointer.to_string());
+        self.shared(branches, members, pointer);
     }
 
     /// Checks an object with an unknown `type`: only the members that every type has.
@@ -157,8 +146,7 @@ impl<'a> Walk<'a, '_> {
             if !seen.contains_key(key) {
                 let wanted = expected(self.root, &properties[key]);
                 let message = format!("missing key `{key}`, expected {wanted}");
-                self.problems.error_at(&node.place, pointer, message, None);
-                self.broken.push(pointer.to_string());
+                self.unreadable(node, pointer, message, None);
             }
         }
     }
@@ -193,8 +181,7 @@ impl<'a> Walk<'a, '_> {
                 "found {}, which is not finite in double precision, expected {wanted}",
                 found(node)
             );
-            self.problems.error_at(&node.place, pointer, message, None);
-            return self.broken.push(pointer.to_string());
+            return self.unreadable(node, pointer, message, None);
         }
         if integer && node.integer().is_none() {
             return self.wrong(schema, node, pointer);
@@ -230,7 +217,7 @@ fn is_type(schema: &Value, node: &Node) -> bool {
         NodeKind::Null => "null",
         NodeKind::Bool(_) => "boolean",
         NodeKind::Number(_) => "number",
-        NodeKind::Text(_) => "string",
+        NodeKind::String(_) => "string",
         NodeKind::List(_) => "array",
         NodeKind::Object(_) => "object",
     };

@@ -1,6 +1,7 @@
 //! Writes a [`Description`] as JSON, as a person would: no defaults, vectors on one line.
 
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use super::{
     description::Description,
@@ -8,6 +9,11 @@ use super::{
 };
 
 impl Description {
+    /// Returns the SHA-256 (hexadecimal) of the canonical JSON.
+    pub fn hash(&self) -> String {
+        hexadecimal(&Sha256::digest(self.to_json().to_string()))
+    }
+
     /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are
     /// integers.
     pub fn to_json(&self) -> Value {
@@ -26,6 +32,11 @@ impl Description {
         text.push('\n');
         text
     }
+}
+
+/// Writes bytes in hexadecimal.
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn write(value: &Value, depth: usize, text: &mut String) {

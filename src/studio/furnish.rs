@@ -9,8 +9,8 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
     paths::{named, seen_from},
-    scene::{Camera, Document, Loaded, NodeKind, Overrides, ShapeKind, Trimesh, escaped},
-    world::{Bounds, placement, several_textures_warning},
+    scene::{Camera, Document, Loaded, Node, Overrides, ShapeKind, Trimesh, escaped},
+    world::{self, Bounds, placement, several_textures_warning},
 };
 
 use super::{
@@ -100,7 +100,7 @@ fn first_trimesh(template: &Template) -> Result<String> {
     let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
     let is_trimesh = |shape: &String| {
         let kind = document.get(&format!("{shape}/type"));
-        kind.is_some_and(|node| matches!(&node.kind, NodeKind::Text(t) if t == "trimesh"))
+        kind.and_then(Node::text) == Some("trimesh")
     };
     shapes.find(is_trimesh).ok_or_else(|| {
         let message = "found no shape of type trimesh, expected one that the mesh replaces";
@@ -144,18 +144,15 @@ fn colour(
 fn material(template: &Template, shape: &str) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
-    let name = document.get(&inline).and_then(|node| match &node.kind {
-        NodeKind::Text(name) => Some(format!("/scene/materials/{}", escaped(name))),
-        _ => None,
-    });
+    let name = document.get(&inline).and_then(Node::text);
+    let name = name.map(|name| format!("/scene/materials/{}", escaped(name)));
     Ok(name.unwrap_or(inline))
 }
 
 /// Returns the image that the mesh file names, unless `--texture` replaces it.
 fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
     let wanted = subject.looks.texture.is_none() && mesh.uvs.is_some();
-    let name = mesh.texture_file.as_ref().filter(|_| wanted)?;
-    Some(subject.path.parent().unwrap_or(Path::new("")).join(name))
+    world::own_texture(subject.path, mesh).filter(|_| wanted)
 }
 
 /// Returns warnings: parts of a mesh that are not shown, and a mesh that seems to lie on its side.

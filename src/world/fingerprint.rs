@@ -15,7 +15,7 @@ use crate::{
     files::{Stamp, changed},
     mesh,
     scene::{
-        Layer, Loaded, Material, ShapeKind,
+        Layer, Loaded, Material, ShapeKind, hexadecimal,
         written::{self, MaterialUse, Name, Shape},
     },
 };
@@ -114,7 +114,7 @@ pub fn fingerprint(
             }
             mesh.path = Name(hash);
         }
-        if let MaterialUse::Inline(material) = shape.material_mut() {
+        if let MaterialUse::Inline(material) = shape.parts_mut().1 {
             let checked = scene.materials.get(checked.material);
             if !replace_texture(material, checked, contents)? {
                 return Ok(None);
@@ -168,8 +168,4 @@ fn sha256(file: &mut File) -> std::io::Result<String> {
             count => hash.update(&some[..count]),
         }
     }
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

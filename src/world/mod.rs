@@ -29,7 +29,7 @@ pub use self::bounds::Bounds;
 pub use self::fingerprint::{Contents, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
-pub use self::resolution::{Resolution, ulp};
+pub use self::resolution::{Detail, Resolution, ulp};
 pub use self::sources::{Read, mesh_sources, own_texture, sources};
 pub use self::textures::several_textures_warning;
 
@@ -170,12 +170,12 @@ impl World {
         let chosen = Origin::choose(&scene.camera, shapes.zip(bounds));
         warnings.extend(chosen.warning());
         let origin = chosen.position;
-        let (mut resolutions, mut doubts) = (Vec::new(), Vec::new());
+        let (mut resolutions, mut suspects) = (Vec::new(), Vec::new());
         if options.resolutions {
             resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
             warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         } else {
-            doubts.extend(meshes.iter().map(|(_, mesh)| mesh.doubt(origin)));
+            suspects.extend(meshes.iter().map(|(_, mesh)| mesh.collapse_suspect(origin)));
         }
         let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
         if let Some(room) = options.room {
@@ -190,10 +190,10 @@ impl World {
             shapes.shapes[shape].material = material;
         }
         monitor.check()?;
-        let settled = doubts.iter().zip(&geometry.meshes).filter_map(|(doubt, mesh)| {
-            let doubt = doubt.as_ref()?;
-            doubt.settle(mesh)
-        });
+        let settled = suspects
+            .iter()
+            .zip(&geometry.meshes)
+            .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         warnings.extend(settled);
         let world = Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene);
         let world = Self { resolutions, read, ..world };

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
-use super::resolution::{CollapseSuspect, Resolution, ulp};
+use super::resolution::{CollapseSuspect, Detail, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
 use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
@@ -105,21 +105,14 @@ impl PlacedMesh {
         // The scale is uniform, so any axis gives it.
         let scale = self.linear.x_axis.length();
         let exact = |i: u32| mesh.positions.get(i as usize);
-        let (shortest_edge, collapsed_edges) = match mesh.positions {
-            Positions::F32(_) => {
-                Resolution::edges(&mesh.triangles, scale, exact, self.placed(origin))
-            }
+        let (farthest, all) = (self.reach(origin), &mesh.triangles);
+        let detail = match mesh.positions {
+            Positions::F32(_) => Detail::new(farthest, all, scale, exact, self.placed(origin)),
             Positions::F64(_) => {
-                Resolution::edges(&mesh.triangles, scale, exact, self.placed_exactly(origin))
+                Detail::new(farthest, all, scale, exact, self.placed_exactly(origin))
             }
         };
-        Resolution {
-            place: spec.place.clone(),
-            path: spec.path.clone(),
-            ulp: ulp(self.reach(origin)),
-            shortest_edge,
-            collapsed_edges,
-        }
+        Resolution { place: spec.place.clone(), path: spec.path.clone(), detail }
     }
 
     /// Returns a suspect if the two ends of an edge may round to the same f32 point relative to
@@ -127,7 +120,7 @@ impl PlacedMesh {
     ///
     /// Every f64 file is a suspect. An f32 file is one if the f32 grid at the mesh's largest
     /// coordinate relative to `origin` is more than two bits coarser than in the file.
-    pub fn doubt(&self, origin: DVec3) -> Option<CollapseSuspect> {
+    pub fn collapse_suspect(&self, origin: DVec3) -> Option<CollapseSuspect> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
         // The largest coordinate in the file, in world units: relative to where the zero of the

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::error::Problem;
 use crate::geometry::TriangleMesh;
@@ -15,24 +16,32 @@ pub struct Resolution {
     pub place: String,
     /// Path of the mesh file.
     pub path: PathBuf,
-    /// Distance between neighbouring f32 values at the mesh's farthest coordinate, in world units.
+    /// Detail of its vertices.
+    pub detail: Detail,
+}
+
+/// Detail of vertices in single precision, in world units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Detail {
+    /// Distance between neighbouring f32 values at the farthest coordinate.
     pub ulp: f64,
-    /// Shortest edge in the file, in world units; infinite without triangles.
+    /// Shortest edge in the file; infinite without triangles, which JSON shows as null.
     pub shortest_edge: f64,
     /// Number of edges whose ends differ in the file but not in f32.
     pub collapsed_edges: u64,
 }
 
-impl Resolution {
-    /// Measures the edges of `triangles`, in parallel. Returns the shortest edge in world units and
-    /// the number of collapsed edges. `exact` is a vertex in a space whose lengths are `1 / scale`
-    /// of the world's; `rounded` is the same vertex in f32.
-    pub fn edges(
+impl Detail {
+    /// Measures the edges of `triangles`, in parallel. `farthest` is the largest coordinate.
+    /// `exact` is a vertex in a space whose lengths are `1 / scale` of the world's; `rounded` is
+    /// the same vertex in f32.
+    pub fn new(
+        farthest: f64,
         triangles: &[[u32; 3]],
         scale: f64,
         exact: impl Fn(u32) -> DVec3 + Sync,
         rounded: impl Fn(DVec3) -> [f32; 3] + Sync,
-    ) -> (f64, u64) {
+    ) -> Self {
         let found =
             triangles.par_iter().with_min_len(1 << 14).fold(Edges::default, |mut all, t| {
                 let at = t.map(&exact);
@@ -46,12 +55,24 @@ impl Resolution {
                 all
             });
         let Edges { shortest_squared, collapsed } = found.reduce(Edges::default, Edges::with);
-        (shortest_squared.sqrt() * scale, count_once(collapsed))
+        let shortest_edge = shortest_squared.sqrt() * scale;
+        Self { ulp: ulp(farthest), shortest_edge, collapsed_edges: count_once(collapsed) }
     }
 
+    /// Returns the detail of both together.
+    pub fn worse(self, other: Self) -> Self {
+        Self {
+            ulp: self.ulp.max(other.ulp),
+            shortest_edge: self.shortest_edge.min(other.shortest_edge),
+            collapsed_edges: self.collapsed_edges + other.collapsed_edges,
+        }
+    }
+}
+
+impl Resolution {
     /// A warning if edges collapsed.
     pub fn warning(&self) -> Option<Problem> {
-        warning(&self.place, &self.path, self.ulp, self.collapsed_edges)
+        warning(&self.place, &self.path, self.detail.ulp, self.detail.collapsed_edges)
     }
 }
 
@@ -166,12 +187,13 @@ mod tests {
         // from the start.
         let coarse = |p: DVec3| ((p * 4.0).round() / 4.0).as_vec3().to_array();
         let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 3]];
-        let (shortest, collapsed) = Resolution::edges(&triangles, 2.0, exact, coarse);
-        assert_eq!((shortest, collapsed), (2e-3, 1));
+        let found = Detail::new(0.0, &triangles, 2.0, exact, coarse);
+        assert_eq!((found.shortest_edge, found.collapsed_edges), (2e-3, 1));
         let seen = at.map(|p| coarse(p.into())).to_vec();
         let mesh = TriangleMesh::new(seen, triangles.to_vec(), false);
         assert_eq!(collapsed_edges(&mesh), 2, "all that have no length");
         let fine = |p: DVec3| p.as_vec3().to_array();
-        assert_eq!(Resolution::edges(&triangles, 1.0, exact, fine), (1e-3, 0));
+        let found = Detail::new(0.0, &triangles, 1.0, exact, fine);
+        assert_eq!((found.shortest_edge, found.collapsed_edges), (1e-3, 0));
     }
 }

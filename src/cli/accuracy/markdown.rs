@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::lab::accuracy::{AccuracyReport, BackendCounts, CaseResult};
 
-use crate::units;
+use crate::units::{self, capital};
 
 use super::table;
 
@@ -165,9 +165,4 @@ fn failures(entry: &BackendCounts) -> String {
         n => format!("; {} counted", units::count(n)),
     };
     format!("{total}{rate}{counted}")
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
 }

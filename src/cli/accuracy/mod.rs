@@ -8,7 +8,7 @@ mod table;
 use std::sync::Arc;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, Result},
     lab::{
         accuracy::{self, AccuracySettings, Case},
         backend::{self, TestedBackend},
@@ -17,7 +17,7 @@ use crate::{
     simd::Isa,
 };
 
-use super::{machine, print, signals};
+use super::{failed, machine, print, signals};
 
 use self::args::AccuracyArgs;
 
@@ -53,12 +53,7 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     outputs.write("--html", || page::page(&report).html())?;
     outputs.write("--markdown", || markdown::page(&report))?;
     print::paths(&outputs.written())?;
-    let failures = report.failures();
-    if failures.is_empty() {
-        return Ok(());
-    }
-    let problems = failures.into_iter().map(|failure| Problem::new("accuracy", failure)).collect();
-    Err(Error { kind: Kind::Check, problems })
+    failed("accuracy", report.failures())
 }
 
 /// Returns the cases of the catalogue whose group or name contains `text`.

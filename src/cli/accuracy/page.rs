@@ -49,7 +49,7 @@ fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
         findings,
         charts: vec![vertices(report)],
         tables: vec![("Failures per million answers, by group".into(), rows)],
-        folded: false,
+        ..Section::default()
     }
 }
 
@@ -126,8 +126,6 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
     }
     Section {
         title: group.into(),
-        findings: Vec::new(),
-        charts: Vec::new(),
         tables: vec![
             ("Failures".into(), failures),
             ("Worst error of t, in f32 ulp".into(), ulps),
@@ -136,7 +134,7 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
             ("Time".into(), times),
             ("What is traced".into(), cases),
         ],
-        folded: false,
+        ..Section::default()
     }
 }
 
@@ -173,8 +171,7 @@ fn pictures(report: &AccuracyReport, group: &str) -> Option<Section> {
         title: format!("{group}: where it fails"),
         findings: vec![(text, false)],
         charts,
-        tables: Vec::new(),
-        folded: false,
+        ..Section::default()
     })
 }
 

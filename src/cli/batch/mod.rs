@@ -93,24 +93,22 @@ pub fn run(args: &BatchArgs) -> Result<()> {
 /// Fails if frames are missing, and lists the reasons.
 fn complete(job: &Job) -> Result<()> {
     let mut problems = sheet::missing(job);
-    if problems.is_empty() {
-        return Ok(());
-    }
     let message = format!("{} of {} inputs lack frames:", problems.len(), job.inputs.len());
+    if !problems.is_empty() {
+        problems.insert(0, Problem::new("", message));
+    }
     let help = "run the batch again with --resume; on a farm, submit the job again";
-    problems.insert(0, Problem::new("", message));
-    Err(Error { kind: Kind::Check, problems }.help(help))
+    Error::check(Kind::Check, problems).map_err(|error| error.help(help))
 }
 
 /// Adds the input to the place of a problem, unless it is already there.
 fn about(input: &str, problem: &Problem) -> Problem {
-    match problem.place.contains(input) {
-        true => problem.clone(),
-        false if problem.place.is_empty() => {
-            Problem { place: input.to_string(), ..problem.clone() }
-        }
-        false => Problem { place: format!("{input}: {}", problem.place), ..problem.clone() },
-    }
+    let place = match problem.place.as_str() {
+        place if place.contains(input) => place.to_string(),
+        "" => input.to_string(),
+        place => format!("{input}: {place}"),
+    };
+    Problem { place, ..problem.clone() }
 }
 
 /// Turns the outcome of a run into its error, which lists all failures again.

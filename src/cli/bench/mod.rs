@@ -24,11 +24,10 @@ use crate::{
     scene::{self, Backend, Source},
     simd::Isa,
     studio,
-    world::{LoadOptions, World},
 };
 
 use super::{
-    load::{self, Job, SceneRequest},
+    load::{self, SceneRequest},
     machine, overrides, print, signals,
 };
 
@@ -105,20 +104,15 @@ fn measure_scene(
     let size = args.picture.size.or(args.quick.then_some(QUICK.2));
     let mut request = SceneRequest { studio: SCENE, ..SceneRequest::new(input) };
     overrides::add_size(&mut request.overrides, size);
-    let job = load::load(request)?;
+    let mut job = load::load(request)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
-    let Job { loaded, warnings, ready, .. } = job;
-    let options = LoadOptions { ready, ..LoadOptions::default() };
-    let (world, more) = World::load(&loaded.scene, options, monitor)?;
-    for warning in warnings.iter().chain(&more) {
-        note(&format!("warning: {warning}"));
-    }
+    let world = job.world(monitor, note)?;
     let measured = measure(&world, settings, monitor, &note)?;
     let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
     Ok(SceneResult {
         rays: rays.collect(),
         name,
-        hash: loaded.hash.clone(),
+        hash: job.loaded.hash,
         triangles: world.triangles(),
         backends: measured.backends,
         rows: measured.rows,
@@ -211,8 +205,5 @@ fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
             }
         }
     }
-    match problems.is_empty() {
-        true => Ok(()),
-        false => Err(Error { kind: Kind::Check, problems }),
-    }
+    Error::check(Kind::Check, problems)
 }

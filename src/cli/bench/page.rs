@@ -9,13 +9,11 @@ use crate::{
     units,
 };
 
-use super::table;
+use super::{super::machine, table};
 
 /// Builds the page. `since` adds the changes against a baseline.
 pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
     let m = &report.machine;
-    let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
-    let versions: Vec<String> = versions.collect();
     let mut sections: Vec<Section> = report.scenes.iter().map(section).collect();
     sections.extend(growth(report));
     sections.extend(since.and_then(baseline));
@@ -27,7 +25,7 @@ pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
                 m.cpu,
                 units::plural(m.cores, "processor"),
                 m.isa,
-                versions.join(", ")
+                machine::versions(m)
             ),
             "All backends traced the same rays in turns (A B B A). Numbers are medians; whiskers and \
              brackets are 95 % intervals (bootstrap; of fewer than ten samples Student's t). Where an interval holds 1, no difference is shown."
@@ -38,9 +36,7 @@ pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
 }
 
 fn section(scene: &SceneResult) -> Section {
-    let mut threads: Vec<usize> = scene.rows.iter().map(|row| row.threads).collect();
-    threads.sort_unstable();
-    threads.dedup();
+    let threads = table::threads(scene);
     let mut charts = Vec::new();
     for &n in &threads {
         for other in 1..scene.backends.len() {
@@ -137,8 +133,8 @@ fn ratios(scene: &SceneResult, threads: usize, other: usize) -> String {
         Some(Ratio { label: row.label(), value: r.value, interval, wrong: wrong(entry) })
     });
     let title = format!("{name} against {first}, {}", count(threads));
-    let unit = format!("how many times as fast as {first}");
-    Ratios { title, unit, rows: rows.collect() }.svg()
+    let subtitle = format!("how many times as fast as {first}");
+    Ratios { title, subtitle, rows: rows.collect() }.svg()
 }
 
 fn names(scene: &SceneResult) -> Vec<String> {
@@ -252,7 +248,8 @@ fn baseline(since: &BaselineComparison) -> Option<Section> {
             wrong: None,
         });
         let title = format!("{scene}, {}", count(threads));
-        Ratios { title, unit: "how many times as fast as then".into(), rows: rows.collect() }.svg()
+        let subtitle = "how many times as fast as then".into();
+        Ratios { title, subtitle, rows: rows.collect() }.svg()
     });
     let charts: Vec<String> = charts.collect();
     (!charts.is_empty()).then(|| Section {

@@ -1,5 +1,7 @@
 //! Formats the results of `bench` as lines of text.
 
+use std::collections::BTreeSet;
+
 use crate::{
     error::printable,
     lab::{
@@ -23,10 +25,7 @@ pub fn scene(scene: &SceneResult) -> String {
     lines.push(format!("rays: {}", rays.collect::<Vec<_>>().join(", ")));
     lines.push(String::new());
     lines.extend(table(&backends(scene)));
-    let mut threads: Vec<usize> = scene.rows.iter().map(|row| row.threads).collect();
-    threads.sort_unstable();
-    threads.dedup();
-    for threads in threads {
+    for threads in threads(scene) {
         lines.push(String::new());
         lines.extend(table(&timings(scene, threads)));
     }
@@ -121,6 +120,11 @@ pub fn backends(scene: &SceneResult) -> Vec<Vec<String>> {
         ]
     }));
     rows
+}
+
+/// Returns the numbers of threads that were measured.
+pub fn threads(scene: &SceneResult) -> BTreeSet<usize> {
+    scene.rows.iter().map(|row| row.threads).collect()
 }
 
 /// Returns the table of timings for one number of threads, head first.

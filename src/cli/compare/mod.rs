@@ -5,10 +5,10 @@ pub mod args;
 pub mod page;
 mod text;
 
-use std::{io::Write, path::PathBuf};
+use std::path::PathBuf;
 
 use crate::{
-    error::{Error, Failures, Kind, Problem, Result},
+    error::{Error, Failures, Result},
     lab::{
         compare::{self, CompareSettings, Compared, Comparison, file::Picture},
         metrics::Metric,
@@ -50,11 +50,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         }
         print::paths(&written)?;
     }
-    if failed.is_empty() {
-        return Ok(());
-    }
-    let problems = failed.into_iter().map(|failure| Problem::new("compare", failure)).collect();
-    Err(Error { kind: Kind::Check, problems })
+    super::failed("compare", failed)
 }
 
 /// Threshold of a metric.
@@ -88,8 +84,7 @@ fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
             Some(_) => Some(format!("{other} {text}")),
             None => did_you_mean(name, names()),
         };
-        let error = Error::invalid(flag, message);
-        help.into_iter().fold(error, Error::help)
+        Error::invalid(flag, message).maybe_help(help)
     })?;
     match value.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(Limit { metric, value }),
@@ -112,8 +107,8 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
             all.sort_unstable();
             all.dedup();
             let message = format!("found `{name}`, expected {}", list(all));
-            let error = Error::invalid("--layer", message);
-            return Err(did_you_mean(name, known()).into_iter().fold(error, Error::help));
+            let help = did_you_mean(name, known());
+            return Err(Error::invalid("--layer", message).maybe_help(help));
         }
         for file in files {
             if !file.layers.iter().any(|layer| layer.shown() == name) {
@@ -175,8 +170,6 @@ fn check_outputs(args: &CompareArgs) -> Result<()> {
 
 /// Writes the error map of a layer to its file and returns the path.
 fn write_error_map(mut part: Part, layer: &Compared) -> Result<PathBuf> {
-    let wrote = part.file().write_all(&page::error_map(layer));
-    wrote.map_err(|error| Error::io(part.target(), "write", &error))?;
-    part.sync()?;
+    part.fill(&page::error_map(layer))?;
     part.commit()
 }

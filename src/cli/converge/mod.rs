@@ -20,11 +20,10 @@ use crate::{
     output::exr_read,
     scene::{LightKind, SamplerKind, Scene},
     simd::Isa,
-    world::{LoadOptions, World},
 };
 
 use super::{
-    load::{self, Job, SceneRequest},
+    load::{self, SceneRequest},
     machine, overrides, print, signals,
 };
 
@@ -42,14 +41,13 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let mut request = SceneRequest::new(&args.input);
     overrides::add_size(&mut request.overrides, args.picture.size);
     overrides::add_sets(&mut request.overrides, &args.overrides.set);
-    let job = load::load(request)?;
+    let mut job = load::load(request)?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     args.outputs().refuse_overwrites(inputs)?;
-    let Job { loaded, warnings, ready, .. } = job;
-    let tested_backends = tested_backends(args, &loaded.scene, isa)?;
-    let grid = grid(args, &loaded.scene, tested_backends.len())?;
-    let given =
-        args.reference.as_deref().map(|path| read_reference(path, &loaded.scene)).transpose()?;
+    let scene = &job.loaded.scene;
+    let tested_backends = tested_backends(args, scene, isa)?;
+    let grid = grid(args, scene, tested_backends.len())?;
+    let given = args.reference.as_deref().map(|path| read_reference(path, scene)).transpose()?;
     signals::watch(&monitor)?;
     let mut outputs = args.outputs().create()?;
     let note = |text: &str| args.messages.note(text);
@@ -65,11 +63,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let settings = StudySettings { tested_backends, grid, limits, started, isa };
     let pool = args.workers.pool()?;
     let study = pool.install(|| {
-        let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (mut world, more) = World::load(&loaded.scene, options, &monitor)?;
-        for warning in warnings.iter().chain(&more) {
-            note(&format!("warning: {warning}"));
-        }
+        let mut world = job.world(&monitor, note)?;
         let reference = given.as_ref().map(|layer| {
             let values = layer.values.clone();
             Reference { values, floor: None }
@@ -77,12 +71,13 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         converge::run(&mut world, &settings, reference, &monitor, &note)
     })?;
     let file = args.reference.as_ref().map(|path| path.display().to_string());
+    let camera = &job.loaded.scene.camera;
     let subject = StudyNames {
         machine: machine::describe(isa),
         threads: pool.current_num_threads(),
         scene: args.input.display().to_string(),
-        hash: loaded.hash,
-        size: [loaded.scene.camera.width, loaded.scene.camera.height],
+        hash: job.loaded.hash,
+        size: [camera.width, camera.height],
         backends: settings.tested_backends.into_iter().map(|c| c.name).collect(),
         reference: file.zip(given.map(|layer| layer.half)),
     };

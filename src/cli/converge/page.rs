@@ -11,42 +11,35 @@ use crate::{
     output::tonemap::Curve,
     report::{Cell, Line, Lines, Page, Section, picture_of_width},
     scene::{ToneOperator, Tonemap},
+    units::capital,
 };
 
-use crate::cli::compare::page as compare_page;
+use crate::cli::{compare::page as compare_page, machine};
 
 use super::text;
 
 /// Builds the page. `study` holds the pictures.
 pub fn page(report: &StudyReport, study: &Study) -> Page {
     let m = &report.machine;
-    let versions = m.versions.iter().map(|(name, version)| format!("{name} {version}"));
-    let versions: Vec<String> = versions.collect();
     let sections = [Some(answer(report)), pictures(report, study), Some(numbers(report))];
     Page {
         title: format!("Error against time: {}", report.scene),
         intro: vec![
             text::reference(report),
-            format!("{}, {} kernels; {}", m.cpu, m.isa, versions.join(", ")),
+            format!("{}, {} kernels; {}", m.cpu, m.isa, machine::versions(m)),
         ],
         sections: sections.into_iter().flatten().collect(),
     }
 }
 
 fn answer(report: &StudyReport) -> Section {
-    let findings = text::findings(report).into_iter().map(|finding| (capital(finding), false));
+    let findings = text::findings(report).into_iter().map(|finding| (capital(&finding), false));
     Section {
         title: "What it takes".into(),
         findings: findings.collect(),
         charts: vec![against_time(report), against_samples(report)],
-        tables: Vec::new(),
-        folded: false,
+        ..Section::default()
     }
-}
-
-fn capital(text: String) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
 }
 
 /// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
@@ -203,13 +196,12 @@ fn numbers(report: &StudyReport) -> Section {
     };
     Section {
         title: "All numbers".into(),
-        findings: text::notes(report).into_iter().map(|note| (capital(note), false)).collect(),
-        charts: Vec::new(),
+        findings: text::notes(report).into_iter().map(|note| (capital(&note), false)).collect(),
         tables: [("Slopes", text::series(report)), ("Settings", text::points(report))]
             .into_iter()
             .filter(|(_, rows)| !rows.is_empty())
             .map(|(name, rows)| (name.into(), cells(rows)))
             .collect(),
-        folded: false,
+        ..Section::default()
     }
 }

@@ -13,7 +13,7 @@ use crate::{
         Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
         lane::Ray,
     },
-    error::{Error, Kind, Problem, Result, printable},
+    error::{Error, Kind, Result, printable},
     lab::{
         answer::Answer,
         backend::{BuiltBackend, TestedBackend},
@@ -27,6 +27,7 @@ use crate::{
 };
 
 use super::{
+    failed,
     load::{self, SceneRequest},
     names::ProgressMode,
     outputs::OutputFlags,
@@ -174,13 +175,7 @@ fn check(
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let mut outputs = outputs.create()?;
-    let ready = std::mem::take(&mut job.ready);
-    let scene = &job.loaded.scene;
-    let (world, warnings) =
-        World::load(scene, LoadOptions { ready, ..LoadOptions::default() }, monitor)?;
-    for warning in job.warnings.iter().chain(&warnings) {
-        progress.message(&format!("warning: {warning}"));
-    }
+    let world = job.world(monitor, |text| progress.message(text))?;
     let built = Built::new(&world, backends, isa, monitor)?;
     let built_backends = built.built_backends();
     let check = Check {
@@ -189,7 +184,7 @@ fn check(
         built_backends: &built_backends,
         coursework: built.coursework.as_ref(),
         rays: args.rays,
-        seed: scene.seed,
+        seed: job.loaded.scene.seed,
     };
     let mut report = check_rays(&check, monitor)?;
     report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));
@@ -209,17 +204,7 @@ fn check(
     } else {
         print::text(&text::report(&report))?;
     }
-    failed(report.failures())
-}
-
-/// Returns an error (exit code 1) that lists all failures, if there are any.
-fn failed(failures: Vec<String>) -> Result<()> {
-    let problems: Vec<Problem> =
-        failures.into_iter().map(|failure| Problem::new("crosscheck", failure)).collect();
-    if problems.is_empty() {
-        return Ok(());
-    }
-    Err(Error { kind: Kind::Check, problems })
+    failed("crosscheck", report.failures())
 }
 
 /// A finding that was traced again.
@@ -288,12 +273,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     }
     let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
     let all = results.len();
-    failed(
-        (still > 0)
-            .then(|| format!("{still} of {all} answers are still wrong"))
-            .into_iter()
-            .collect(),
-    )
+    let failure = (still > 0).then(|| format!("{still} of {all} answers are still wrong"));
+    failed("crosscheck", failure)
 }
 
 fn read(file: &Path) -> Result<Saved> {

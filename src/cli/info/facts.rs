@@ -2,37 +2,20 @@
 
 use std::path::Path;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
-use crate::{error::printable, units};
+use crate::{error::printable, units, world::Detail};
 
-/// Resolution of single precision compared with the shortest edge, in world units.
-#[derive(Debug, Clone, Copy)]
-pub struct Extent {
-    /// Distance between neighbouring f32 values at the farthest coordinate.
-    pub ulp: f64,
-    /// Length of the shortest edge. Infinite without triangles, which JSON shows as null.
-    pub edge: f64,
-    /// Number of edges whose ends round to the same point.
-    pub collapsed: u64,
-}
-
-impl Extent {
-    /// Formats one line of text; `of` names the object.
-    pub fn line(&self, of: &str) -> String {
-        let Self { ulp, edge, collapsed } = self;
-        let lost = match collapsed {
-            0 => String::new(),
-            n => format!("; {} edges collapse", units::count(*n)),
-        };
-        format!("resolution{of}: {ulp:.2e} at the farthest vertex, shortest edge {edge:.2e}{lost}")
-    }
-
-    /// Returns the same numbers as JSON.
-    pub fn json(&self) -> Value {
-        let Self { ulp, edge, collapsed } = self;
-        json!({ "ulp": ulp, "shortest_edge": edge, "collapsed_edges": collapsed })
-    }
+/// Formats the detail of a mesh as one line of text; `of` names the object.
+pub fn resolution_line(detail: &Detail, of: &str) -> String {
+    let Detail { ulp, shortest_edge, collapsed_edges } = detail;
+    let lost = match collapsed_edges {
+        0 => String::new(),
+        n => format!("; {} edges collapse", units::count(*n)),
+    };
+    format!(
+        "resolution{of}: {ulp:.2e} at the farthest vertex, shortest edge {shortest_edge:.2e}{lost}"
+    )
 }
 
 /// Collects facts, each as a line of text and as a JSON value.
@@ -53,6 +36,13 @@ impl Facts {
         if !line.is_empty() {
             self.lines.push(line);
         }
+    }
+
+    /// Adds a number of things. The text leaves out zeros.
+    pub fn add_count(&mut self, key: &str, count: u64, what: &str) {
+        let line =
+            if count == 0 { String::new() } else { format!("{} {what}", units::count(count)) };
+        self.add(key, count.into(), line);
     }
 
     /// Takes the lines collected so far, preceded by the file's name the first time.

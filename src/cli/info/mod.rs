@@ -27,14 +27,14 @@ use crate::{
     scene::{Backend, Overrides},
     studio::{self, Points, Subject, Template},
     units,
-    world::{Bounds, Resolution, ulp},
+    world::{Bounds, Detail},
 };
 
 use super::print;
 
 use self::{
     args::InfoArgs,
-    facts::{Extent, Facts},
+    facts::{Facts, resolution_line},
 };
 
 /// Describes every file, then reports all errors.
@@ -108,10 +108,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     };
     facts.add("used", json!(summary.used), format!("used: {}", list(&summary.used)));
     facts.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
-    let missing = match summary.missing.is_empty() {
-        true => "nothing".to_string(),
-        false => summary.missing.join(", "),
-    };
+    let missing = if summary.missing.is_empty() { "nothing" } else { &summary.missing.join(", ") };
     facts.add("missing", json!(summary.missing), format!("missing: {missing}"));
     if let Some(texture) = summary.texture_files.first() {
         facts.add("texture_file", json!(texture), format!("texture: {texture}"));
@@ -132,21 +129,11 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let triangles = mesh.triangles.len() as u64;
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, facts);
-    let line = match mesh.stitches.len() {
-        0 => String::new(),
-        n => format!(
-            "{} of them have three collinear corners: kept where they close a T-junction",
-            units::count(n as u64)
-        ),
-    };
-    facts.add("stitches", json!(mesh.stitches.len()), line);
+    let stitches = mesh.stitches.len() as u64;
+    let what = "of them have three collinear corners: kept where they close a T-junction";
+    facts.add_count("stitches", stitches, what);
     let points = Points::new(&mesh);
-    let unused = points.unused();
-    let line = match unused {
-        0 => String::new(),
-        _ => format!("{} vertices that no triangle uses", units::count(unused)),
-    };
-    facts.add("vertices_unused", json!(unused), line);
+    facts.add_count("vertices_unused", points.unused(), "vertices that no triangle uses");
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
@@ -160,10 +147,9 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
     let origin = bounds.origin();
     let exact = |i: u32| mesh.positions.get(i as usize);
     let rounded = |p: glam::DVec3| (p - origin).as_vec3().to_array();
-    let (edge, collapsed) = Resolution::edges(&mesh.triangles, 1.0, exact, rounded);
     let farthest = (bounds.min - origin).abs().max((bounds.max - origin).abs()).max_element();
-    let one = Extent { ulp: ulp(farthest), edge, collapsed };
-    facts.add("resolution", one.json(), one.line(" around its middle"));
+    let one = Detail::new(farthest, &mesh.triangles, 1.0, exact, rounded);
+    facts.add("resolution", json!(one), resolution_line(&one, " around its middle"));
 }
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
@@ -196,11 +182,7 @@ fn notes(notes: &mesh::Notes, facts: &mut Facts) {
         ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
     ];
     for (key, count, what) in counts {
-        let line = match count {
-            0 => String::new(),
-            _ => format!("{} {what}", units::count(count)),
-        };
-        facts.add(key, json!(count), line);
+        facts.add_count(key, count, what);
     }
 }
 

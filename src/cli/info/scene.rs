@@ -14,12 +14,12 @@ use crate::{
     monitor::Monitor,
     scene::{self, Backend, LightKind, Scene, ShapeKind, Source},
     units,
-    world::{LoadOptions, World},
+    world::{Detail, LoadOptions, World},
 };
 
 use super::{
     args::InfoArgs,
-    facts::{Extent, Facts},
+    facts::{Facts, resolution_line},
 };
 
 /// Checks a scene and adds its facts to the facts.
@@ -70,31 +70,22 @@ pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
 
 /// Adds the resolution of single precision relative to the scene's origin.
 fn resolution(world: &World, facts: &mut Facts) {
-    let extents: Vec<Extent> = world
-        .resolutions
-        .iter()
-        .map(|r| Extent { ulp: r.ulp, edge: r.shortest_edge, collapsed: r.collapsed_edges })
-        .collect();
-    let worst = extents.iter().copied().reduce(|a, b| Extent {
-        ulp: a.ulp.max(b.ulp),
-        edge: a.edge.min(b.edge),
-        collapsed: a.collapsed + b.collapsed,
-    });
-    let Some(worst) = worst else { return };
+    let details = world.resolutions.iter().map(|one| one.detail);
+    let Some(worst) = details.reduce(Detail::worse) else { return };
     let mut meshes = Vec::new();
     let mut lines = Vec::new();
-    for (one, extent) in world.resolutions.iter().zip(&extents) {
-        let mut value = extent.json();
+    for one in &world.resolutions {
+        let mut value = json!(one.detail);
         value["place"] = json!(one.place);
         value["path"] = json!(one.path.display().to_string());
         meshes.push(value);
-        lines.push(extent.line(&format!(" of {}", one.path.display())));
+        lines.push(resolution_line(&one.detail, &format!(" of {}", one.path.display())));
     }
-    let mut value = worst.json();
+    let mut value = json!(worst);
     value["origin"] = json!(world.geometry.origin.to_array());
     value["meshes"] = json!(meshes);
-    facts.add("resolution", value, worst.line(" of the scene"));
-    if extents.len() > 1 {
+    facts.add("resolution", value, resolution_line(&worst, " of the scene"));
+    if lines.len() > 1 {
         facts.lines.append(&mut lines);
     }
 }

@@ -1,5 +1,4 @@
-//! Layers that become files of their own: preview pictures, and the manifests of merged
-//! cryptomattes.
+//! Layers that become files of their own: preview pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +6,8 @@ use crate::{
     error::{Error, Result},
     film::Film,
     layers::PixelLayout,
-    output::{Outputs, atomic::Part, png, preview as pictures, tonemap::Depth},
-    picture::{file_name, manifest_path},
+    output::{atomic::Part, exr, png, preview as pictures, tonemap::Depth},
+    paths,
     scene::{Layer, Scene},
 };
 
@@ -59,12 +58,7 @@ pub fn named_previews(
 ) -> Result<Vec<(String, PathBuf)>> {
     let mut written: Vec<String> = Vec::new();
     for channel in &recipe.channels {
-        let layer = channel.name.rsplit_once('.').map_or(channel.name.as_str(), |(layer, _)| layer);
-        // CryptoObject00, CryptoObject01... form one layer.
-        let layer = match layer.starts_with("Crypto") {
-            true => layer.trim_end_matches(|c: char| c.is_ascii_digit()),
-            false => layer,
-        };
+        let layer = exr::layer_of(&channel.name);
         if !written.iter().any(|known| known == layer) {
             written.push(layer.to_string());
         }
@@ -87,58 +81,8 @@ pub fn named_previews(
 }
 
 fn preview(prefix: &Path, name: String) -> (String, PathBuf) {
-    let mut path = prefix.as_os_str().to_owned();
-    path.push(format!(".{name}.png"));
-    (name, PathBuf::from(path))
-}
-
-/// A cryptomatte manifest that moves from the EXR header to a file of its own.
-#[derive(Debug)]
-pub struct Manifest {
-    /// Path of that file.
-    pub path: PathBuf,
-    text: String,
-}
-
-impl Manifest {
-    /// Creates the part file of the manifest.
-    ///
-    /// # Errors
-    /// As for [`Part::create`].
-    pub fn create(self) -> Result<(Part, String)> {
-        Ok((Part::create(&self.path)?, self.text))
-    }
-
-    /// Writes the manifest, hands its part file to `outputs` for the final rename, and returns its
-    /// path.
-    ///
-    /// # Errors
-    /// `Retry` if the disk is full.
-    pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
-        file.fill(&(text + "\n"))?;
-        Ok(outputs.add(file))
-    }
-}
-
-/// Replaces cryptomatte manifests in `attributes` by the names of files, and returns the manifests.
-///
-/// # Errors
-/// A file name that an EXR attribute cannot hold.
-pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<Vec<Manifest>> {
-    let mut found = Vec::new();
-    for index in 0..attributes.len() {
-        let Some(key) = attributes[index].0.strip_suffix("/manifest").map(str::to_string) else {
-            continue;
-        };
-        let kind = attributes.iter().find(|(name, _)| *name == format!("{key}/name"));
-        let kind = kind.map(|(_, kind)| kind.clone()).unwrap_or_default();
-        let path = manifest_path(prefix, &kind);
-        let file = file_name(&path)?;
-        let (name, text) = &mut attributes[index];
-        *name = format!("{key}/manif_file");
-        found.push(Manifest { path, text: std::mem::replace(text, file) });
-    }
-    Ok(found)
+    let path = paths::with_ending(prefix, &format!(".{name}.png"));
+    (name, path)
 }
 
 /// Creates the part files for pictures of layers.

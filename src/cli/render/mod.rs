@@ -14,15 +14,14 @@ use serde_json::json;
 
 use crate::{
     accel::{self, BuildInfo, BuildOptions},
-    error::{Error, Kind, Problem, Result},
+    error::{Problem, Result},
     film::{Film, ReservedFilm},
-    layers::LayerPlan,
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
     output::{ValueCounts, atomic::Part},
     picture::{self, PictureHeader},
-    render::{self as renderer, SampleCounts},
+    render as renderer,
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -39,7 +38,7 @@ use super::{
 use self::{
     args::{RenderArgs, ReportArgs},
     options::RenderOptions,
-    stats::{Memory, Rays, Samples, Seconds, Stats},
+    stats::{Memory, Rays, Seconds, Stats},
 };
 
 /// Flags that name output files.
@@ -90,14 +89,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     };
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
     report(&args.report, &stats, &paths)?;
-    match &oddities.first_non_finite {
-        Some(spot) if args.files.prefix.strict => {
-            let message =
-                format!("{} pixels are NaN or infinite, the first {spot}", oddities.non_finite);
-            Err(Error::new(Kind::Check, Problem::new("--strict", message)))
-        }
-        _ => Ok(()),
-    }
+    args.files.prefix.check(&oddities)
 }
 
 /// State shared by the stages of a render.
@@ -204,16 +196,14 @@ impl Run<'_> {
             reflection: counts.reflection,
             false_hits: accelerator.false_hits(),
         };
-        stats.samples =
-            taken.map(|SampleCounts { least, most, mean }| Samples { least, most, mean });
+        stats.samples = taken;
         stats.seconds = Seconds {
             load: loaded,
             build: built - loaded,
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) =
-            self.write(files, film, plan, &info, hash.as_deref(), &mut stats)?;
+        let (paths, oddities) = self.write(files, film, &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -241,7 +231,6 @@ impl Run<'_> {
         &self,
         files: Files,
         film: &Film,
-        plan: &LayerPlan,
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
@@ -253,7 +242,6 @@ impl Run<'_> {
         more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(options.adaptive.as_ref(), scene);
         let says = PictureHeader {
-            plan,
             more: &more,
             info,
             scene_hash: hash,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::units;
+use crate::{render::SampleCounts, units};
 
 /// Content of the `--stats` file, described in docs/guide/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -13,7 +13,7 @@ pub struct Stats {
     pub rays: Rays,
     /// Samples per pixel, if their number varies.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub samples: Option<Samples>,
+    pub samples: Option<SampleCounts>,
     pub memory: Memory,
     /// Triangles of all meshes, and single triangles.
     pub triangles: u64,
@@ -57,17 +57,6 @@ pub struct Rays {
     pub reflection: u64,
     /// Hits that the backend's f32 test reported and the f64 test rejected.
     pub false_hits: u64,
-}
-
-/// Camera samples per pixel.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Samples {
-    /// Minimum over all pixels.
-    pub least: u32,
-    /// Maximum over all pixels.
-    pub most: u32,
-    /// Mean over all pixels.
-    pub mean: f64,
 }
 
 /// Memory use in bytes.

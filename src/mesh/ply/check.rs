@@ -89,15 +89,10 @@ impl Tally {
                 format!("({x}, {y}, {z}) is not finite, and {element} {row} uses it; such vertices in all: {n}"),
             ));
         }
-        match problems.pop() {
-            None => Ok(()),
-            Some(last) => {
-                let n = self.unusable;
-                let plural = if n == 1 { "triangle that uses" } else { "triangles that use" };
-                problems.push(last.help(format!("--repair drops the {n} {plural} them")));
-                Err(Error { kind: Kind::Invalid, problems })
-            }
-        }
+        let n = self.unusable;
+        let plural = if n == 1 { "triangle that uses" } else { "triangles that use" };
+        let help = format!("--repair drops the {n} {plural} them");
+        Error::check(Kind::Invalid, problems).map_err(|error| error.help(help))
     }
 }
 

@@ -357,11 +357,8 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                     }
                 }
                 Step::Texnumber(kind) => self.texture = Some(values.number(kind)? as i64),
-                Step::Skip(kind) | Step::Value(kind, _) => values.skip(kind, 1)?,
-                Step::SkipList { count, item } => {
-                    let count = values.count(count)?;
-                    values.skip(item, count)?;
-                }
+                Step::Value(kind, _) => values.skip(kind, 1)?,
+                Step::Skip(shape) => values.skip_property(shape)?,
             }
         }
         if plan.strips { Ok(()) } else { self.face(row) }

@@ -31,9 +31,7 @@ impl Format {
             Self::Big => "binary_big_endian",
         }
     }
-}
 
-impl Format {
     /// Returns whether a binary format is big-endian; `None` for text.
     pub(super) fn is_big(self) -> Option<bool> {
         match self {
@@ -220,14 +218,10 @@ fn comment(line: &[u8], header: &mut Header) {
 
 fn parse_format(words: &[&[u8]], lines: &Lines) -> Result<Format> {
     let expected = "expected `format ascii 1.0`, or binary_little_endian or binary_big_endian";
-    let format = match words.first() {
-        Some(&b"ascii") => Format::Ascii,
-        Some(&b"binary_little_endian") => Format::Little,
-        Some(&b"binary_big_endian") => Format::Big,
-        other => {
-            let found = show(other.copied().unwrap_or_default());
-            return Err(lines.error(format!("unknown format '{found}'")).help(expected));
-        }
+    let word = words.first().copied().unwrap_or_default();
+    let formats = [Format::Ascii, Format::Little, Format::Big];
+    let Some(format) = formats.into_iter().find(|format| format.name().as_bytes() == word) else {
+        return Err(lines.error(format!("unknown format '{}'", show(word))).help(expected));
     };
     match words[1..] {
         [b"1.0"] => Ok(format),
@@ -318,9 +312,6 @@ fn not_a_ply(bytes: &[u8], name: &str) -> Error {
         (b"<", "it looks like HTML or XML, perhaps a failed download"),
         (b"{", "it looks like JSON"),
     ];
-    let error = Error::invalid(name, "is not a PLY file: its first line is not 'ply'");
-    match known.iter().find(|(start, _)| bytes.starts_with(start)) {
-        Some((_, help)) => error.help(*help),
-        None => error,
-    }
+    let help = known.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, help)| *help);
+    Error::invalid(name, "is not a PLY file: its first line is not 'ply'").maybe_help(help)
 }

@@ -20,14 +20,14 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<
     if header.format == Format::Ascii {
         return super::lines::locate(data, header, job);
     }
-    let big = header.format == Format::Big;
     let mut at = 0;
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
-        let (mut span, mut end) = rows(data, at, element, big, 0, element.count, job)?;
+        let binary = BinaryRows { data, element, big: header.format == Format::Big, job };
+        let (mut span, mut end) = binary.rows(at, 0, element.count)?;
         if span.rows < element.count && !is_fixed(element) {
             // Later rows may be shorter than the first one.
-            (span, end) = walk(data, at, element, big, 0, element.count, job)?;
+            (span, end) = binary.walk(at, 0, element.count)?;
         }
         if span.rows < element.count {
             let left = data.len() - at;
@@ -52,62 +52,141 @@ fn is_fixed(element: &Element) -> bool {
     element.properties.iter().all(|p| matches!(p.shape, PropertyType::Single(_)))
 }
 
-/// Locates rows of `element` from byte `start` on, where row `first` begins: `wanted` rows, or
-/// fewer if the data ends first. Also returns the offset of their end.
-pub(super) fn rows(
-    data: &[u8],
-    start: usize,
-    element: &Element,
-    big: bool,
-    first: u64,
-    wanted: u64,
-    job: &ReadContext,
-) -> Result<(Span, usize)> {
-    if wanted == 0 || element.properties.is_empty() {
-        return Ok((Span { first, rows: wanted, ..Span::default() }, start));
-    }
-    let fixed = is_fixed(element);
-    if let Some(uniform) = first_row(data, start, element, big) {
-        let stride = uniform.stride as u64;
-        let rows = wanted.min((data.len() - start) as u64 / stride);
-        if fixed || rows > 0 && all_alike(data, &uniform, rows, element, big, job) {
-            let blocks = (0..rows.div_ceil(ROWS_PER_BLOCK)).map(|block| {
-                let row = block * ROWS_PER_BLOCK;
-                let rows = ROWS_PER_BLOCK.min(rows - row);
-                let begin = start + (row * stride) as usize;
-                let end = begin + (rows * stride) as usize;
-                Block { start: begin, end, row: first + row, rows, line: 0 }
-            });
-            let blocks = blocks.collect();
-            let end = start + (rows * stride) as usize;
-            return Ok((Span { first, rows, uniform: Some(uniform), blocks }, end));
-        }
-    }
-    walk(data, start, element, big, first, wanted, job)
+/// Rows of one element in a binary file.
+pub(super) struct BinaryRows<'a> {
+    pub(super) data: &'a [u8],
+    pub(super) element: &'a Element,
+    pub(super) big: bool,
+    pub(super) job: &'a ReadContext<'a>,
 }
 
-/// Returns the layout of the first row if the data holds its list counts. The values of the row may
-/// be incomplete.
-fn first_row(data: &[u8], start: usize, element: &Element, big: bool) -> Option<Uniform> {
-    let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
-    let mut at = start;
-    for property in &element.properties {
-        let (item, length) = match property.shape {
-            PropertyType::Single(kind) => (kind, 1),
-            PropertyType::List { count, item } => {
-                let length = count_at(data, at, count, big)?;
-                at += count.size();
-                (item, u64::try_from(length).ok()?)
+impl BinaryRows<'_> {
+    /// Locates rows from byte `start` on, where row `first` begins: `wanted` rows, or fewer if the
+    /// data ends first. Also returns the offset of their end.
+    pub(super) fn rows(&self, start: usize, first: u64, wanted: u64) -> Result<(Span, usize)> {
+        if wanted == 0 || self.element.properties.is_empty() {
+            return Ok((Span { first, rows: wanted, ..Span::default() }, start));
+        }
+        let fixed = is_fixed(self.element);
+        if let Some(uniform) = self.first_row(start) {
+            let stride = uniform.stride as u64;
+            let rows = wanted.min((self.data.len() - start) as u64 / stride);
+            if fixed || rows > 0 && self.all_alike(&uniform, rows) {
+                let blocks = (0..rows.div_ceil(ROWS_PER_BLOCK)).map(|block| {
+                    let row = block * ROWS_PER_BLOCK;
+                    let rows = ROWS_PER_BLOCK.min(rows - row);
+                    let begin = start + (row * stride) as usize;
+                    let end = begin + (rows * stride) as usize;
+                    Block { start: begin, end, row: first + row, rows, line: 0 }
+                });
+                let blocks = blocks.collect();
+                let end = start + (rows * stride) as usize;
+                return Ok((Span { first, rows, uniform: Some(uniform), blocks }, end));
+            }
+        }
+        self.walk(start, first, wanted)
+    }
+
+    /// Returns the layout of the first row if the data holds its list counts. The values of the row
+    /// may be incomplete.
+    fn first_row(&self, start: usize) -> Option<Uniform> {
+        let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
+        let mut at = start;
+        for property in &self.element.properties {
+            let (item, length) = match property.shape {
+                PropertyType::Single(kind) => (kind, 1),
+                PropertyType::List { count, item } => {
+                    let length = count_at(self.data, at, count, self.big)?;
+                    at += count.size();
+                    (item, u64::try_from(length).ok()?)
+                }
+            };
+            uniform.offsets.push(at - start);
+            uniform.lengths.push(length);
+            let bytes = usize::try_from(length.checked_mul(item.size() as u64)?).ok()?;
+            at = at.checked_add(bytes)?;
+        }
+        // The caller compares the stride with the size of the data.
+        uniform.stride = at - start;
+        Some(uniform)
+    }
+
+    /// Returns true if the lists of every row are as long as those of the first row. By induction:
+    /// if they are in rows 0 to n - 1, then row n starts at n times the stride.
+    fn all_alike(&self, uniform: &Uniform, rows: u64) -> bool {
+        let (big, stride) = (self.big, uniform.stride);
+        let layout = uniform.offsets.iter().zip(&uniform.lengths);
+        let lists = self.element.properties.iter().zip(layout);
+        let lists = lists.filter_map(|(property, (offset, length))| match property.shape {
+            PropertyType::List { count, .. } => {
+                Some((offset - count.size(), count, *length as i64))
+            }
+            PropertyType::Single(_) => None,
+        });
+        let lists: Vec<(usize, Scalar, i64)> = lists.collect();
+        let rows = &self.data[uniform.start..uniform.start + rows as usize * stride];
+        let alike = |row: &[u8]| match lists[..] {
+            [(at, Scalar::U8, length)] => row[at] as i64 == length,
+            _ => {
+                lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length))
             }
         };
-        uniform.offsets.push(at - start);
-        uniform.lengths.push(length);
-        let bytes = usize::try_from(length.checked_mul(item.size() as u64)?).ok()?;
-        at = at.checked_add(bytes)?;
+        rows.par_chunks(stride * ROWS_PER_BLOCK as usize)
+            .all(|rows| !self.job.stopped() && rows.chunks_exact(stride).all(alike))
     }
-    // The caller compares the stride with the size of the data.
-    uniform.stride = at - start;
-    Some(uniform)
+
+    /// Locates rows one after the other, list by list.
+    fn walk(&self, start: usize, first: u64, wanted: u64) -> Result<(Span, usize)> {
+        let mut blocks: Vec<Block> = Vec::new();
+        let mut at = start;
+        let mut rows = 0;
+        while rows < wanted {
+            let Some(end) = self.walk_row(at, first + rows)? else {
+                break;
+            };
+            match blocks.last_mut() {
+                Some(block) if block.rows < ROWS_PER_BLOCK => {
+                    block.rows += 1;
+                    block.end = end;
+                }
+                _ => {
+                    self.job.check()?;
+                    blocks.push(Block { start: at, end, row: first + rows, rows: 1, line: 0 });
+                }
+            }
+            at = end;
+            rows += 1;
+        }
+        Ok((Span { first, rows, uniform: None, blocks }, at))
+    }
+
+    /// Returns the end of the row that starts at byte `at`, or `None` if the data ends first.
+    #[inline]
+    fn walk_row(&self, mut at: usize, row: u64) -> Result<Option<usize>> {
+        for property in &self.element.properties {
+            let (list, bytes) = match property.shape {
+                PropertyType::Single(kind) => (0, kind.size() as u64),
+                PropertyType::List { count, item } => {
+                    match count_at(self.data, at, count, self.big) {
+                        None => return Ok(None),
+                        Some(length) if length < 0 => {
+                            let place = format!("{}: {} {row}", self.job.name, self.element.name);
+                            let message =
+                                format!("the list '{}' has {length} values", property.name);
+                            return Err(Error::invalid(place, message));
+                        }
+                        Some(length) => (count.size(), length as u64 * item.size() as u64),
+                    }
+                }
+            };
+            at += list;
+            if bytes > (self.data.len() - at) as u64 {
+                return Ok(None);
+            }
+            at += bytes as usize;
+        }
+        Ok(Some(at))
+    }
 }
 
 /// Reads the list length at byte `at`. Returns `None` if the data ends before its end.
@@ -118,111 +197,4 @@ fn count_at(data: &[u8], at: usize, kind: Scalar, big: bool) -> Option<i64> {
     }
     let end = at.checked_add(kind.size())?;
     (end <= data.len()).then(|| kind.read(data, at, big) as i64)
-}
-
-/// Returns true if the lists of every row are as long as those of the first row. By induction: if
-/// they are in rows 0 to n - 1, then row n starts at n times the stride.
-fn all_alike(
-    data: &[u8],
-    uniform: &Uniform,
-    rows: u64,
-    element: &Element,
-    big: bool,
-    job: &ReadContext,
-) -> bool {
-    let lists: Vec<(usize, Scalar, i64)> = element
-        .properties
-        .iter()
-        .zip(uniform.offsets.iter().zip(&uniform.lengths))
-        .filter_map(|(property, (offset, length))| match property.shape {
-            PropertyType::List { count, .. } => {
-                Some((offset - count.size(), count, *length as i64))
-            }
-            PropertyType::Single(_) => None,
-        })
-        .collect();
-    let rows = &data[uniform.start..uniform.start + rows as usize * uniform.stride];
-    let alike = |row: &[u8]| match lists[..] {
-        [(at, Scalar::U8, length)] => row[at] as i64 == length,
-        _ => lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length)),
-    };
-    rows.par_chunks(uniform.stride * ROWS_PER_BLOCK as usize)
-        .all(|rows| !job.stopped() && rows.chunks_exact(uniform.stride).all(alike))
-}
-
-/// Locates rows of `element` one after the other, list by list.
-fn walk(
-    data: &[u8],
-    start: usize,
-    element: &Element,
-    big: bool,
-    first: u64,
-    wanted: u64,
-    job: &ReadContext,
-) -> Result<(Span, usize)> {
-    let mut blocks: Vec<Block> = Vec::new();
-    let mut at = start;
-    let mut rows = 0;
-    while rows < wanted {
-        let Some(end) = walk_row(data, at, element, big, first + rows, job)? else {
-            break;
-        };
-        match blocks.last_mut() {
-            Some(block) if block.rows < ROWS_PER_BLOCK => {
-                block.rows += 1;
-                block.end = end;
-            }
-            _ => {
-                job.check()?;
-                blocks.push(Block { start: at, end, row: first + rows, rows: 1, line: 0 });
-            }
-        }
-        at = end;
-        rows += 1;
-    }
-    Ok((Span { first, rows, uniform: None, blocks }, at))
-}
-
-/// Returns the end of the row that starts at byte `at`, or `None` if the data ends first.
-#[inline]
-fn walk_row(
-    data: &[u8],
-    mut at: usize,
-    element: &Element,
-    big: bool,
-    row: u64,
-    job: &ReadContext,
-) -> Result<Option<usize>> {
-    for property in &element.properties {
-        match skip(data, at, property.shape, big) {
-            Ok(Some(end)) => at = end,
-            Ok(None) => return Ok(None),
-            Err(length) => {
-                let place = format!("{}: {} {row}", job.name, element.name);
-                let message = format!("the list '{}' has {length} values", property.name);
-                return Err(Error::invalid(place, message));
-            }
-        }
-    }
-    Ok(Some(at))
-}
-
-/// Returns the end of the property that starts at byte `at`, or `None` if the data ends first. The
-/// error is a negative list length.
-#[inline]
-fn skip(
-    data: &[u8],
-    at: usize,
-    shape: PropertyType,
-    big: bool,
-) -> std::result::Result<Option<usize>, i64> {
-    let (at, bytes) = match shape {
-        PropertyType::Single(kind) => (at, kind.size() as u64),
-        PropertyType::List { count, item } => match count_at(data, at, count, big) {
-            None => return Ok(None),
-            Some(length) if length < 0 => return Err(length),
-            Some(length) => (at + count.size(), length as u64 * item.size() as u64),
-        },
-    };
-    Ok(if bytes <= (data.len() - at) as u64 { Some(at + bytes as usize) } else { None })
 }

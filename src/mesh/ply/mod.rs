@@ -31,7 +31,7 @@ use std::path::Path;
 
 use self::context::ReadContext;
 use self::face::Faces;
-use self::header::{Element, Format, Header, PropertyType};
+use self::header::{Element, Format, Header};
 use self::plan::MeshPlan;
 use self::row::{Row, RowResult};
 use self::source::{Bytes, Source, Stream};
@@ -232,15 +232,6 @@ struct UnusedElement<'a>(&'a Element);
 
 impl RowConsumer for UnusedElement<'_> {
     fn take<R: Row>(&mut self, values: &mut R, _: u64) -> RowResult<()> {
-        for property in &self.0.properties {
-            match property.shape {
-                PropertyType::Single(kind) => values.skip(kind, 1)?,
-                PropertyType::List { count, item } => {
-                    let count = values.count(count)?;
-                    values.skip(item, count)?;
-                }
-            }
-        }
-        Ok(())
+        self.0.properties.iter().try_for_each(|property| values.skip_property(property.shape))
     }
 }

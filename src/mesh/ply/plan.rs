@@ -43,11 +43,7 @@ pub(super) enum Step {
     },
     /// The index of the face's texture among the textures of the file.
     Texnumber(Scalar),
-    Skip(Scalar),
-    SkipList {
-        count: Scalar,
-        item: Scalar,
-    },
+    Skip(PropertyType),
 }
 
 /// How the rows of `vertex` are converted to arrays.
@@ -107,9 +103,8 @@ pub(super) fn plan(header: &Header, file: &str) -> Result<MeshPlan> {
             .chain(faces.iter().map(|f| (f.element, &f.steps)))
             .find(|(index, _)| *index == element_index);
         for (property_index, property) in element.properties.iter().enumerate() {
-            let skipped = steps.is_none_or(|(_, steps)| {
-                matches!(steps[property_index], Step::Skip(_) | Step::SkipList { .. })
-            });
+            let skipped =
+                steps.is_none_or(|(_, steps)| matches!(steps[property_index], Step::Skip(_)));
             let list = if skipped { &mut ignored } else { &mut used };
             list.push(format!("{}.{}", element.name, property.name));
         }
@@ -156,7 +151,7 @@ fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
         let shape = element.properties[at].shape;
         match (shape, columns.iter().position(|c| *c == Some(at))) {
             (PropertyType::Single(kind), Some(role)) => Step::Value(kind, role),
-            (shape, _) => skip(shape),
+            (shape, _) => Step::Skip(shape),
         }
     });
     Ok(VertexPlan {
@@ -168,13 +163,6 @@ fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
         uvs: columns[UV].is_some(),
         colors,
     })
-}
-
-fn skip(shape: PropertyType) -> Step {
-    match shape {
-        PropertyType::Single(kind) => Step::Skip(kind),
-        PropertyType::List { count, item } => Step::SkipList { count, item },
-    }
 }
 
 /// Returns the index of the property called `name` if it is a scalar and not a list.
@@ -240,7 +228,7 @@ fn face_plan(header: &Header, which: &str, strips: bool, file: &str) -> Result<O
         {
             Step::Texnumber(kind)
         }
-        shape => skip(shape),
+        shape => Step::Skip(shape),
     });
     let steps = steps.collect();
     Ok(Some(FacePlan { element: element_index, steps, corners, texcoords, strips }))

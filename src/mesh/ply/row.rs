@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::block::Block;
+use super::header::PropertyType;
 use super::scalar::{Native, Scalar};
 use crate::error::Error;
 
@@ -59,6 +60,18 @@ pub(super) trait Row {
     fn count(&mut self, kind: Scalar) -> RowResult<u64> {
         let count = self.number(kind)?;
         if count < 0.0 { Err(Fault::NegativeCount(count)) } else { Ok(count as u64) }
+    }
+
+    /// Skips the value or the list of one property.
+    #[inline]
+    fn skip_property(&mut self, shape: PropertyType) -> RowResult<()> {
+        match shape {
+            PropertyType::Single(kind) => self.skip(kind, 1),
+            PropertyType::List { count, item } => {
+                let count = self.count(count)?;
+                self.skip(item, count)
+            }
+        }
     }
 }
 

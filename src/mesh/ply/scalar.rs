@@ -8,30 +8,23 @@ use serde::Serialize;
 /// A number type of PLY. It is written out under its classic name; `int8`, `float32` etc. are
 /// aliases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(into = "&'static str")]
 pub enum Scalar {
     /// Signed 8-bit: `char` or `int8`.
-    #[serde(rename = "char")]
     I8,
     /// Unsigned 8-bit: `uchar` or `uint8`.
-    #[serde(rename = "uchar")]
     U8,
     /// Signed 16-bit: `short` or `int16`.
-    #[serde(rename = "short")]
     I16,
     /// Unsigned 16-bit: `ushort` or `uint16`.
-    #[serde(rename = "ushort")]
     U16,
     /// Signed 32-bit: `int` or `int32`.
-    #[serde(rename = "int")]
     I32,
     /// Unsigned 32-bit: `uint` or `uint32`.
-    #[serde(rename = "uint")]
     U32,
     /// Single precision: `float` or `float32`.
-    #[serde(rename = "float")]
     F32,
     /// Double precision: `double` or `float64`.
-    #[serde(rename = "double")]
     F64,
 }
 
@@ -39,44 +32,34 @@ pub enum Scalar {
 pub(super) const NAMES: &str = "char uchar short ushort int uint float double (or int8 uint8 \
      int16 uint16 int32 uint32 float32 float64)";
 
+/// Name, alias, size in bytes, and range of the integers, of each type in the order of [`Scalar`].
+const TYPES: [(Scalar, &str, &str, usize, [f64; 2]); 8] = [
+    (Scalar::I8, "char", "int8", 1, [i8::MIN as f64, i8::MAX as f64]),
+    (Scalar::U8, "uchar", "uint8", 1, [0.0, u8::MAX as f64]),
+    (Scalar::I16, "short", "int16", 2, [i16::MIN as f64, i16::MAX as f64]),
+    (Scalar::U16, "ushort", "uint16", 2, [0.0, u16::MAX as f64]),
+    (Scalar::I32, "int", "int32", 4, [i32::MIN as f64, i32::MAX as f64]),
+    (Scalar::U32, "uint", "uint32", 4, [0.0, u32::MAX as f64]),
+    (Scalar::F32, "float", "float32", 4, [0.0; 2]),
+    (Scalar::F64, "double", "float64", 8, [0.0; 2]),
+];
+
 impl Scalar {
     /// Parses the name of a type.
     pub(super) fn parse(word: &[u8]) -> Option<Self> {
-        Some(match word {
-            b"char" | b"int8" => Self::I8,
-            b"uchar" | b"uint8" => Self::U8,
-            b"short" | b"int16" => Self::I16,
-            b"ushort" | b"uint16" => Self::U16,
-            b"int" | b"int32" => Self::I32,
-            b"uint" | b"uint32" => Self::U32,
-            b"float" | b"float32" => Self::F32,
-            b"double" | b"float64" => Self::F64,
-            _ => return None,
-        })
+        let named = |name: &str| name.as_bytes() == word;
+        TYPES.iter().find(|of| named(of.1) || named(of.2)).map(|of| of.0)
     }
 
     /// Returns the classic name of the type, such as `uchar`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::I8 => "char",
-            Self::U8 => "uchar",
-            Self::I16 => "short",
-            Self::U16 => "ushort",
-            Self::I32 => "int",
-            Self::U32 => "uint",
-            Self::F32 => "float",
-            Self::F64 => "double",
-        }
+        TYPES[self as usize].1
     }
 
     /// Returns the size in bytes of one value in a binary file.
+    #[inline]
     pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
+        TYPES[self as usize].3
     }
 
     pub(super) fn is_integer(self) -> bool {
@@ -85,17 +68,9 @@ impl Scalar {
 
     /// Returns true if this type can represent `value`, a number from an ASCII file.
     pub(super) fn holds(self, value: f64) -> bool {
-        let (low, high) = match self {
-            Self::I8 => (i8::MIN as f64, i8::MAX as f64),
-            Self::U8 => (0.0, u8::MAX as f64),
-            Self::I16 => (i16::MIN as f64, i16::MAX as f64),
-            Self::U16 => (0.0, u16::MAX as f64),
-            Self::I32 => (i32::MIN as f64, i32::MAX as f64),
-            Self::U32 => (0.0, u32::MAX as f64),
-            Self::F32 | Self::F64 => return true,
-        };
+        let (.., [low, high]) = TYPES[self as usize];
         // NaN fails both comparisons, so no integer type holds it.
-        value >= low && value <= high && (value as i64) as f64 == value
+        !self.is_integer() || value >= low && value <= high && (value as i64) as f64 == value
     }
 
     /// Reads the value at byte `at`. The caller has checked that it ends inside `bytes`.
@@ -111,6 +86,12 @@ impl Scalar {
             Self::F32 => f32::take(bytes, at, big) as f64,
             Self::F64 => f64::take(bytes, at, big),
         }
+    }
+}
+
+impl From<Scalar> for &'static str {
+    fn from(kind: Scalar) -> Self {
+        kind.name()
     }
 }
 

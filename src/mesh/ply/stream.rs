@@ -13,11 +13,12 @@ use super::block::{Span, too_short};
 use super::context::ReadContext;
 use super::face::{self, Faces};
 use super::header::{self, Element, Format, Header, MAX_HEADER};
+use super::layout::BinaryRows;
 use super::lines::Lines;
 use super::plan::{self, MeshPlan};
 use super::table::Table;
 use super::vertex::{self, Vertices};
-use super::{ParsedFile, ReadOptions, UnusedElement, finish, layout, whole};
+use super::{ParsedFile, ReadOptions, UnusedElement, finish, whole};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
 use crate::reserve;
@@ -239,7 +240,8 @@ fn next_rows(
 ) -> Result<(Span, usize)> {
     let wanted = element.count - row;
     if header.format != Format::Ascii {
-        return layout::rows(data, 0, element, header.format == Format::Big, row, wanted, job);
+        let big = header.format == Format::Big;
+        return BinaryRows { data, element, big, job }.rows(0, row, wanted);
     }
     let whole_lines = match ended {
         true => data.len(),

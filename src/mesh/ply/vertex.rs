@@ -221,8 +221,8 @@ impl Records<'_> {
 }
 
 fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
-    let mut all = Arrays(empty(plan));
-    all.0.reserve(table.span.rows as usize, &table.job)?;
+    let mut all = empty(plan);
+    all.reserve(table.span.rows as usize, &table.job)?;
     let read = |reader: &mut Reader| {
         let mut part = BlockVertices { plan, points: Vec::new(), others: Vec::new() };
         // The rows are known to be in the file, so their number is limited by its size.
@@ -235,19 +235,16 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
         Ok(part)
     };
     let take = |part| {
-        all.append(&part);
+        all.append_block(&part);
         Ok(())
     };
     table.blocks(read, take)?;
-    Ok(all.0)
+    Ok(all)
 }
 
-/// The arrays to which blocks are appended.
-struct Arrays(Vertices);
-
-impl Arrays {
-    fn append(&mut self, part: &BlockVertices) {
-        let Vertices { positions, normals, uvs, colors } = &mut self.0;
+impl Vertices {
+    fn append_block(&mut self, part: &BlockVertices) {
+        let Self { positions, normals, uvs, colors } = self;
         match positions {
             Positions::F32(all) => all.extend(part.points.iter().map(|p| p.map(|c| c as f32))),
             Positions::F64(all) => all.extend_from_slice(&part.points),
@@ -283,13 +280,11 @@ impl RowConsumer for BlockVertices<'_> {
         for step in &self.plan.steps {
             match *step {
                 Step::Value(kind, role) => roles[role] = values.number(kind)?,
-                Step::Skip(kind) | Step::Texnumber(kind) => values.skip(kind, 1)?,
-                Step::SkipList { count, item }
-                | Step::Corners { count, item }
-                | Step::Texcoords { count, item } => {
-                    let count = values.count(count)?;
-                    values.skip(item, count)?;
+                Step::Texnumber(kind) => values.skip(kind, 1)?,
+                Step::Corners { count, item } | Step::Texcoords { count, item } => {
+                    values.skip_property(PropertyType::List { count, item })?;
                 }
+                Step::Skip(shape) => values.skip_property(shape)?,
             }
         }
         self.points.push([roles[0], roles[1], roles[2]]);

@@ -40,6 +40,7 @@ use crate::{
     simd::{Isa, dispatch},
 };
 
+pub use self::parts::layer_of;
 pub use self::sorted::read_sorted;
 
 use self::{

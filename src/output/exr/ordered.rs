@@ -8,6 +8,8 @@ use std::{
     },
 };
 
+use crate::threads::lock;
+
 /// Number of items per thread that may be ready before their turn.
 const AHEAD: usize = 2;
 
@@ -28,7 +30,7 @@ struct Guard<'a, T, W, E>(&'a Mutex<Queue<T, W, E>>, &'a Condvar);
 impl<T, W, E> Drop for Guard<'_, T, W, E> {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            self.0.lock().unwrap_or_else(PoisonError::into_inner).over = true;
+            lock(self.0).over = true;
             self.1.notify_all();
         }
     }
@@ -60,7 +62,7 @@ pub fn make<R, T: Send, E: Send>(
                 return;
             }
             let result = make(&mut scratch, number);
-            let queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
+            let queue = lock(&queue);
             let early = |q: &mut Queue<_, _, _>| {
                 !q.over && result.is_ok() && number > q.next + AHEAD * threads
             };

@@ -66,7 +66,7 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
 
 /// Returns the layer of a channel. A channel without a layer is its own layer. The ranks of a
 /// cryptomatte (`CryptoObject00.R`) belong to one layer.
-fn layer_of(channel: &str) -> &str {
+pub fn layer_of(channel: &str) -> &str {
     match channel.rsplit_once('.') {
         Some((layer, _)) if layer.starts_with("Crypto") => {
             layer.trim_end_matches(|c: char| c.is_ascii_digit())

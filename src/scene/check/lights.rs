@@ -3,7 +3,7 @@
 
 use crate::scene::{
     checked::{Light, LightKind},
-    description::{self, AreaLight, Color, Emission, Name},
+    description::{self, AreaLight, Emission},
 };
 
 use super::{Check, geometry::is_flat};
@@ -17,35 +17,24 @@ impl Check<'_, '_> {
             let Some(light) = self.part::<description::Light>(&pointer) else {
                 continue;
             };
-            let light = match light {
+            let (kind, name, group, id, specular) = match light {
                 description::Light::PointLight(l) => {
                     let kind = LightKind::Point { position: l.position.vec() };
-                    self.light(&pointer, (&l.name, &l.group), (l.id, l.specular), kind)
+                    (kind, l.name, l.group, l.id, l.specular)
                 }
                 description::Light::AreaLight(l) => {
-                    let kind = self.area(&pointer, &l);
-                    self.light(&pointer, (&l.name, &l.group), (l.id, l.specular), kind)
+                    (self.area(&pointer, &l), l.name, l.group, l.id, l.specular)
                 }
             };
-            lights.push(light);
+            lights.push(Light {
+                name: self.name(&format!("{pointer}/name"), &name),
+                group: self.name(&format!("{pointer}/group"), &group),
+                diffuse: id.vec(),
+                specular: specular.unwrap_or(id).vec(),
+                kind,
+            });
         }
         lights
-    }
-
-    fn light(
-        &mut self,
-        pointer: &str,
-        (name, group): (&Option<Name>, &Option<Name>),
-        (id, specular): (Color, Option<Color>),
-        kind: LightKind,
-    ) -> Light {
-        Light {
-            name: self.name(&format!("{pointer}/name"), name),
-            group: self.name(&format!("{pointer}/group"), group),
-            diffuse: id.vec(),
-            specular: specular.unwrap_or(id).vec(),
-            kind,
-        }
     }
 
     fn area(&mut self, pointer: &str, light: &AreaLight) -> LightKind {

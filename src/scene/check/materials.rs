@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::scene::{
-    checked::{ColorSpace, Filter, Material, TextureUse, Wrap},
+    checked::{Material, TextureUse},
     description::{self, MaterialUse},
     document::join,
     expected::quoted,
@@ -110,15 +110,9 @@ impl Check<'_, '_> {
             place: self.document.place(&place),
             path,
             declared_size: [written.texture_width, written.texture_height],
-            filter: match written.filter {
-                description::Filter::Bilinear => Filter::Bilinear,
-                description::Filter::Nearest => Filter::Nearest,
-            },
-            wrap: written.wrap.map(|wrap| match wrap {
-                description::Wrap::Repeat => Wrap::Repeat,
-                description::Wrap::Clamp => Wrap::Clamp,
-            }),
-            color_space: written.colorspace.map(ColorSpace::from),
+            filter: written.filter,
+            wrap: written.wrap,
+            color_space: written.colorspace,
             scale: glam::DVec2::new(u, v),
         })
     }
@@ -130,15 +124,6 @@ impl Check<'_, '_> {
                 let message = format!("found `{key}` without `tPath`; it has no effect");
                 self.problems.warn(&at, message, None);
             }
-        }
-    }
-}
-
-impl From<description::ColorSpace> for ColorSpace {
-    fn from(space: description::ColorSpace) -> Self {
-        match space {
-            description::ColorSpace::Srgb => Self::Srgb,
-            description::ColorSpace::Linear => Self::Linear,
         }
     }
 }

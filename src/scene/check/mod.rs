@@ -21,8 +21,8 @@ use std::{collections::BTreeSet, path::Path};
 use serde::de::DeserializeOwned;
 
 use super::{
-    checked::{Falloff, SamplerKind, Scene, ToneOperator, Tonemap},
-    description::{Attenuation, Description, Name, Operator, Sampler, Transfer},
+    checked::{Scene, Tonemap},
+    description::{Description, Name, Transfer},
     document::Document,
     node::NodeKind,
     problems::Problems,
@@ -58,18 +58,11 @@ pub fn check(
         adaptive_shadows: description.adaptiveshadows,
         spp: description.spp,
         seed: description.seed,
-        sampler: match description.sampler {
-            Sampler::Sobol => SamplerKind::Sobol,
-            Sampler::Random => SamplerKind::Random,
-        },
+        sampler: description.sampler,
         camera,
         background: description.scene.backgroundcolor.vec(),
         ambient: description.scene.ambient.vec(),
-        falloff: match description.scene.attenuation {
-            Attenuation::None => Falloff::None,
-            Attenuation::Linear => Falloff::Linear,
-            Attenuation::Quadratic => Falloff::Quadratic,
-        },
+        falloff: description.scene.attenuation,
         backend: description.scene.accelerator.into(),
         lights,
         shapes,
@@ -87,11 +80,7 @@ pub fn check(
 fn tonemap(description: &Description) -> Tonemap {
     let tonemap = &description.tonemap;
     Tonemap {
-        operator: match tonemap.operator {
-            Operator::Max => ToneOperator::Max,
-            Operator::Clamp => ToneOperator::Clamp,
-            Operator::Reinhard => ToneOperator::Reinhard,
-        },
+        operator: tonemap.operator,
         exposure: tonemap.exposure as f32,
         srgb: tonemap.transfer == Transfer::Srgb,
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::scene::{
     checked::{Shape, ShapeKind, Smooth, Trimesh},
-    description::{self, Pole, TriMesh},
+    description::{self, TriMesh},
 };
 
 use super::{
@@ -32,15 +32,9 @@ impl Check<'_, '_> {
 
     fn shape_kind(&mut self, pointer: &str, shape: &description::Shape) -> ShapeKind {
         match shape {
-            description::Shape::Sphere(s) => ShapeKind::Sphere {
-                center: s.center.vec(),
-                radius: s.radius,
-                pole: match s.pole {
-                    Pole::X => 0,
-                    Pole::Y => 1,
-                    Pole::Z => 2,
-                },
-            },
+            description::Shape::Sphere(s) => {
+                ShapeKind::Sphere { center: s.center.vec(), radius: s.radius, pole: s.pole as u8 }
+            }
             description::Shape::Plane(s) => {
                 let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec(), s.v3.vec()];
                 self.quad(pointer, &corners);
@@ -106,7 +100,7 @@ impl Check<'_, '_> {
             smooth: (&mesh.smooth).into(),
             bvh: mesh.bvh,
             vertex_colors: mesh.vertexcolors,
-            vertex_color_space: mesh.vertexcolorspace.map(Into::into),
+            vertex_color_space: mesh.vertexcolorspace,
         }
     }
 }

@@ -19,17 +19,15 @@ pub enum Light {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PointLight {
     /// Name of the light in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<Name>,
     /// Position in world units.
     pub position: Point,
     /// Colour of its diffuse light.
     pub id: Color,
     /// Colour of its specular light; default: `id`.
-    #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "is")]
     pub specular: Option<Color>,
 }
 
@@ -37,10 +35,8 @@ pub struct PointLight {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AreaLight {
     /// Name of the light in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<Name>,
     /// First corner of the base.
     pub v0: Point,
@@ -51,7 +47,7 @@ pub struct AreaLight {
     /// Colour of the diffuse light of the whole rectangle.
     pub id: Color,
     /// Colour of the specular light of the whole rectangle; default: `id`.
-    #[serde(rename = "is", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "is")]
     pub specular: Option<Color>,
     /// Number of points on this light, for each shading point of each camera sample.
     #[serde(default = "sixteen")]

@@ -41,25 +41,23 @@ pub struct Material {
     /// Base colour without a texture.
     pub diffusecolor: Color,
     /// Texture image, relative to the scene file. Its alpha is ignored.
-    #[serde(rename = "tPath", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "tPath")]
     pub texture_path: Option<Name>,
     /// Accepted for old files and ignored: the image's own size is used.
-    #[serde(rename = "tWidth", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "tWidth")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub texture_width: Option<u32>,
     /// Accepted for old files and ignored: the image's own size is used.
-    #[serde(rename = "tHeight", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "tHeight")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub texture_height: Option<u32>,
     /// How texels are filtered.
     pub filter: Filter,
     /// Texture lookup outside the image. Default: spheres repeat in u and clamp in v, meshes
     /// repeat, others clamp.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub wrap: Option<Wrap>,
     /// Encoding of the image. Default: `srgb` for integer images of any format, `linear` for float
     /// images.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub colorspace: Option<ColorSpace>,
     /// Factors of u and v, applied after any flip.
     #[serde(rename = "tScale")]
@@ -117,7 +115,7 @@ pub enum Wrap {
 }
 
 /// Encoding of stored colour values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ColorSpace {
     /// values are encoded as sRGB

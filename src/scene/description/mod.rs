@@ -20,6 +20,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::sampler;
+
 /// A lightpath scene. Vectors are [x, y, z] in world units, right-handed; colours are linear RGB
 /// and may exceed 1; angles are degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,7 +44,7 @@ pub struct Description {
     pub seed: i64,
     /// Sampler that chooses the sample points.
     #[serde(default)]
-    pub sampler: Sampler,
+    pub sampler: sampler::Kind,
     /// The camera that takes the picture.
     pub camera: Camera,
     /// Lights, shapes and materials.
@@ -55,15 +57,20 @@ pub struct Description {
     pub output: Output,
 }
 
-/// Sampler that chooses the points on pixels, the lens and area lights.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampler {
-    /// Owen-scrambled Sobol points: stratified
-    #[default]
-    Sobol,
-    /// uniform and independent points, as in the coursework: the baseline
-    Random,
+impl Description {
+    /// Returns mutable references to the paths of all textures and meshes.
+    pub fn paths_mut(&mut self) -> Vec<&mut Name> {
+        let Contents { materials, shapes, .. } = &mut self.scene;
+        let mut paths: Vec<_> =
+            materials.values_mut().filter_map(|material| material.texture_path.as_mut()).collect();
+        for (path, material) in shapes.iter_mut().map(Shape::parts_mut) {
+            paths.extend(path);
+            if let MaterialUse::Inline(material) = material {
+                paths.extend(&mut material.texture_path);
+            }
+        }
+        paths
+    }
 }
 
 /// The camera. It has exactly one of `lookat` and `target`.
@@ -90,19 +97,15 @@ pub struct Camera {
     /// Position in world units.
     pub position: Point,
     /// The view DIRECTION, not a point; of any length.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub lookat: Option<Direction>,
     /// A point to look at, other than `position`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<Point>,
     /// Up direction, of any length, not parallel to the view.
     pub up: Direction,
     /// `thinlens` only: diameter of the lens in world units; 0 is the same as `pinhole`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: Option<f64>,
     /// `thinlens` only: distance of the plane in focus, along the view direction, in world units.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub focaldistance: Option<f64>,
 }
@@ -121,14 +124,14 @@ pub enum CameraType {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Contents {
     /// Radiance of every ray that misses, including reflected rays.
-    #[serde(default = "black")]
+    #[serde(default)]
     pub backgroundcolor: Color,
     /// Ambient light. A material's `ka` multiplies it.
-    #[serde(default = "black")]
+    #[serde(default)]
     pub ambient: Color,
     /// How light falls off with distance.
     #[serde(default)]
-    pub attenuation: Attenuation,
+    pub attenuation: Falloff,
     /// Backend that finds the hits; `--backend` overrides it.
     #[serde(default)]
     pub accelerator: Accelerator,
@@ -145,7 +148,8 @@ pub struct Contents {
 /// Divisor of a light's contribution at distance d.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Attenuation {
+#[schemars(rename = "Attenuation")]
+pub enum Falloff {
     /// divide by 1: no falloff
     None,
     /// divide by d, as the coursework does
@@ -175,7 +179,7 @@ pub enum Accelerator {
 #[serde(default)]
 pub struct Tonemap {
     /// Tone curve that is applied.
-    pub operator: Operator,
+    pub operator: ToneOperator,
     /// Exposure in stops: x * 2^exposure. Applied after the division of `max`, and before the other
     /// operators.
     #[schemars(range(min = -100.0, max = 100.0))]
@@ -187,7 +191,8 @@ pub struct Tonemap {
 /// Tone curve of the PNG.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Operator {
+#[schemars(rename = "Operator")]
+pub enum ToneOperator {
     /// divide by the largest channel value of the whole frame
     #[default]
     Max,
@@ -233,8 +238,4 @@ impl Default for Output {
 
 fn one_u32() -> u32 {
     1
-}
-
-fn black() -> Color {
-    Color([0.0; 3])
 }

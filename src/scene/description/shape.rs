@@ -30,13 +30,13 @@ impl Shape {
         }
     }
 
-    /// Returns a mutable reference to the material of the shape.
-    pub fn material_mut(&mut self) -> &mut MaterialUse {
+    /// Returns mutable references to the path of the mesh, if it is one, and to the material.
+    pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
-            Self::Sphere(s) => &mut s.material,
-            Self::Plane(s) => &mut s.material,
-            Self::Triangle(s) => &mut s.material,
-            Self::TriMesh(s) => &mut s.material,
+            Self::Sphere(s) => (None, &mut s.material),
+            Self::Plane(s) => (None, &mut s.material),
+            Self::Triangle(s) => (None, &mut s.material),
+            Self::TriMesh(s) => (Some(&mut s.path), &mut s.material),
         }
     }
 }
@@ -45,7 +45,6 @@ impl Shape {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sphere {
     /// Name for object IDs in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
@@ -76,7 +75,6 @@ pub enum Pole {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Plane {
     /// Name for object IDs in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
@@ -94,7 +92,6 @@ pub struct Plane {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Triangle {
     /// Name for object IDs in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
@@ -110,7 +107,6 @@ pub struct Triangle {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TriMesh {
     /// Name for object IDs in the EXR.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
@@ -118,18 +114,17 @@ pub struct TriMesh {
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
     /// this length.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub fit: Option<f64>,
     /// Rotation in degrees about the x, then y, then z axis. [-90, 0, 0] turns a z-up scan upright.
-    #[serde(default = "no_angles")]
+    #[serde(default)]
     pub rotate: Angles,
     /// Scale factor: a vertex p becomes `center + size * p`.
     #[serde(default = "one")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub size: f64,
     /// Offset: a vertex p becomes `center + size * p`.
-    #[serde(default = "origin")]
+    #[serde(default)]
     pub center: Point,
     /// Interpolates vertex normals: true, false, or only across edges below an angle. Normals of
     /// the file are used unchanged.
@@ -143,7 +138,6 @@ pub struct TriMesh {
     #[serde(default = "yes")]
     pub vertexcolors: bool,
     /// Encoding of the vertex colours. Default: implied by the colour type of the file.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub vertexcolorspace: Option<ColorSpace>,
 }
 
@@ -174,14 +168,6 @@ impl Default for Smooth {
     fn default() -> Self {
         Self::Everywhere(false)
     }
-}
-
-fn no_angles() -> Angles {
-    Angles([0.0; 3])
-}
-
-fn origin() -> Point {
-    Point([0.0; 3])
 }
 
 fn one() -> f64 {

@@ -13,12 +13,12 @@ pub const MAX_COORDINATE: f64 = 1e18;
 pub const MAX_COLOR: f64 = 1e18;
 
 /// A colour in linear RGB. Components may exceed 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Color(pub [f64; 3]);
 
 /// A point in world units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Point(pub [f64; 3]);
 
@@ -28,7 +28,7 @@ pub struct Point(pub [f64; 3]);
 pub struct Direction(pub [f64; 3]);
 
 /// Rotation angles in degrees about the x, then y, then z axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Angles(pub [f64; 3]);
 

@@ -178,8 +178,8 @@ fn two_meshes_far_apart_are_each_as_exact_as_single_precision_allows() {
     assert_eq!(world.resolutions.len(), 2);
     for one in &world.resolutions {
         // 2^18 <= 500050 < 2^19: ulp 2^-5; the cells are nearly 5 units wide.
-        assert_eq!((one.ulp, one.collapsed_edges), (0.03125, 0));
-        assert!((4.7..=5.0).contains(&one.shortest_edge), "{}", one.shortest_edge);
+        assert_eq!((one.detail.ulp, one.detail.collapsed_edges), (0.03125, 0));
+        assert!((4.7..=5.0).contains(&one.detail.shortest_edge), "{}", one.detail.shortest_edge);
     }
     assert!(!warnings.iter().any(|w| w.contains("collapse")), "{warnings:?}");
 }
