@@ -42,11 +42,13 @@ pub struct Problem {
 
 impl Problem {
     /// Makes a problem at `place` without help.
+    #[doc(hidden)]
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self { place: place.into(), message: message.into(), help: None }
     }
 
     /// Adds a next step to the problem.
+    #[doc(hidden)]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -77,11 +79,13 @@ pub struct Error {
 
 impl Error {
     /// Makes an error with one problem.
+    #[doc(hidden)]
     pub fn new(kind: Kind, problem: Problem) -> Self {
         Self { kind, problems: vec![problem] }
     }
 
     /// Makes an error about invalid input at `place`.
+    #[doc(hidden)]
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self::new(Kind::Invalid, Problem::new(place, message))
     }
@@ -91,6 +95,7 @@ impl Error {
     ///
     /// Errors that the user must fix first (missing file, a folder, no permission) are
     /// [`Kind::Invalid`]. All others (disk full, device error) are [`Kind::Retry`].
+    #[doc(hidden)]
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
         let kind = match error.kind() {
@@ -113,6 +118,7 @@ impl Error {
     }
 
     /// Adds a next step to the last problem.
+    #[doc(hidden)]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         if let Some(problem) = self.problems.last_mut() {
             problem.help = Some(help.into());
