@@ -42,11 +42,13 @@ pub struct Problem {
 
 impl Problem {
     /// Makes a problem at `place` without help.
+    #[doc(hidden)]
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self { place: place.into(), message: message.into(), help: None }
     }
 
     /// Adds a next step to the problem.
+    #[doc(hidden)]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -77,6 +79,7 @@ pub struct Error {
 
 impl Error {
     /// Makes an error with one problem.
+    #[doc(hidden)]
     pub fn new(kind: Kind, problem: Problem) -> Self {
         Self { kind, problems: vec![problem] }
     }
@@ -93,6 +96,7 @@ impl Error {
     }
 
     /// Makes an error about invalid input at `place`.
+    #[doc(hidden)]
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self::new(Kind::Invalid, Problem::new(place, message))
     }
@@ -102,6 +106,7 @@ impl Error {
     ///
     /// Errors that the user must fix first (missing file, a folder, no permission) are
     /// [`Kind::Invalid`]. All others (disk full, device error) are [`Kind::Retry`].
+    #[doc(hidden)]
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
         let kind = match error.kind() {
@@ -124,11 +129,13 @@ impl Error {
     }
 
     /// Adds a next step to the last problem.
+    #[doc(hidden)]
     pub fn help(self, help: impl Into<String>) -> Self {
         self.maybe_help(Some(help))
     }
 
     /// Adds the help, if there is one, to the last problem.
+    #[doc(hidden)]
     pub fn maybe_help(mut self, help: Option<impl Into<String>>) -> Self {
         if let (Some(problem), Some(help)) = (self.problems.last_mut(), help) {
             problem.help = Some(help.into());

@@ -1,75 +1,93 @@
 //! lightpath: a CPU ray tracer for big scanned meshes.
 //!
-//! The program is [`cli`]. Everything else is a library that neither prints nor ends the process.
-//! Its main interface is [`Renderer`]: it takes a [`Scene`] and meshes, builds an [`Accelerator`]
-//! and renders a [`Film`].
+//! [`LoadedScene`] is a scene with its meshes and textures: JSON with meshes from files or from
+//! memory, or a mesh in the built-in studio. [`Renderer`] is a loaded scene with its acceleration
+//! structure. It renders a [`Film`], writes it to EXR and PNG, and traces your own rays.
+//! Nothing is printed and no error ends the process: an [`Error`] holds every problem.
 //!
 //! ```
-//! use lightpath::{Mesh, Positions, Renderer, Scene};
+//! use lightpath::{LoadedScene, Mesh, Positions};
 //!
-//! # fn main() -> Result<(), lightpath::error::Error> {
-//! let scene = Scene::from_json(
-//!     r#"{ "camera": { "type": "pinhole", "width": 32, "height": 24, "fov": 40,
-//!                      "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
-//!          "scene": {
-//!                     "lightsources": [{ "type": "pointlight", "position": [0, 1, 3],
-//!                                        "id": [3, 3, 3] }],
-//!                     "materials": { "clay": { "diffusecolor": [0.8, 0.4, 0.3] } },
-//!                     "shapes": [] } }"#,
-//! )?;
+//! # fn main() -> lightpath::Result<()> {
+//! let scene = r#"{ "camera": { "type": "pinhole", "width": 32, "height": 24, "fov": 40,
+//!                              "position": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0] },
+//!                  "scene": { "lightsources": [{ "type": "pointlight", "position": [0, 1, 3],
+//!                                                "id": [3, 3, 3] }],
+//!                             "materials": { "clay": { "diffusecolor": [0.8, 0.4, 0.3] } },
+//!                             "shapes": [] } }"#;
 //! let positions = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
 //! let mesh = Mesh::new(Positions::F32(positions), vec![[0, 1, 2]])?;
-//! let renderer = Renderer::with_meshes(scene, vec![("triangle", "clay", mesh)])?;
-//! let accelerator = renderer.accelerator()?;
-//! let film = renderer.render(accelerator.as_ref())?;
+//! let scene = LoadedScene::with_meshes(scene, &[], vec![("triangle", "clay", mesh)])?;
+//! let film = scene.renderer()?.render()?;
 //! let [red, green, blue, _] = film.pixels[32 * 12 + 16];
 //! assert!(red > green && green > blue);
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! `examples/mesh_from_memory.rs` also writes the files.
-//!
-//! Data flows in one direction, with one function per arrow:
-//! scene file -> [`scene::Description`] -> [`scene::Scene`] -> [`world::World`] ->
-//! [`accel::Accelerator`] -> [`film::Film`] -> EXR and PNG. ARCHITECTURE.md has the diagram.
+//! More examples: [`LoadedScene`] reads a layer, [`LoadedScene::in_studio`] shows a PLY file,
+//! [`Renderer`] traces rays. Everything runs on the threads of the current rayon pool.
 
+mod batch;
+mod farm;
+mod files;
+mod memory;
+mod paths;
+mod picture;
+mod renderer;
+mod report;
+mod reserve;
+mod threads;
+mod units;
+
+// Internals, public for the program, the tests and the benchmarks. Not part of the interface: they
+// may change in any release.
+#[doc(hidden)]
 pub mod accel;
-pub mod batch;
+#[doc(hidden)]
 pub mod camera;
+#[doc(hidden)]
 pub mod cli;
+#[doc(hidden)]
 pub mod error;
-pub mod farm;
-pub mod files;
+#[doc(hidden)]
 pub mod film;
+#[doc(hidden)]
 pub mod geometry;
+#[doc(hidden)]
 pub mod integrate;
+#[doc(hidden)]
 pub mod lab;
+#[doc(hidden)]
 pub mod layers;
+#[doc(hidden)]
 pub mod math;
-pub mod memory;
+#[doc(hidden)]
 pub mod merge;
+#[doc(hidden)]
 pub mod mesh;
+#[doc(hidden)]
 pub mod monitor;
+#[doc(hidden)]
 pub mod output;
-pub mod paths;
-pub mod picture;
+#[doc(hidden)]
 pub mod ray;
+#[doc(hidden)]
 pub mod render;
-pub mod renderer;
-pub mod report;
-pub mod reserve;
+#[doc(hidden)]
 pub mod sampler;
+#[doc(hidden)]
 pub mod scene;
+#[doc(hidden)]
 pub mod shading;
+#[doc(hidden)]
 pub mod simd;
+#[doc(hidden)]
 pub mod studio;
-pub mod threads;
-pub mod units;
+#[doc(hidden)]
 pub mod world;
 
-pub use accel::Accelerator;
-pub use film::Film;
-pub use mesh::{Mesh, Positions};
-pub use renderer::Renderer;
-pub use scene::Scene;
+pub use error::{Error, Kind as ErrorKind, Problem, Result};
+pub use film::{Channel, ChannelKind, Film, Planes, Window};
+pub use mesh::{Colors, Mesh, Positions, Uvs};
+pub use renderer::{Hit, LoadedScene, Ray, Renderer};

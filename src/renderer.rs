@@ -1,6 +1,11 @@
-//! The library's main interface: a [`Scene`] and meshes -> an [`Accelerator`] -> a [`Film`] ->
-//! files.
+//! The library's main interface: a scene and meshes -> [`LoadedScene`] -> [`Renderer`] -> [`Film`]
+//! -> files.
 
+mod ray_query;
+
+pub use ray_query::{Hit, Ray};
+
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::accel::{self, Accelerator, BuildOptions};
@@ -13,39 +18,151 @@ use crate::output::Outputs;
 use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::render;
-use crate::scene::{self, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
+use crate::scene::{self, Loaded, Overrides, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
+use crate::studio::{self, Subject, Template};
 use crate::world::{LoadOptions, World};
 
-/// A scene whose files are loaded. It can be rendered any number of times.
+/// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
 ///
-/// Everything runs on the threads of the current rayon pool. Nothing is printed and no error ends
-/// the process: an [`Error`] holds all problems that were found. [`crate::render`],
-/// [`crate::accel`] and [`crate::output`] offer more control: crops, progress, cancellation.
+/// A scene is JSON (docs/guide/scene-format.md). It also holds the settings of the render: picture
+/// size, samples, layers, backend. Each constructor takes overrides `/json/pointer=VALUE`, which
+/// change or add values. VALUE is JSON; other text is taken as a string.
+///
+/// ```
+/// use lightpath::LoadedScene;
+///
+/// # fn main() -> lightpath::Result<()> {
+/// let scene = r#"{ "camera": { "type": "pinhole", "width": 640, "height": 480, "fov": 40,
+///                              "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+///                  "scene": { "lightsources": [{ "type": "pointlight", "position": [0, 5, 5],
+///                                                "id": [1, 1, 1] }],
+///                             "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1,
+///                                          "material": {} }] } }"#;
+/// let overrides = ["/camera/width=33", "/camera/height=25", r#"/output/layers=["Z"]"#];
+/// let scene = LoadedScene::from_json(scene, &overrides)?;
+/// let film = scene.renderer()?.render()?;
+/// assert_eq!(film.frame, [33, 25]);
+/// let depth = film.planes.index("Z").expect("the layer that was asked for");
+/// let middle = film.planes.float(depth, 33 * 12 + 16);
+/// assert!((middle - 4.0).abs() < 1e-3, "the sphere begins 4 units before the camera");
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
-pub struct Renderer {
+pub struct LoadedScene {
     scene: Scene,
     world: World,
     plan: LayerPlan,
     warnings: Vec<Problem>,
-    monitor: Monitor,
 }
 
-impl Renderer {
-    /// Loads the scene's meshes and textures.
+impl LoadedScene {
+    /// Reads a scene file with its meshes and textures. Paths in it are relative to its folder.
     ///
     /// # Errors
-    /// All problems of these files.
-    pub fn new(scene: Scene) -> Result<Self> {
-        Self::with_meshes(scene, Vec::new())
+    /// All problems of the scene, or else all problems of its files.
+    pub fn read(path: impl AsRef<Path>, overrides: &[&str]) -> Result<Self> {
+        Self::load(Source::File(path.as_ref()), overrides, Vec::new())
     }
 
-    /// [`Renderer::new`] with meshes from memory. Each tuple is a shape's name, the name of a
-    /// material of the scene, and a mesh in world units. Normals are interpolated if the mesh has
-    /// normals.
+    /// Takes a scene from its JSON text. Paths in it are relative to the working folder.
     ///
     /// # Errors
-    /// A material that the scene does not have; all problems of its files.
-    pub fn with_meshes(mut scene: Scene, meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
+    /// As [`LoadedScene::read`]. Problems of the text have line and column.
+    pub fn from_json(text: &str, overrides: &[&str]) -> Result<Self> {
+        Self::with_meshes(text, overrides, Vec::new())
+    }
+
+    /// [`LoadedScene::from_json`] with meshes from memory. Each tuple is a shape's name, the name
+    /// of a material of the scene, and a mesh in world space. Normals are interpolated if the mesh
+    /// has normals.
+    ///
+    /// # Errors
+    /// A material that the scene does not have; all problems of the scene or its files.
+    pub fn with_meshes(
+        text: &str,
+        overrides: &[&str],
+        meshes: Vec<(&str, &str, Mesh)>,
+    ) -> Result<Self> {
+        let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
+        Self::load(source, overrides, meshes)
+    }
+
+    /// A mesh alone, in its own coordinates, for rays of one's own. A picture of it is black.
+    ///
+    /// # Errors
+    /// A mesh that is too large for f32.
+    pub fn of_mesh(mesh: Mesh) -> Result<Self> {
+        let scene = r#"{ "camera": { "type": "pinhole", "width": 1, "height": 1, "fov": 40,
+              "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "materials": { "mesh": {} }, "shapes": [] } }"#;
+        let loaded = Self::with_meshes(scene, &[], vec![("mesh", "mesh", mesh)])?;
+        // The camera looks nowhere, so the only warnings would be about that.
+        Ok(Self { warnings: Vec::new(), ..loaded })
+    }
+
+    /// A mesh in the built-in studio: scaled, set on the ground, lit, with a camera that sees all
+    /// of it.
+    ///
+    /// `path` names the mesh in messages. A texture that the mesh names is looked for beside it.
+    ///
+    /// ```
+    /// use lightpath::{LoadedScene, Mesh};
+    ///
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let folder = tempfile::tempdir()?;
+    /// let path = folder.path().join("roof.ply");
+    /// std::fs::write(&path, "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\n\
+    ///     property float y\nproperty float z\nelement face 2\n\
+    ///     property list uchar int vertex_indices\nend_header\n\
+    ///     -1 0 1\n1 0 1\n1 1 0\n-1 1 0\n3 0 1 2\n3 0 2 3\n")?;
+    ///
+    /// let mesh = Mesh::read(&path)?;
+    /// let overrides = ["/camera/width=48", "/camera/height=48", "/spp=1"];
+    /// let scene = LoadedScene::in_studio(mesh, &path, &overrides)?;
+    /// let renderer = scene.renderer()?;
+    /// let film = renderer.render()?;
+    /// // The middle of the picture shows the mesh, lit by the studio.
+    /// let [red, green, blue, _] = film.pixels[48 * 24 + 24];
+    /// assert!(red > 0.05 && green > 0.05 && blue > 0.05);
+    ///
+    /// let [exr, png] = renderer.write(&film, folder.path().join("roof"))?;
+    /// assert!(exr.ends_with("roof.exr") && std::fs::metadata(exr)?.len() > 0);
+    /// assert!(png.ends_with("roof.png") && std::fs::metadata(png)?.len() > 0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// All problems of the overrides; a texture that cannot be read.
+    pub fn in_studio(mesh: Mesh, path: impl AsRef<Path>, overrides: &[&str]) -> Result<Self> {
+        let subject = Subject::new(path.as_ref());
+        let mut user = Overrides::default();
+        overrides.iter().for_each(|set| user.set(set));
+        let shown = studio::show_mesh(&subject, mesh, &Template::studio(), user, None)?;
+        Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
+    }
+
+    /// Warnings: problems that do not prevent a render.
+    pub fn warnings(&self) -> &[Problem] {
+        &self.warnings
+    }
+
+    /// Builds the acceleration structure, with the backend that the scene names
+    /// (`/scene/accelerator`, by default `bvh`), on the threads of the current rayon pool.
+    ///
+    /// # Errors
+    /// A backend that cannot run here; no memory.
+    pub fn renderer(&self) -> Result<Renderer<'_>> {
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
+        let (geometry, monitor) = (&self.world.geometry, Monitor::default());
+        let accelerator = accel::build(geometry, self.scene.backend, &options, &monitor)?;
+        Ok(Renderer { loaded: self, accelerator, monitor })
+    }
+
+    fn load(source: Source, overrides: &[&str], meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
+        let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
+        let Loaded { mut scene, warnings, .. } = scene::load(source, &overrides)?;
         let mut ready = Vec::new();
         for (name, material, mesh) in meshes {
             let of_name = |m: &scene::Material| m.name.as_deref() == Some(material);
@@ -56,55 +173,103 @@ impl Renderer {
             };
             // The NUL at the start keeps the name apart from all file names.
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
-            let trimesh = Trimesh {
-                place: name.to_string(),
-                path: path.clone(),
-                fit: None,
-                rotate_deg: glam::DVec3::ZERO,
-                size: 1.0,
-                center: glam::DVec3::ZERO,
-                smooth: if mesh.normals.is_some() { Smooth::All } else { Smooth::Off },
-                bvh: true,
-                vertex_colors: mesh.colors.is_some(),
-                vertex_color_space: None,
-            };
-            let kind = ShapeKind::Trimesh(Box::new(trimesh));
+            let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
             scene.shapes.push(Shape { name: Some(name.to_string()), material: index, kind });
             ready.push((path, mesh));
         }
-        let monitor = Monitor::default();
+        Self::with_ready(scene, ready, warnings)
+    }
+
+    /// Loads the files of a scene, except the meshes that are ready.
+    fn with_ready(
+        scene: Scene,
+        ready: Vec<(PathBuf, Mesh)>,
+        mut warnings: Vec<Problem>,
+    ) -> Result<Self> {
         let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (world, warnings) = World::load(&scene, options, &monitor)?;
+        let (world, more) = World::load(&scene, options, &Monitor::default())?;
+        warnings.extend(more);
         let plan = LayerPlan::new(&scene);
-        Ok(Self { scene, world, plan, warnings, monitor })
+        Ok(Self { scene, world, plan, warnings })
     }
+}
 
-    /// Warnings about the scene: problems that do not prevent a render.
-    pub fn warnings(&self) -> &[Problem] {
-        &self.warnings
+/// The shape of a mesh from memory.
+fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
+    Trimesh {
+        place: name.to_string(),
+        path: path.to_owned(),
+        fit: None,
+        rotate_deg: glam::DVec3::ZERO,
+        size: 1.0,
+        center: glam::DVec3::ZERO,
+        smooth: if mesh.normals.is_some() { Smooth::All } else { Smooth::Off },
+        bvh: true,
+        vertex_colors: mesh.colors.is_some(),
+        vertex_color_space: None,
     }
+}
 
-    /// Builds the acceleration structure, with the backend that the scene names (`accelerator`, by
-    /// default `bvh`).
-    ///
-    /// # Errors
-    /// A backend that cannot run here; no memory.
-    pub fn accelerator(&self) -> Result<Box<dyn Accelerator + '_>> {
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        accel::build(&self.world.geometry, self.scene.backend, &options, &self.monitor)
+/// A loaded scene with its acceleration structure: renders its picture, and traces rays.
+///
+/// It can be used any number of times, by any number of threads. Everything runs on the threads of
+/// the current rayon pool. Nothing is printed and no error ends the process: an [`Error`] holds
+/// all problems that were found.
+///
+/// ```
+/// use lightpath::{LoadedScene, Mesh, Positions, Ray};
+///
+/// # fn main() -> lightpath::Result<()> {
+/// // A floor at y = 0, of two triangles.
+/// let corners = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, 0.0]];
+/// let mesh = Mesh::new(Positions::F32(corners), vec![[0, 1, 2], [0, 2, 3]])?;
+/// let scene = LoadedScene::of_mesh(mesh)?;
+/// let renderer = scene.renderer()?;
+///
+/// let down = [0.0, -2.0, 0.0];
+/// let hits = renderer.closest(&[Ray::new([3.0, 6.0, 1.0], down), Ray::new([9.0, 6.0, 1.0], down)]);
+/// assert_eq!(hits[1], None);
+/// let hit = hits[0].expect("the first ray meets the floor");
+/// assert_eq!((hit.t, hit.primitive), (3.0, 1));
+/// assert_eq!(hit.point, [3.0, 0.0, 1.0]);
+/// assert_eq!(hit.normal, [0.0, 1.0, 0.0]);
+///
+/// // A lamp sees the floor from above, not from below.
+/// let lamp = [1.0, 2.0, 1.0];
+/// let (above, below) = ([2.0, 0.5, 2.0], [2.0, -0.5, 2.0]);
+/// let dark = renderer.occluded(&[Ray::between(above, lamp), Ray::between(below, lamp)]);
+/// assert_eq!(dark, [false, true]);
+/// // Nor does the floor shadow itself.
+/// assert_eq!(renderer.occluded(&[hit.ray([0.0, 1.0, 0.0])]), [false]);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Renderer<'s> {
+    loaded: &'s LoadedScene,
+    accelerator: Box<dyn Accelerator + 's>,
+    monitor: Monitor,
+}
+
+impl fmt::Debug for Renderer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let info = self.accelerator.info();
+        f.debug_struct("Renderer").field("accelerator", &info).finish_non_exhaustive()
     }
+}
 
+impl Renderer<'_> {
     /// Renders the whole frame with its layers. The bits are the same for any number of threads.
     ///
     /// # Errors
     /// No memory for the film.
-    pub fn render(&self, accelerator: &dyn Accelerator) -> Result<Film> {
-        let [width, height] = self.world.frame;
+    pub fn render(&self) -> Result<Film> {
+        let LoadedScene { scene, world, plan, .. } = self.loaded;
+        let [width, height] = world.frame;
         let window = Window::full(width, height);
-        let mut film =
-            ReservedFilm::new([width, height], window, self.plan.recipe.channels.clone())?.film();
-        let (isa, plan) = (self.scene.backend.isa(), &self.plan);
-        render::render_layers(&self.world, accelerator, isa, &mut film, plan, &self.monitor)?;
+        let channels = plan.recipe.channels.clone();
+        let mut film = ReservedFilm::new([width, height], window, channels)?.film();
+        let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
+        render::render_layers(world, accelerator, isa, &mut film, plan, &self.monitor)?;
         Ok(film)
     }
 
@@ -114,15 +279,11 @@ impl Renderer {
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
-    pub fn write(
-        &self,
-        film: &Film,
-        accelerator: &dyn Accelerator,
-        prefix: &Path,
-    ) -> Result<[PathBuf; 2]> {
+    pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<[PathBuf; 2]> {
+        let LoadedScene { scene, plan, .. } = self.loaded;
         let says = PictureHeader {
             more: &[],
-            info: &accelerator.info(),
+            info: &self.accelerator.info(),
             scene_hash: None,
             spp: None,
             sequence: Sequence::default(),
@@ -130,20 +291,8 @@ impl Renderer {
             fingerprint: None,
         };
         let storage = Storage::default();
-        let files = picture::Files::create(prefix, &self.plan, storage)?;
-        picture::write(files, film, &self.scene, says, storage, &self.monitor)?;
-        Ok(Outputs::names(prefix))
-    }
-}
-
-impl Scene {
-    /// Reads a scene from its JSON text (docs/guide/scene-format.md). Paths are relative to the
-    /// working folder.
-    ///
-    /// # Errors
-    /// All problems of the text, each with line and column.
-    pub fn from_json(text: &str) -> Result<Self> {
-        let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
-        Ok(scene::load(source, &[])?.scene)
+        let files = picture::Files::create(prefix.as_ref(), plan, storage)?;
+        picture::write(files, film, scene, says, storage, &self.monitor)?;
+        Ok(Outputs::names(prefix.as_ref()))
     }
 }

@@ -22,14 +22,11 @@ pub mod sheet;
 mod status;
 mod sums;
 
-pub use description::{
-    Entry, Input as WrittenInput, JobFile, LimitKeys, OutputKeys, TurntableKeys,
-};
+pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
 pub use job::{Flags, Input, Job};
-pub use journal::{FrameRecord, MeshRecord, Record};
-pub use names::Pattern;
+pub use journal::Record;
 pub use outputs::{refuse_files, refuse_sheet};
-pub use plan::{Task, index, tasks};
+pub use plan::{index, tasks};
 pub use scene::predict;
 pub use status::{Event, Status};
 

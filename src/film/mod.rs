@@ -57,6 +57,7 @@ pub struct Film {
     /// The requested layers; empty for most renders.
     pub planes: Planes,
     /// Coverage that the matte layers could not hold.
+    #[doc(hidden)]
     pub dropped: Dropped,
 }
 

@@ -32,6 +32,7 @@ impl Positions {
     }
 
     /// Returns the position of vertex `i`. The conversion to `f64` is exact.
+    #[doc(hidden)]
     #[inline]
     pub fn get(&self, i: usize) -> DVec3 {
         match self {
@@ -74,6 +75,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Triangles with zero area whose three corners are different points, in file order. A scene
     /// keeps the ones that close T-junctions.
+    #[doc(hidden)]
     pub stitches: Vec<[u32; 3]>,
     /// Vertex normals as stored, of any length.
     pub normals: Option<Vec<[f32; 3]>>,
@@ -85,6 +87,7 @@ pub struct Mesh {
     /// triangles select by `texnumber`, or else the first.
     pub texture_file: Option<String>,
     /// What the reader used, ignored, split and dropped.
+    #[doc(hidden)]
     pub notes: Notes,
 }
 
@@ -147,6 +150,7 @@ impl Mesh {
     }
 
     /// Returns a flag for each vertex: true if a triangle uses it.
+    #[doc(hidden)]
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
         let used: Vec<AtomicBool> =

@@ -12,3 +12,19 @@ pub use ply::{
     ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar, TriangleCount,
     inspect as inspect_ply, read as read_ply, read_bytes as read_ply_bytes,
 };
+
+use std::path::Path;
+
+use crate::error::Result;
+
+impl Mesh {
+    /// Reads a PLY file, plain or compressed with gzip or zstd, on the threads of the current rayon
+    /// pool.
+    ///
+    /// # Errors
+    /// A file that cannot be read, that holds no triangle, or that uses a missing or non-finite
+    /// vertex.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        read_ply(path.as_ref(), ReadOptions::default())
+    }
+}

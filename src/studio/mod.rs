@@ -127,13 +127,27 @@ pub struct MeshScene {
 pub fn show(
     subject: &Subject,
     template: &Template,
-    mut user: Overrides,
+    user: Overrides,
     light_samples: Option<u32>,
     monitor: &Monitor,
 ) -> Result<MeshScene> {
+    show_mesh(subject, points::read(subject, monitor)?, template, user, light_samples)
+}
+
+/// [`show`] with a mesh in memory. The subject's path names it in messages, and says where the
+/// texture lies that it names.
+///
+/// # Errors
+/// The errors of [`show`], but for those of reading the mesh.
+pub fn show_mesh(
+    subject: &Subject,
+    mesh: Mesh,
+    template: &Template,
+    mut user: Overrides,
+    light_samples: Option<u32>,
+) -> Result<MeshScene> {
     let mut warnings = Vec::new();
-    let read = points::read(subject, monitor)?;
-    let furnished = furnish::furnish(subject, read, template, &user, &mut warnings)?;
+    let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
     // In a cut-out the ground must not cover the frame.

@@ -365,11 +365,14 @@ fn irreproducible_parts_are_refused() {
     use lightpath::film::{Film, Window};
     use lightpath::merge::{PictureFormat, PictureTile, part};
     use lightpath::output::exr;
+    use lightpath::scene::Source;
+    use std::path::Path;
 
     let scratch = scratch();
     render(&scratch, "timed", &["--crop", "0", "0", "75", "20", "--time", "0.2"]);
     refused(&merge(&scratch, &["timed.exr"], &[]), &["timed.exr", "cannot be reproduced"]);
-    let scene = lightpath::Scene::from_json(SCENE).unwrap();
+    let source = Source::Text { name: "scene", text: SCENE.as_bytes(), folder: Path::new("") };
+    let scene = lightpath::scene::load(source, &[]).unwrap().scene;
     let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
     let part = PictureTile {
         fingerprint: None,

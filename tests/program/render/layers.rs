@@ -238,10 +238,9 @@ fn the_library_writes_what_the_program_writes() {
     let text = SCENE.replace(r#""spp": 4,"#, output);
     scratch.write("s.json", &text);
     assert_eq!(render(&scratch, &["-o", "program"]).code(), 0);
-    let renderer = lightpath::Renderer::new(lightpath::Scene::from_json(&text).unwrap()).unwrap();
-    let accelerator = renderer.accelerator().unwrap();
-    let film = renderer.render(accelerator.as_ref()).unwrap();
-    renderer.write(&film, accelerator.as_ref(), &scratch.path("library")).unwrap();
+    let scene = lightpath::LoadedScene::from_json(&text, &[]).unwrap();
+    let renderer = scene.renderer().unwrap();
+    renderer.write(&renderer.render().unwrap(), scratch.path("library")).unwrap();
     assert!(scratch.read("library.png") == scratch.read("program.png"));
     let [library, mut program] =
         ["library", "program"].map(|n| part(&scratch, &format!("{n}.exr"), 0));
