@@ -117,7 +117,7 @@ impl LightBatch {
             for i in 0..LANES {
                 let cell = usize::from(self.cells[point][i]) % POINTS;
                 let waiting = self.waiting[point].0[i] != 0;
-                // A ray that does not wait is overwritten by the next one of its cell, or by another cell.
+                // Without a branch: half of the rays of a silhouette do not wait.
                 let place = usize::from(ends[cell]) % RAYS;
                 self.order[place] =
                     if waiting { (point * LANES + i) as u8 } else { self.order[place] };

@@ -4,6 +4,7 @@
 //! of the render equals the render of the crop, whatever a backend does inside a packet.
 
 mod adaptive_shadows;
+mod area_light;
 mod block;
 mod camera_packet;
 mod crevices;

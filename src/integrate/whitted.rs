@@ -4,45 +4,42 @@
 use glam::Vec3;
 
 use super::RayCounts;
-use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
 use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
-use super::light_batch::{LightBatch, POINTS, grid};
-use super::light_shafts::{LightShafts, View};
+use super::light_batch::LightBatch;
+use super::light_shafts::LightShafts;
 use super::record::Record;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
-use super::split::{LightPartSums, LightParts};
+use super::split::LightParts;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{
-    Area, Emitter, Lanes3, Light, LightWeights, Points, ShadowPoints, lane, reflect,
-};
+use crate::shading::{Area, Emitter, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect};
 use crate::world::World;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
-    world: &'a World,
-    accelerator: &'a dyn Accelerator,
-    sampler: Sampler,
-    monitor: &'a Monitor,
+    pub(super) world: &'a World,
+    pub(super) accelerator: &'a dyn Accelerator,
+    pub(super) sampler: Sampler,
+    pub(super) monitor: &'a Monitor,
     /// Light that shares the camera's sequence: see [`joint_light`](super::joint::joint_light).
     joint: Option<u32>,
     surfaces: Surfaces,
-    crevices: Crevices,
-    shafts: LightShafts,
+    pub(super) crevices: Crevices,
+    pub(super) shafts: LightShafts,
     /// Lanes whose hit is on a wall of [`Crevices`]: certain, although no test in f32 can confirm
     /// it.
     certain: Mask,
-    points: Points,
-    shadow: Rays,
-    lit: LightWeights,
-    gathered: ShadowPoints,
-    batch: LightBatch,
-    throughput: [f32; LANES],
+    pub(super) points: Points,
+    pub(super) shadow: Rays,
+    pub(super) lit: LightWeights,
+    pub(super) gathered: ShadowPoints,
+    pub(super) batch: LightBatch,
+    pub(super) throughput: [f32; LANES],
     /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
     pub radiance: Lanes3,
 }
@@ -276,195 +273,6 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Adds one area light to all lanes. Traces all of its points, or the points that
-    /// [`AdaptiveShadows`] selects.
-    #[inline(always)]
-    fn area_light<R: Record>(
-        &mut self,
-        lamp: &SampledLight,
-        area: Area,
-        slot: &CameraPacket,
-        counts: &mut RayCounts,
-        record: &mut R,
-    ) {
-        let samples = area.samples;
-        let hit = self.points.at.hit;
-        let mut sums = Sums::NONE;
-        // Rays near edges, and rays to a light in a surface, have rules of their own.
-        let view = if self.crevices.is_empty() && area.flush == 0.0 {
-            self.shafts.view(self.accelerator, &self.points.at, lamp.index, &area)
-        } else {
-            View::Unknown
-        };
-        let clear = view == View::Clear;
-        if view == View::Dark {
-            // No shadow ray is active.
-        } else if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
-            self.sparing_light::<R>((lamp, area, clear), slot, counts, &mut sums);
-        } else {
-            self.all_points::<R>((lamp, area, clear), slot, counts, &mut sums);
-        }
-        let share = 1.0 / f64::from(samples);
-        if R::ON {
-            let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp, base, throughput, &sums.split.mean(share));
-        }
-        for axis in 0..3 {
-            for i in 0..LANES {
-                let light = (sums.light[axis][i] * share) as f32;
-                let sent = light * self.points.base[axis][i] * self.throughput[i];
-                self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
-            }
-        }
-    }
-
-    /// Adds all points of an area light, in batches.
-    #[inline(always)]
-    fn all_points<R: Record>(
-        &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
-        slot: &CameraPacket,
-        counts: &mut RayCounts,
-        sums: &mut Sums,
-    ) {
-        let (world, sampler, glossy) = (self.world, self.sampler, lamp.glossy);
-        let mut number = [0; LANES];
-        for i in 0..LANES {
-            number[i] = slot.sample[i].wrapping_mul(area.samples);
-        }
-        let source = (lamp.index, lamp.bounce);
-        let squares = sampler.light_points([&slot.x, &slot.y], &number, area.samples, source);
-        let (scene, grid) = ((&*world.geometry, self.accelerator), grid(area.samples));
-        let mut left = area.samples;
-        while left > 0 && !self.monitor.stopped() {
-            self.batch.clear();
-            for k in 0..POINTS.min(left as usize) {
-                let square = squares.at(&number);
-                for i in 0..LANES {
-                    number[i] = number[i].wrapping_add(1);
-                }
-                let light = (&area.points(&square), Some(&area));
-                let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
-                let aimed =
-                    ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
-                counts.shadow += u64::from(aimed.active.count());
-                self.batch.active[k] = aimed.active;
-                self.batch.waiting[k] = aimed.active;
-                self.batch.push(&square, grid);
-                if !clear && !aimed.is_plain(&self.crevices) {
-                    self.batch.waiting[k] = Mask::NONE;
-                    let rays = &mut self.batch.rays[k];
-                    aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
-                }
-            }
-            if !clear {
-                self.batch.trace(self.accelerator);
-            }
-            for k in 0..self.batch.len() {
-                let (active, rays) = (&self.batch.active[k], &self.batch.rays[k]);
-                let mut seen = Mask::NONE;
-                for i in 0..LANES {
-                    seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
-                }
-                sums.add_lanes::<R>(lamp.light, &self.batch.lit[k], &seen);
-            }
-            left -= self.batch.len() as u32;
-        }
-    }
-
-    /// Adaptive shadows: [`AdaptiveShadows`] selects the points to trace, in several steps.
-    #[inline(always)]
-    fn sparing_light<R: Record>(
-        &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
-        slot: &CameraPacket,
-        counts: &mut RayCounts,
-        sums: &mut Sums,
-    ) {
-        let sampler = self.sampler;
-        let hit = self.points.at.hit;
-        let mut sparing = AdaptiveShadows::new(area.samples, |lane| {
-            sampler.choices(slot.pixel(lane), slot.sample[lane], lamp.index, lamp.bounce)
-        });
-        let mut part = Sums::NONE;
-        loop {
-            let step = sparing.clone();
-            let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
-            let pairs = lanes.flat_map(|lane| {
-                let step = &step;
-                let samples = (0..step.count()).filter_map(move |k| step.sample(lane, k));
-                samples.map(move |sample| (lane, sample))
-            });
-            let counts = step.traced().then_some(&mut *counts);
-            self.light_points((lamp, area, clear), slot, pairs, counts, |point| {
-                match sparing.take(&point) {
-                    Some(Sum::Whole) => sums.add::<R>(lamp, &point),
-                    Some(Sum::Part) => part.add::<R>(lamp, &point),
-                    None => {}
-                }
-            });
-            if self.monitor.stopped() || !sparing.next() {
-                break;
-            }
-        }
-        sums.add_part::<R>(&part, sparing.factor());
-    }
-
-    /// Calls `each` with the (lane, sample) pairs whose light point can contribute, in order; 16
-    /// shadow rays are traced per packet. Without `counts`, no ray is traced and all points count
-    /// as visible.
-    #[inline(always)]
-    fn light_points(
-        &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
-        slot: &CameraPacket,
-        mut pairs: impl Iterator<Item = (usize, u32)>,
-        mut counts: Option<&mut RayCounts>,
-        mut each: impl FnMut(LightPoint),
-    ) {
-        let SampledLight { index, bounce, glossy, .. } = *lamp;
-        loop {
-            let (mut from, mut samples) = ([0; LANES], [0; LANES]);
-            let (mut x, mut y, mut number) = ([0; LANES], [0; LANES], [0; LANES]);
-            let mut count = 0;
-            for (lane, sample) in pairs.by_ref().take(LANES) {
-                [x[count], y[count]] = slot.pixel(lane);
-                number[count] = slot.sample[lane].wrapping_mul(area.samples).wrapping_add(sample);
-                (from[count], samples[count]) = (lane, sample);
-                count += 1;
-            }
-            if count == 0 || self.monitor.stopped() {
-                return;
-            }
-            let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
-            let q = area.points(&square);
-            self.gathered.gather(&self.points.at, &from, count);
-            let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
-            let (world, light_points) = (self.world, (&q, Some(&area)));
-            let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);
-            let active = aimed.active;
-            if !active.any() {
-                continue;
-            }
-            if let Some(counts) = &mut counts {
-                counts.shadow += u64::from(active.count());
-                if !clear {
-                    let scene = (&*world.geometry, self.accelerator);
-                    aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
-                }
-            }
-            for j in (0..count).filter(|&j| active.0[j] != 0) {
-                each(LightPoint {
-                    lane: from[j],
-                    sample: samples[j],
-                    visible: rays.tfar[j] >= 0.0,
-                    diffuse: lit.diffuse[j],
-                    specular: lit.specular[j],
-                });
-            }
-        }
-    }
-
     /// Adds the background to the active lanes that missed.
     #[inline(always)]
     fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
@@ -502,78 +310,6 @@ impl<'a> WhittedIntegrator<'a> {
         if R::ON && self.world.ambient != Vec3::ZERO {
             record.ambient(bounce, &sent);
         }
-    }
-}
-
-/// Light of one area light, by lane, before the base colour. In f64, because there may be many
-/// points.
-struct Sums {
-    light: [[f64; LANES]; 3],
-    /// The same light, separated for the layers.
-    split: LightPartSums,
-}
-
-impl Sums {
-    const NONE: Self = Self { light: [[0.0; LANES]; 3], split: LightPartSums::NONE };
-
-    /// Adds one light point to each lane of `seen`.
-    #[inline(always)]
-    fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
-        let (d, s) = (light.diffuse, light.specular);
-        // Not a loop: the compiler would make vectors of axes instead of lanes.
-        let [x, y, z] = &mut self.light;
-        add_seen(x, (d.x, s.x), lit, seen);
-        add_seen(y, (d.y, s.y), lit, seen);
-        add_seen(z, (d.z, s.z), lit, seen);
-        if R::ON {
-            for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
-                self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
-        let LightPoint { lane, diffuse, specular, .. } = *point;
-        let light = lamp.light;
-        let sent = light.diffuse * diffuse + light.specular * specular;
-        for (sum, sent) in self.light.iter_mut().zip(sent.to_array()) {
-            sum[lane] += f64::from(sent);
-        }
-        if R::ON {
-            self.split.add(lane, light, diffuse, specular);
-        }
-    }
-
-    /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
-    /// for rounding, so results are clamped to 0.
-    #[inline(always)]
-    fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
-        if factor == 0.0 {
-            return;
-        }
-        for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
-            let whole = *sum + factor * part;
-            debug_assert!(whole >= -1e-9 * *sum, "{sum} {part} {factor}");
-            *sum = whole.max(0.0);
-        }
-        if R::ON {
-            self.split.add_part(&part.split, factor);
-        }
-    }
-}
-
-/// Adds the light that the lanes of `seen` receive along one colour axis.
-#[inline(always)]
-fn add_seen(
-    sum: &mut [f64; LANES],
-    (diffuse, specular): (f32, f32),
-    lit: &LightWeights,
-    seen: &Mask,
-) {
-    for i in 0..LANES {
-        let light = diffuse * lit.diffuse[i] + specular * lit.specular[i];
-        sum[i] += f64::from(if seen.0[i] != 0 { light } else { 0.0 });
     }
 }
 

@@ -12,6 +12,7 @@ mod bvh {
     mod contract;
     mod grid;
     mod reference;
+    mod shafts;
     mod soup;
     mod tiers;
     mod watertight;

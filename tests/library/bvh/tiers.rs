@@ -1,7 +1,7 @@
 //! One geometry, one tree per instruction set, and one answer per ray.
 
 use lightpath::accel::bvh::Bvh;
-use lightpath::accel::{Accelerator, BuildOptions};
+use lightpath::accel::{Accelerator, BuildOptions, Shaft};
 use lightpath::geometry::Geometry;
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
@@ -51,6 +51,16 @@ impl<'g> Tiers<'g> {
     /// Returns the number of instruction sets that report the cone of the active rays as empty.
     pub fn reporting_empty(&self, active: &Mask, rays: &Rays) -> usize {
         self.trees.iter().filter(|(_, tree)| tree.is_cone_empty(active, rays) == Some(true)).count()
+    }
+
+    /// Returns the number of instruction sets that report the shaft as empty.
+    pub fn reporting_empty_shaft(&self, shaft: &Shaft) -> usize {
+        self.trees.iter().filter(|(_, tree)| tree.is_shaft_empty(shaft) == Some(true)).count()
+    }
+
+    /// Returns the tree of the best instruction set.
+    pub fn last(&self) -> &dyn Accelerator {
+        &self.trees[self.trees.len() - 1].1
     }
 
     /// Returns the hits of the active rays.
