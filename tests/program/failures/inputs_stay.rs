@@ -151,11 +151,11 @@ fn contact_sheets_never_overwrite_inputs() {
 #[test]
 fn scripts_of_a_farm_never_overwrite_inputs() {
     let scratch = Scratch::new();
-    scratch.write("out/slurm/sheet.sh", PYRAMID);
-    scratch.write("job.json", r#"{ "inputs": ["out/slurm/sheet.sh"] }"#);
+    scratch.write("out/slurm/frames.sh", PYRAMID);
+    scratch.write("job.json", r#"{ "inputs": ["out/slurm/frames.sh"] }"#);
     refused(&scratch.run(&["submit", "slurm", "job.json", "-o", "out", "--dry-run"]));
-    assert_eq!(scratch.read("out/slurm/sheet.sh"), PYRAMID.as_bytes());
-    assert_eq!(program::names_in(&scratch.path("out/slurm")), ["sheet.sh"]);
+    assert_eq!(scratch.read("out/slurm/frames.sh"), PYRAMID.as_bytes());
+    assert_eq!(program::names_in(&scratch.path("out/slurm")), ["frames.sh"]);
 }
 
 #[test]
