@@ -227,7 +227,8 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
 /// let renderer = scene.renderer()?;
 ///
 /// let down = [0.0, -2.0, 0.0];
-/// let hits = renderer.closest(&[Ray::new([3.0, 6.0, 1.0], down), Ray::new([9.0, 6.0, 1.0], down)]);
+/// let rays = [Ray::new([3.0, 6.0, 1.0], down), Ray::new([9.0, 6.0, 1.0], down)];
+/// let hits = renderer.closest(&rays);
 /// assert_eq!(hits[1], None);
 /// let hit = hits[0].expect("the first ray meets the floor");
 /// assert_eq!((hit.t, hit.primitive), (3.0, 1));

@@ -1,4 +1,4 @@
-//! BenchReport page of `bench`, with charts.
+//! Page of `bench`, with charts.
 
 use crate::{
     lab::{
@@ -253,7 +253,7 @@ fn baseline(since: &BaselineComparison) -> Option<Section> {
     });
     let charts: Vec<String> = charts.collect();
     (!charts.is_empty()).then(|| Section {
-        title: format!("BaselineComparison the baseline {}", since.baseline),
+        title: format!("Since the baseline {}", since.baseline),
         findings: since
             .elsewhere
             .iter()
