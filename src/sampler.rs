@@ -114,7 +114,7 @@ impl Sampler {
         let purpose = light_purpose(light, bounce);
         let mut within = self.kind == Kind::Sobol;
         for i in 0..N {
-            within &= first[i] % SEQUENCE + count <= SEQUENCE;
+            within &= count <= SEQUENCE - first[i] % SEQUENCE;
         }
         let sets = if within { Some(self.sets(pixels, first, purpose)) } else { None };
         LightPoints { sampler: self, pixels, purpose, sets }
@@ -439,6 +439,29 @@ mod tests {
         assert_ne!(sampler.light([3, 4], 5, 0, 0), sampler.light([3, 4], 5, 1, 0));
         assert_ne!(sampler.light([3, 4], 5, 0, 0), sampler.light([3, 4], 5, 0, 1));
         assert_ne!(sampler.camera([0, 0], 1), sampler.camera([0, 0], 1 + SEQUENCE));
+    }
+
+    #[test]
+    fn prepared_light_points_are_those_of_the_set() {
+        let (x, y) = ([3, 3, 8, 900], [5, 5, 5, 0]);
+        for kind in Kind::ALL {
+            let sampler = Sampler::with_kind(kind, 4);
+            // Within one sequence, up to its end, beyond it, and as many as a light may have.
+            for count in [1, 12, 64, SEQUENCE, SEQUENCE + 1, u32::MAX - 64, u32::MAX] {
+                for start in [0, 100, SEQUENCE - 12, SEQUENCE - 11, 5 * SEQUENCE - 64] {
+                    let first = [start, start + 1, start, start + 40];
+                    let points = sampler.light_points([&x, &y], &first, count, (2, 1));
+                    for k in [0, 1, count / 2, count - 1] {
+                        let index = first.map(|first| first.wrapping_add(k));
+                        let square = points.at(&index);
+                        for i in 0..4 {
+                            let expected = sampler.light([x[i], y[i]], index[i], 2, 1);
+                            assert_eq!([square[0][i], square[1][i]], expected, "{start} {count}");
+                        }
+                    }
+                }
+            }
+        }
     }
 
     #[test]
