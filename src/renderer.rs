@@ -282,7 +282,7 @@ impl Renderer<'_> {
     /// A folder that cannot be written to; a full disk.
     pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<[PathBuf; 2]> {
         let LoadedScene { scene, plan, .. } = self.loaded;
-        let says = PictureHeader {
+        let header = PictureHeader {
             more: &[],
             info: &self.accelerator.info(),
             scene_hash: None,
@@ -293,7 +293,7 @@ impl Renderer<'_> {
         };
         let storage = Storage::default();
         let files = picture::Files::create(prefix.as_ref(), plan, storage)?;
-        picture::write(files, film, scene, says, storage, &self.monitor)?;
+        picture::write(files, film, scene, header, storage, &self.monitor)?;
         Ok(Outputs::names(prefix.as_ref()))
     }
 }
