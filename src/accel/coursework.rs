@@ -14,7 +14,7 @@
 //! - Recursion is a loop with its own stack. Nested shapes that share a corner are split off one by
 //!   one, so the tree may be as deep as there are shapes.
 //! - A hit must lie within the bounds of its shape, up to `PreparedRay::slack`. So a box test never
-//!   loses a hit (proof at `Box3::may_hit`): the trees find exactly the hits of
+//!   loses a hit (proof at `PreparedRay::may_hit`): the trees find exactly the hits of
 //!   [`Coursework::plain_loop`].
 
 use glam::{BVec3, DVec3};

@@ -75,8 +75,8 @@ impl WhittedIntegrator<'_> {
         let (scene, grid) = ((&*world.geometry, self.accelerator), grid(area.samples));
         let mut left = area.samples;
         while left > 0 && !self.monitor.stopped() {
-            self.batch.clear();
-            for k in 0..POINTS.min(left as usize) {
+            let count = POINTS.min(left as usize);
+            for k in 0..count {
                 let square = squares.at(&number);
                 for i in 0..LANES {
                     number[i] = number[i].wrapping_add(1);
@@ -87,18 +87,21 @@ impl WhittedIntegrator<'_> {
                     ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
                 counts.shadow += u64::from(aimed.active.count());
                 self.batch.active[k] = aimed.active;
-                self.batch.waiting[k] = aimed.active;
-                self.batch.push(&square, grid);
-                if !clear && !aimed.is_plain(&self.crevices) {
+                if clear {
+                    continue;
+                }
+                if aimed.is_plain(&self.crevices) {
+                    self.batch.queue(k, &square, grid);
+                } else {
                     self.batch.waiting[k] = Mask::NONE;
                     let rays = &mut self.batch.rays[k];
                     aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
                 }
             }
             if !clear {
-                self.batch.trace(self.accelerator);
+                self.batch.trace(count, self.accelerator);
             }
-            for k in 0..self.batch.len() {
+            for k in 0..count {
                 let (active, rays) = (&self.batch.active[k], &self.batch.rays[k]);
                 let mut seen = Mask::NONE;
                 for i in 0..LANES {
@@ -106,7 +109,7 @@ impl WhittedIntegrator<'_> {
                 }
                 sums.add_lanes::<R>(lamp.light, &self.batch.lit[k], &seen);
             }
-            left -= self.batch.len() as u32;
+            left -= count as u32;
         }
     }
 

@@ -22,12 +22,10 @@ pub struct LightBatch {
     pub lit: [LightWeights; POINTS],
     /// By light point: the lanes that have a ray.
     pub active: [Mask; POINTS],
-    /// By light point: the lanes whose ray is still to be traced.
+    /// By light point: the lanes whose ray [`LightBatch::trace`] traces.
     pub waiting: [Mask; POINTS],
     /// By light point: its cell, by lane.
     cells: [[u8; LANES]; POINTS],
-    /// Number of light points.
-    len: usize,
     /// Waiting rays, as point * 16 + lane, in the order of their cells.
     order: [u8; RAYS],
     packet: Rays,
@@ -41,42 +39,29 @@ impl LightBatch {
         active: [Mask::NONE; POINTS],
         waiting: [Mask::NONE; POINTS],
         cells: [[0; LANES]; POINTS],
-        len: 0,
         order: [0; RAYS],
         packet: Rays::EMPTY,
     };
 
-    /// Removes all points.
+    /// Marks the rays of a light point as waiting. `square` is the place of the light point in the
+    /// unit square, by lane. `columns` and `rows` divide the light into at most [`POINTS`] cells.
     #[inline(always)]
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// Adds the light point that the other fields hold at index [`LightBatch::len`].
-    /// `square` is its place in the unit square, by lane. `columns` and `rows` divide the light
-    /// into at most [`POINTS`] cells.
-    #[inline(always)]
-    pub fn push(&mut self, [s, t]: &[Lanes; 2], [columns, rows]: [u32; 2]) {
-        let cells = &mut self.cells[self.len % POINTS];
+    pub fn queue(&mut self, point: usize, [s, t]: &[Lanes; 2], [columns, rows]: [u32; 2]) {
+        self.waiting[point] = self.active[point];
+        let cells = &mut self.cells[point];
         for i in 0..LANES {
             let (x, y) = ((s[i] * columns as f32) as u32, (t[i] * rows as f32) as u32);
             // Each column runs against the one before it, so that the next cell is a neighbour.
             let y = if x & 1 != 0 { rows - 1 - y } else { y };
             cells[i] = (x * rows + y) as u8;
         }
-        self.len += 1;
     }
 
-    /// Number of light points.
+    /// Traces the waiting rays of the first `points` light points; `tfar` becomes -inf where a ray is
+    /// occluded.
     #[inline(always)]
-    pub fn len(&self) -> usize {
-        self.len.min(POINTS)
-    }
-
-    /// Traces the waiting rays; `tfar` becomes -inf where a ray is occluded.
-    #[inline(always)]
-    pub fn trace(&mut self, accelerator: &dyn Accelerator) {
-        let count = self.sort();
+    pub fn trace(&mut self, points: usize, accelerator: &dyn Accelerator) {
+        let count = self.sort(points.min(POINTS));
         for first in (0..count).step_by(LANES) {
             let places = &self.order[first..count.min(first + LANES)];
             let mut active = Mask::NONE;
@@ -101,9 +86,9 @@ impl LightBatch {
 
     /// Sorts the waiting rays by cell. Returns their number.
     #[inline(always)]
-    fn sort(&mut self) -> usize {
+    fn sort(&mut self, points: usize) -> usize {
         let mut ends = [0u16; POINTS];
-        for point in 0..self.len() {
+        for point in 0..points {
             for i in 0..LANES {
                 let cell = usize::from(self.cells[point][i]) % POINTS;
                 ends[cell] += u16::from(self.waiting[point].0[i] != 0);
@@ -113,7 +98,7 @@ impl LightBatch {
         for end in &mut ends {
             (*end, begin) = (begin, begin + *end);
         }
-        for point in 0..self.len() {
+        for point in 0..points {
             for i in 0..LANES {
                 let cell = usize::from(self.cells[point][i]) % POINTS;
                 let waiting = self.waiting[point].0[i] != 0;
@@ -128,8 +113,8 @@ impl LightBatch {
     }
 }
 
-/// Columns and rows that divide a light of `points` points into nearly square cells, one for each
-/// point of a batch.
+/// Columns and rows that divide a light of `points` points into nearly square cells, no more than
+/// points and no more than [`POINTS`].
 #[inline(always)]
 pub fn grid(points: u32) -> [u32; 2] {
     match points {

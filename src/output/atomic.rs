@@ -120,7 +120,7 @@ impl Part {
         self.file.as_file_mut()
     }
 
-    /// Writes all bytes and waits until it is on the disk.
+    /// Writes all bytes and waits until they are on the disk.
     ///
     /// # Errors
     /// `Retry` if the disk is full or fails.

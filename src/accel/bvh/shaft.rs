@@ -218,7 +218,9 @@ impl Frustum {
             size = max(size, max(near[axis].abs(), far[axis].abs()));
             octant |= usize::from(near[axis] < low[axis]) << axis;
         }
-        // 1.5 times `Query::box_slack`, and 6u of the light's coordinates for its rounded points.
+        // At least the slack of `Frustum::new`, 99u of the reach and 6u of the coordinates (u =
+        // 2^-24), and another 6u for the light's rounded points. Lines that leave the scene round by
+        // u of `size` at each of three steps.
         let slack = (64.0 * reach + 16.0 * size) * f32::EPSILON + 8.0 * f32::MIN_POSITIVE;
         let (forward, scene_end, start, light) = match backward {
             true => (-1.0, -lower[k], -high[k], -near[k]),

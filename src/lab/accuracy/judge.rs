@@ -1,6 +1,5 @@
 //! Traces one packet on every column and judges the answers.
 
-use crate::shading::lane;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -15,7 +14,7 @@ use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
 use crate::lab::query::trace;
 use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane};
 
 /// Largest number of crossings that are followed along a line.
 const MAX_CROSSINGS: usize = 64;

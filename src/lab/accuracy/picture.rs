@@ -1,6 +1,5 @@
 //! Draws a small picture of a geometry with a dot at each failure, coloured by its kind.
 
-use crate::shading::lane;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
@@ -11,7 +10,7 @@ use crate::error::Result;
 use crate::geometry::{Box3, Geometry, Surfaces, TriangleMesh, doubles, refine};
 use crate::lab::png;
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, lane};
 use crate::simd::Isa;
 
 /// Width and height of a picture in pixels.
