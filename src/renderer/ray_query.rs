@@ -163,8 +163,9 @@ fn pack(rays: &[Ray], origin: DVec3) -> (Mask, RayPacket) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::LoadedScene;
     use super::*;
-    use crate::{LoadedScene, Mesh, Positions};
+    use crate::mesh::{Mesh, Positions};
 
     /// A tilted square in map coordinates, whose sums with the scene's origin round.
     #[test]
