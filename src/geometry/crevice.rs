@@ -115,9 +115,15 @@ impl Crevice {
         Some(Self { point, walls, origin, is_clear })
     }
 
-    /// The first wall that a ray from the point hits before `tfar`.
-    pub fn meet(&self, direction: DVec3, tfar: f64) -> Option<WallHit> {
-        let hits = self.walls.iter().filter_map(|wall| wall.meet(self.point, direction));
+    /// The first wall for which `counts` that a ray from the point hits before `tfar`.
+    pub fn meet(
+        &self,
+        direction: DVec3,
+        tfar: f64,
+        counts: impl Fn(u32) -> bool,
+    ) -> Option<WallHit> {
+        let walls = self.walls.iter().filter(|wall| counts(wall.primitive));
+        let hits = walls.filter_map(|wall| wall.meet(self.point, direction));
         hits.filter(|hit| hit.t < tfar).min_by(|a, b| a.t.total_cmp(&b.t))
     }
 
@@ -257,15 +263,19 @@ mod tests {
                 && !crevice.leaves(1, -DVec3::X)
                 && !crevice.leaves(0, DVec3::X)
         );
-        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0).unwrap();
+        let all = |_| true;
+        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 1e-6), 1.0, all).unwrap();
         assert!(hit.primitive == 1 && (0.0..1e-10).contains(&hit.t));
-        assert!(crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY).is_none(), "off the wall");
+        assert!(
+            crevice.meet(DVec3::new(1e-9, 0.0, 1.0), f64::INFINITY, all).is_none(),
+            "off the wall"
+        );
         // From the vertex, both walls are hit.
         let crevice = at(DVec3::ZERO, [0.0; 3]).unwrap();
         for direction in [DVec3::new(-1.0, 0.5, 0.1), DVec3::new(0.5, -1.0, 0.1)] {
-            assert!(crevice.meet(direction, 1.0).is_some());
+            assert!(crevice.meet(direction, 1.0, all).is_some());
         }
-        assert!(crevice.meet(DVec3::ONE, 1.0).is_none());
+        assert!(crevice.meet(DVec3::ONE, 1.0, all).is_none());
     }
 
     #[test]
@@ -273,7 +283,7 @@ mod tests {
         let point = DVec3::new(1e-7, 0.3, 0.0);
         let crevice = at(point, [1e-7, 0.3, 1e-9]).unwrap();
         assert!(crevice.is_clear);
-        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0).unwrap();
+        let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0, |_| true).unwrap();
         assert!((hit.t - 1e-7).abs() < 1e-10);
         assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
     }

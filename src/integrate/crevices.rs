@@ -93,8 +93,9 @@ impl Crevices {
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
             let (crevice, is_grazing) = (self.get(from[i] % LANES), grazing.0[i] != 0);
             let way = direction(rays, i);
-            let hits_wall =
-                crevice.is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into()).is_some());
+            let occludes = |wall: u32| !(is_grazing && passes(wall));
+            let hits_wall = crevice
+                .is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into(), occludes).is_some());
             let is_clear = crevice.is_none_or(|crevice| crevice.is_clear) && !is_grazing;
             if is_clear && !hits_wall {
                 continue;
@@ -102,7 +103,7 @@ impl Crevices {
             rest.0[i] = 0;
             let passed = |primitive: u32| {
                 let wall = crevice.is_some_and(|crevice| crevice.leaves(primitive, way));
-                wall || (is_grazing && passes(primitive))
+                wall || !occludes(primitive)
             };
             let is_stopped = hits_wall || {
                 let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
@@ -133,7 +134,7 @@ impl Crevices {
         for (i, crevice) in self.by_lane.iter().filter(|(i, _)| active.0[*i] != 0) {
             done.0[*i] = -1;
             let way = direction(&packet.rays, *i);
-            let hit = crevice.meet(way, f64::INFINITY);
+            let hit = crevice.meet(way, f64::INFINITY, |_| true);
             // Something else may lie in front of the wall.
             packet.rays.tfar[*i] = hit.map_or(f32::INFINITY, |hit| hit.t as f32);
             let passed = |primitive| crevice.leaves(primitive, way);

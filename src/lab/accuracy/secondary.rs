@@ -249,13 +249,18 @@ fn flush(side: Side, what: &str) -> Case {
     })
 }
 
-/// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling.
+/// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling, also
+/// to the wall's diagonal: a rotated quad is not flat, and there it has an inner or an outer edge.
 fn at_room(random: &mut Random, place: &Place) -> RayPacket {
     let from = place.at(random.cube() * 0.5);
     towards(|| {
         let (x, y) = (random.within(-1.9, 1.9), random.within(-1.9, 1.9));
-        let goal = match random.below(2) {
+        let goal = match random.below(3) {
             0 => DVec3::new(x, y, -1.0),
+            1 => {
+                let below = 10f64.powf(random.within(-2.5, 0.2));
+                DVec3::new(2.0, 2.0 * below - 2.0, 1.0 - below)
+            }
             // At least 0.003 below the light's plane.
             _ => DVec3::new(2.0, y, 1.0 - 10f64.powf(random.within(-2.5, 0.2))),
         };
