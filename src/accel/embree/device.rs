@@ -189,13 +189,23 @@ impl Device {
 
     /// Name of the instruction set that Embree uses on this processor.
     pub fn isa(&self) -> &'static str {
-        if self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0 {
+        if self.has_packets_of_16() {
             "AVX-512"
-        } else if self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0 {
+        } else if self.has_packets_of_8() {
             "AVX/AVX2"
         } else {
             "SSE"
         }
+    }
+
+    /// Whether Embree has kernels for packets of 8 rays.
+    pub fn has_packets_of_8(&self) -> bool {
+        self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0
+    }
+
+    /// Whether Embree has kernels for packets of 16 rays.
+    pub fn has_packets_of_16(&self) -> bool {
+        self.property(ffi::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0
     }
 
     fn property(&self, property: Enum) -> isize {

@@ -11,6 +11,7 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::mem::{align_of, offset_of, size_of};
 
+use super::packet8::{Hits8, Mask8, RayPacket8, Rays8};
 use crate::ray::{Hits, Mask, RayPacket, Rays};
 
 /// A C enumeration or a set of flags (4 bytes).
@@ -249,8 +250,10 @@ api! {
     set_intersect_function = "rtcSetGeometryIntersectFunction": fn(Geometry, Option<UserFunction>);
     set_occluded_function = "rtcSetGeometryOccludedFunction": fn(Geometry, Option<UserFunction>);
     intersect1 = "rtcIntersect1": fn(Scene, *mut RayHit, *mut QueryArguments);
+    intersect8 = "rtcIntersect8": fn(*const Mask8, Scene, *mut RayPacket8, *mut QueryArguments);
     intersect16 = "rtcIntersect16": fn(*const Mask, Scene, *mut RayPacket, *mut QueryArguments);
     occluded1 = "rtcOccluded1": fn(Scene, *mut Ray, *mut QueryArguments);
+    occluded8 = "rtcOccluded8": fn(*const Mask8, Scene, *mut Rays8, *mut QueryArguments);
     occluded16 = "rtcOccluded16": fn(*const Mask, Scene, *mut Rays, *mut QueryArguments);
     point_query = "rtcPointQuery": fn(
         Scene, *mut PointQuery, *mut PointQueryContext, Option<PointQueryFunction>, *mut c_void
@@ -295,6 +298,15 @@ pub const LAYOUTS: &[Layout] = layouts! {
         "Ng_x" ng, "u" u, "v" v, "primID" prim, "geomID" geom, "instID" instance,
         "instPrimID" instance_prim
     }
+    "RTCRay8" Rays8 {
+        "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask,
+        "id" leaving, "flags" flags
+    }
+    "RTCRayHit8" RayPacket8 { "hit" hits }
+    "RTCHit8" Hits8 {
+        "Ng_x" ng, "u" u, "v" v, "primID" prim, "geomID" geom, "instID" instance,
+        "instPrimID" instance_prim
+    }
     "RTCBounds" Bounds { "lower_x" lower, "upper_x" upper }
     "RTCIntersectArguments" QueryArguments {
         "flags" flags, "feature_mask" feature_mask, "context" context, "filter" filter,
@@ -331,6 +343,8 @@ const _: () = {
     assert!(size_of::<Rays>() == 768 && size_of::<RayPacket>() == 1344);
     assert!(align_of::<Rays>() == 64 && align_of::<RayPacket>() == 64 && align_of::<Mask>() == 64);
     assert!(offset_of!(RayPacket, hits) == 768 && offset_of!(Rays, leaving) == 640);
+    assert!(size_of::<Rays8>() == 384 && size_of::<RayPacket8>() == 672);
+    assert!(align_of::<RayPacket8>() == 32 && align_of::<Mask8>() == 32);
     assert!(size_of::<Bounds>() == 32 && size_of::<QueryArguments>() == 32);
     assert!(offset_of!(QueryContext, bases) == 8);
     assert!(size_of::<PointQuery>() == 32 && size_of::<PointQueryContext>() == 144);

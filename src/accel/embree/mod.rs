@@ -7,6 +7,7 @@ mod ffi;
 mod filter;
 mod fixed;
 mod near;
+mod packet8;
 mod retrace;
 mod scene;
 mod sphere;
@@ -31,6 +32,8 @@ const SINGLE_BELOW: u32 = 4;
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
     truth: HitValidator<'g>,
+    /// Whether packets are traced as two packets of 8.
+    halves: bool,
 }
 
 impl<'g> Embree<'g> {
@@ -45,8 +48,9 @@ impl<'g> Embree<'g> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
+        let halves = device.has_packets_of_8() && !device.has_packets_of_16();
         let scene = scene::Scene::build(device, geometry, mode, monitor)?;
-        Ok(Self { scene, truth: HitValidator::new(geometry) })
+        Ok(Self { scene, truth: HitValidator::new(geometry), halves })
     }
 
     /// Runs `query` with Embree's arguments for this coherence and filter.
@@ -92,9 +96,14 @@ impl<'g> Embree<'g> {
     ) {
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
+            let api = self.scene.api();
             // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
-                (self.scene.api().occluded16)(active, scene, rays, args);
+                if self.halves {
+                    packet8::occluded(api, scene, active, rays, args);
+                } else {
+                    (api.occluded16)(active, scene, rays, args);
+                }
             });
         }
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
@@ -182,9 +191,14 @@ impl Accelerator for Embree<'_> {
         let filter = leaving.then_some(Filter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
+            let api = self.scene.api();
             // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
             return self.query(coherence, filter, |args| unsafe {
-                (self.scene.api().intersect16)(active, scene, packet, args);
+                if self.halves {
+                    packet8::intersect(api, scene, active, packet, args);
+                } else {
+                    (api.intersect16)(active, scene, packet, args);
+                }
             });
         }
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
