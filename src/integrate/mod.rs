@@ -16,11 +16,13 @@ mod noise;
 mod passes;
 mod pipeline;
 mod plan;
+mod plate;
 mod quarters;
 mod record;
 mod sampled_light;
 mod shadows;
 mod split;
+mod sums;
 mod whitted;
 
 use std::ops::Range;
@@ -28,7 +30,7 @@ use std::ops::Range;
 use crate::accel::Accelerator;
 use crate::film::{Dropped, Window};
 use crate::monitor::Monitor;
-use crate::ray::{LANES, Mask};
+use crate::ray::LANES;
 use crate::simd::Kernel;
 use crate::world::World;
 
@@ -194,8 +196,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             sums.clear();
             self.record.begin();
         }
-        let hit = cast.run(slot, counts, &mut self.record);
-        let alpha = alpha(&hit, world.transparent);
+        let alpha = cast.run(slot, counts, &mut self.record);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
         if world.spp == 1 && !self.record.has_words() {
             // Each lane is one pixel.
@@ -287,15 +288,6 @@ pub fn limit(world: &World, window: Window) -> [u32; 2] {
         if window.x0 < right { right } else { width },
         if window.y0 < bottom { bottom } else { height },
     ]
-}
-
-#[inline(always)]
-fn alpha(hit: &Mask, transparent: bool) -> [f32; LANES] {
-    let mut alpha = [1.0; LANES];
-    for i in 0..LANES {
-        alpha[i] = if transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
-    }
-    alpha
 }
 
 /// Corners of the blocks that overlap the window, in Z-order over the window's tile.

@@ -18,7 +18,7 @@ use super::pipeline::{ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
 use super::whitted::WhittedIntegrator;
-use super::{RayCounts, RenderContext, alpha, limit, morton};
+use super::{RayCounts, RenderContext, limit, morton};
 
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
 pub const MIN_PASS_SAMPLES: u32 = LANES as u32;
@@ -193,12 +193,8 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let units = todo.into_iter().flat_map(|(corner, samples)| {
             samples.step_by(MIN_PASS_SAMPLES as usize).map(move |first| (corner, first))
         });
-        let mut pass = Pass {
-            passes: self.passes,
-            record: self.record,
-            transparent: self.integrator.world.transparent,
-            sums: BlockSums::new(&pattern, 4, 0),
-        };
+        let mut pass =
+            Pass { passes: self.passes, record: self.record, sums: BlockSums::new(&pattern, 4, 0) };
         pipeline(self.integrator, &pattern, &ALL, limit, units, &mut pass)
     }
 }
@@ -206,7 +202,6 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
 struct Pass<'p, R: Record> {
     passes: &'p mut Passes<R::Held>,
     record: &'p mut R,
-    transparent: bool,
     /// Sums of the current pixel over this pass.
     sums: BlockSums,
 }
@@ -230,8 +225,7 @@ impl<R: Record> ShadePacket for Pass<'_, R> {
             self.sums.clear();
             tally.half = [0.0; 4];
         }
-        let hit = cast.run(slot, counts, self.record);
-        let alpha = alpha(&hit, self.transparent);
+        let alpha = cast.run(slot, counts, self.record);
         if R::ON {
             self.record.packet(slot, &ALL, &cast.radiance);
         }

@@ -38,6 +38,8 @@ pub trait Record {
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
     /// Records background radiance, by lane.
     fn background(&mut self, bounce: u32, sent: &Lanes3);
+    /// Records the share of the light on shadow catchers that shadows of a light take, by lane.
+    fn caught(&mut self, light: usize, taken: &Lanes);
     /// Ends the packet and adds its samples within `samples`.
     fn packet(&mut self, slot: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3);
     /// Writes the words of one pixel of the block, with `n` samples, into a row at pixel `column`.
@@ -69,6 +71,7 @@ impl Record for Beauty<'_> {
     fn light(&mut self, _: &SampledLight, _: &Lanes3, _: &Lanes, _: &LightParts) {}
     fn ambient(&mut self, _: u32, _: &Lanes3) {}
     fn background(&mut self, _: u32, _: &Lanes3) {}
+    fn caught(&mut self, _: usize, _: &Lanes) {}
     fn packet(&mut self, _: &CameraPacket, _: &Range<u32>, _: &Lanes3) {}
 
     fn write(&mut self, pixel: usize, _: u32, beauty: &BlockSums, column: usize, row: &mut [u32]) {
@@ -365,6 +368,12 @@ impl Record for Layers<'_> {
         let plan = self.plan;
         self.add3(if bounce == 0 { plan.background } else { plan.reflection }, sent);
         self.add3(plan.light_background, sent);
+    }
+
+    fn caught(&mut self, light: usize, taken: &Lanes) {
+        if let Some(channel) = self.plan.caught[light] {
+            self.add(channel, taken);
+        }
     }
 
     #[inline(always)]

@@ -50,6 +50,8 @@ pub struct LayerPlan {
     pub light_background: Option<usize>,
     /// For each light, the channel of its group's visibility and the light's share of the group.
     pub shadows: Vec<Option<(usize, f32)>>,
+    /// For each light, the channel of what its group's shadows take from catchers.
+    pub caught: Vec<Option<usize>>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
 }
@@ -66,7 +68,11 @@ impl LayerPlan {
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
             let first = Some(plan.recipe.channels.len());
-            plan.add(&layer.name(groups), suffixes(layer), kind(layer));
+            let suffixes = match layer {
+                Layer::Shadow(_) if scene.has_catchers() => &["Y", "A"],
+                layer => suffixes(layer),
+            };
+            plan.add(&layer.name(groups), suffixes, kind(layer));
             match layer {
                 Layer::Normal => plan.normal = first,
                 Layer::GeometricNormal => plan.geometric_normal = first,
@@ -89,6 +95,8 @@ impl LayerPlan {
         let members = |group: usize| groups.of.iter().filter(|&&g| g == group).count();
         let shares = groups.of.iter().map(|&g| Some((shadow[g]?, 1.0 / members(g) as f32)));
         plan.shadows = shares.collect();
+        let caught = groups.of.iter().map(|&g| Some(shadow[g]? + 1));
+        plan.caught = caught.filter(|_| scene.has_catchers()).collect();
         for layer in others {
             let first = Some(plan.recipe.channels.len());
             match layer {

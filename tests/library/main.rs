@@ -52,6 +52,7 @@ mod pictures {
     mod closed_forms;
     mod layers;
     mod noise_bias;
+    mod plate;
     mod sampling;
     mod sky;
     mod texture_coordinates;

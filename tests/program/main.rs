@@ -69,6 +69,7 @@ mod render {
     mod map_coordinates;
     mod memory;
     mod mesh_alone;
+    mod plate;
     mod tiers;
 }
 

@@ -4,6 +4,7 @@ pub mod args;
 pub mod layers;
 mod options;
 pub mod part;
+mod plate;
 pub mod progress;
 mod sampling;
 mod stats;
@@ -74,6 +75,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
     job.warnings.extend(options.warning());
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
+    let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     // No signal handler before this point: a signal ends the program at once, and no file exists
     // yet.
@@ -241,11 +243,13 @@ impl Run<'_> {
             options.part.attribute(options.storage, scene, info, hash)?.into_iter().collect();
         more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(options.adaptive.as_ref(), scene);
+        let behind = options.plate.as_ref().map(|plate| plate.pixels(film.window));
         let says = PictureHeader {
             more: &more,
             info,
             scene_hash: hash,
             spp: Some(&spp),
+            over: behind.as_deref(),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,
