@@ -240,6 +240,15 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     if plan.recipe.depth.is_some() {
         add("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
     }
+    if plan.recipe.distance.is_some() {
+        add(
+            "distance",
+            "from the origin of the camera ray; 1e30 where nothing is hit; nearest sample",
+        );
+    }
+    if plan.camera_normal.is_some() {
+        add("Ncam", "camera space: x right, y up, z to the viewer");
+    }
     if plan.recipe.position.is_some() {
         add("P", "world space; 0 where nothing is hit; nearest sample");
     }

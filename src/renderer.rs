@@ -175,8 +175,8 @@ impl LoadedScene {
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
             let name = Some(name.to_string());
-            let (visible, role) = Default::default();
-            scene.shapes.push(Shape { name, material: index, kind, visible, role });
+            let (visible, role, semantic) = Default::default();
+            scene.shapes.push(Shape { name, material: index, kind, visible, role, semantic });
             ready.push((path, mesh));
         }
         Self::with_ready(scene, ready, warnings)

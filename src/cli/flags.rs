@@ -70,9 +70,9 @@ pub struct SceneArgs {
     #[arg(long)]
     pub transparent: bool,
 
-    /// Layers of the EXR: Z, P, N, Ng, albedo, uv, diffuse, specular, ambient, reflection,
-    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte...
-    /// or all
+    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, diffuse, specular,
+    /// ambient, reflection, background, light_GROUP, shadow_GROUP, variance, samples, primid,
+    /// objectid, cryptomatte... or all
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 

@@ -10,6 +10,7 @@ mod camera_packet;
 mod crevices;
 mod empty_blocks;
 mod joint;
+mod layers;
 mod light_batch;
 mod light_shafts;
 mod noise;
@@ -37,10 +38,11 @@ use crate::world::World;
 use self::block::{BlockSums, Values};
 pub use self::camera_packet::Pattern;
 pub use self::crevices::Crevices;
+pub use self::layers::Layers;
 pub use self::noise::{Goal, PixelSamples, Relative, rate};
 pub use self::passes::{MIN_PASS_SAMPLES, PassKernel, Passes};
 use self::pipeline::{ShadePacket, pipeline};
-pub use self::record::{Beauty, Layers, Record};
+pub use self::record::{Beauty, Record};
 pub use self::shadows::{OWN_LANES, ShadowRays};
 use self::whitted::WhittedIntegrator;
 
@@ -228,7 +230,9 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         for row in y.max(w.y0)..(y + height).min(w.y1) {
             for column in x.max(w.x0)..(x + width).min(w.x1) {
                 let pixel = ((row - y) * width + column - x) as usize;
-                let words = &mut self.words[(row - w.y0) as usize];
+                // Without channels there are no rows.
+                let words = self.words.get_mut((row - w.y0) as usize);
+                let words: &mut [u32] = words.map_or(&mut [], |words| words);
                 self.record.write(pixel, n, beauty, (column - w.x0) as usize, words);
             }
         }

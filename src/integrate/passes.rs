@@ -153,7 +153,9 @@ impl<H> Passes<H> {
                 rows[row][column] = sum.map(|sum| (sum / f64::from(taken)) as f32);
                 if record.has_words() {
                     record.exchange(&mut self.held[index]);
-                    record.write(0, taken, &none, column, words[row]);
+                    // Without channels there are no rows.
+                    let words = words.get_mut(row).map_or(&mut [][..], |words| words);
+                    record.write(0, taken, &none, column, words);
                     record.exchange(&mut self.held[index]);
                 }
             }

@@ -1,14 +1,18 @@
 //! The layers of a scene: their channels in addition to the beauty, and their positions in the
 //! words of a pixel.
 
+mod faces;
 mod mattes;
 mod names;
 mod raw;
 mod recipe;
 
+pub use self::faces::FaceCounts;
 pub use self::mattes::Mattes;
 pub use self::raw::{BEAUTY, Pixel, RawLayout};
 pub use self::recipe::{MatteLayout, NearestHit, PixelLayout, count};
+
+use std::sync::Arc;
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
@@ -28,6 +32,10 @@ pub struct LayerPlan {
     pub normal: Option<usize>,
     /// Geometric normal: 3 channels.
     pub geometric_normal: Option<usize>,
+    /// Shading normal in camera space: 3 channels.
+    pub camera_normal: Option<usize>,
+    /// Facing ratio: 1 channel.
+    pub facing: Option<usize>,
     /// Base colour: 3 channels.
     pub albedo: Option<usize>,
     /// Texture coordinates, and whether there are any: 3 channels.
@@ -54,6 +62,8 @@ pub struct LayerPlan {
     pub caught: Vec<Option<usize>>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
+    /// Counts of the faces that the camera sees. They are no channels.
+    pub faces: Option<Arc<FaceCounts>>,
 }
 
 impl LayerPlan {
@@ -76,6 +86,8 @@ impl LayerPlan {
             match layer {
                 Layer::Normal => plan.normal = first,
                 Layer::GeometricNormal => plan.geometric_normal = first,
+                Layer::CameraNormal => plan.camera_normal = first,
+                Layer::Facing => plan.facing = first,
                 Layer::Albedo => plan.albedo = first,
                 Layer::Uv => plan.uv = first,
                 Layer::Diffuse => plan.diffuse = first,
@@ -103,6 +115,7 @@ impl LayerPlan {
                 Layer::CryptoObject => plan.mattes.push(Mattes::objects(scene)),
                 Layer::CryptoMaterial => plan.mattes.push(Mattes::materials(scene)),
                 Layer::Depth => plan.recipe.depth = first,
+                Layer::Distance => plan.recipe.distance = first,
                 Layer::Position => plan.recipe.position = first,
                 Layer::Primitive => plan.recipe.primitive = first,
                 Layer::Object => plan.recipe.object = first,
@@ -124,9 +137,9 @@ impl LayerPlan {
         plan
     }
 
-    /// Returns true if there is no layer in addition to the beauty.
+    /// Returns true if there is nothing to record in addition to the beauty.
     pub fn is_empty(&self) -> bool {
-        self.recipe.channels.is_empty()
+        self.recipe.channels.is_empty() && self.faces.is_none()
     }
 
     fn add(&mut self, layer: &str, suffixes: &[&str], kind: ChannelKind) {
@@ -147,10 +160,12 @@ fn is_mean(layer: Layer) -> bool {
 
 fn suffixes(layer: Layer) -> &'static [&'static str] {
     match layer {
-        Layer::Position | Layer::Normal | Layer::GeometricNormal => &["X", "Y", "Z"],
+        Layer::Position | Layer::Normal | Layer::GeometricNormal | Layer::CameraNormal => {
+            &["X", "Y", "Z"]
+        }
         // The order and the third channel follow the UV pass of Blender.
         Layer::Uv => &["U", "V", "A"],
-        Layer::Shadow(_) | Layer::Samples => &["Y"],
+        Layer::Shadow(_) | Layer::Samples | Layer::Distance | Layer::Facing => &["Y"],
         Layer::Primitive | Layer::Object => &["id"],
         _ => &["R", "G", "B"],
     }
@@ -159,7 +174,8 @@ fn suffixes(layer: Layer) -> &'static [&'static str] {
 fn kind(layer: Layer) -> ChannelKind {
     match layer {
         Layer::Primitive | Layer::Object => ChannelKind::Uint,
-        Layer::Position | Layer::Uv | Layer::Variance | Layer::Samples => ChannelKind::Float,
+        Layer::Distance | Layer::Position | Layer::Uv => ChannelKind::Float,
+        Layer::Variance | Layer::Samples => ChannelKind::Float,
         _ => ChannelKind::Half,
     }
 }

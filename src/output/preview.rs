@@ -30,9 +30,9 @@ enum Mapping {
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
     let mapping = match layer {
-        "Z" => Mapping::Depth,
+        "Z" | "distance" => Mapping::Depth,
         "P" => Mapping::Range,
-        "N" | "Ng" => Mapping::Direction,
+        "N" | "Ng" | "Ncam" => Mapping::Direction,
         "uv" => Mapping::Coordinates,
         "variance" | "samples" => Mapping::Relative,
         _ if layer.starts_with("Crypto") => Mapping::Number,

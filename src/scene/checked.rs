@@ -164,6 +164,8 @@ pub struct Shape {
     pub visible: Visible,
     /// What camera rays return that hit it.
     pub role: Role,
+    /// Class in the picture of semantic ids; 0 for none.
+    pub semantic: u16,
 }
 
 /// What camera rays return that hit a shape.

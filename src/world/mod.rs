@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::camera::Camera;
+use crate::camera::{self, Camera};
 use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
 use crate::mesh::{self, Mesh};
@@ -83,6 +83,8 @@ pub struct World {
     pub lights: Vec<Light>,
     /// The camera, relative to the origin.
     pub camera: Camera,
+    /// Rows of the rotation to camera space: x right, y up, z to the viewer.
+    pub camera_axes: [Vec3; 3],
     /// Width and height of the area that can be rendered: the camera's frame and its overscan.
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
@@ -204,8 +206,10 @@ impl World {
     /// Creates the world around existing geometry and shapes.
     fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, chosen: Origin, scene: &Scene) -> Self {
         let origin = chosen.position;
+        let [right, up, forward] = camera::axes(&scene.camera);
         Self {
             shapes,
+            camera_axes: [right, up, -forward].map(|axis| axis.as_vec3()),
             lights: scene.lights.iter().map(|light| recentre(light, &geometry)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],

@@ -50,6 +50,7 @@ mod output {
 
 mod pictures {
     mod closed_forms;
+    mod data_layers;
     mod layers;
     mod noise_bias;
     mod plate;

@@ -63,6 +63,7 @@ mod render {
     mod adaptive;
     mod command;
     mod cryptomatte;
+    mod dataset;
     mod determinism;
     mod exr_inputs;
     mod layers;

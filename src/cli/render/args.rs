@@ -19,7 +19,7 @@ use crate::{
     units::parse_rate,
 };
 
-use super::{part::SplitArgs, plate::OverArgs};
+use super::{dataset::DatasetArgs, part::SplitArgs, plate::OverArgs};
 
 /// Arguments of `lightpath render`.
 #[derive(Debug, Args)]
@@ -146,6 +146,9 @@ pub struct FileArgs {
 
     #[command(flatten)]
     pub plate: OverArgs,
+
+    #[command(flatten)]
+    pub dataset: DatasetArgs,
 
     #[command(flatten)]
     pub prefix: PrefixArgs,

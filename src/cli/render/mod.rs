@@ -1,6 +1,7 @@
 //! `lightpath render`: runs the stages of the data flow in order and times each.
 
 pub mod args;
+mod dataset;
 pub mod layers;
 mod options;
 pub mod part;
@@ -17,6 +18,7 @@ use crate::{
     accel::{self, BuildInfo, BuildOptions},
     error::{Problem, Result},
     film::{Film, ReservedFilm},
+    layers::LayerPlan,
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
@@ -49,6 +51,7 @@ const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
 struct Files {
     picture: picture::Files,
     previews: Vec<(String, Part)>,
+    dataset: dataset::DatasetFiles,
     /// Files of `--stats` and `--write-scene`.
     texts: TextOutputs,
 }
@@ -59,6 +62,7 @@ impl Files {
         Ok(Self {
             picture: picture::Files::create(prefix, plan, *storage)?,
             previews: layers::open_previews(previews.clone())?,
+            dataset: options.dataset.create()?,
             texts: options.text_files().create()?,
         })
     }
@@ -114,7 +118,7 @@ impl Run<'_> {
     ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let (plan, part) = (&self.options.plan, &self.options.part);
+        let part = &self.options.part;
         let frame = [scene.camera.width, scene.camera.height];
         let blank = ReservedFilm::new(frame, part.window, part.channels())?;
         let budget = self.options.budget.as_ref();
@@ -161,6 +165,7 @@ impl Run<'_> {
         film.overscan = world.overscan;
         let built = self.start.elapsed().as_secs_f64();
 
+        let plan = &self.options.dataset.plan(&self.options.plan, &world)?;
         let accelerator = accelerator.as_ref();
         let (film, monitor) = (&mut film, self.monitor);
         let (counts, taken) = match (self.options.adaptive, &part.raw) {
@@ -205,7 +210,9 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) = self.write(files, film, &info, hash.as_deref(), &mut stats)?;
+        let seen = (plan, &world);
+        let (paths, oddities) =
+            self.write(files, (film, seen), &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -232,7 +239,7 @@ impl Run<'_> {
     fn write(
         &self,
         files: Files,
-        film: &Film,
+        (film, (plan, world)): (&Film, (&LayerPlan, &World)),
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
@@ -254,8 +261,10 @@ impl Run<'_> {
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,
         };
-        let Files { mut picture, previews, mut texts } = files;
-        let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let Files { mut picture, previews, dataset, mut texts } = files;
+        let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let seen = (plan, world, scene);
+        previews.extend(dataset.write(film, seen, |part| picture.add(part))?);
         let (mut paths, oddities) =
             picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
         self.warn(&picture::oddity_warnings(&oddities));

@@ -129,6 +129,12 @@ impl PicturePart {
                 ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
                 ("--crypto-sidecar", args.files.prefix.crypto_sidecar, for_merge),
                 (
+                    "--visible-faces",
+                    args.files.dataset.visible_faces.is_some(),
+                    "the samples of a part are not all: render the picture at once",
+                ),
+                ("--png-ids", args.files.dataset.png_ids, "render the picture at once"),
+                (
                     "--over",
                     args.files.plate.over.is_some(),
                     "the plate is as large as the frame: put the merged EXR over it",
@@ -148,6 +154,10 @@ impl PicturePart {
         if overscan > 0 && args.files.plate.over.is_some() {
             let message = "found with --overscan, expected a picture of the frame alone";
             return Err(Error::invalid("--over", message));
+        }
+        if args.files.dataset.visible_faces.is_some() && args.sampling.time.is_some() {
+            let message = "found with --time, which would hold every sample of every pixel";
+            return Err(Error::invalid("--visible-faces", message).help("use --noise or --spp"));
         }
         Ok(piece)
     }

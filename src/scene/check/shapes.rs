@@ -26,7 +26,9 @@ impl Check<'_, '_> {
             let name = self.name(&format!("{pointer}/name"), shape.common().0);
             let kind = self.shape_kind(&pointer, &shape);
             let (visible, role) = self.plate(&pointer, &shape);
-            shapes.extend(material.map(|material| Shape { name, material, kind, visible, role }));
+            let semantic = shape.semantic();
+            let shape = |material| Shape { name, material, kind, visible, role, semantic };
+            shapes.extend(material.map(shape));
         }
         shapes
     }

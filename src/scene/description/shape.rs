@@ -40,6 +40,16 @@ impl Shape {
         }
     }
 
+    /// Returns the class of the shape.
+    pub fn semantic(&self) -> u16 {
+        match self {
+            Self::Sphere(s) => s.semantic,
+            Self::Plane(s) => s.semantic,
+            Self::Triangle(s) => s.semantic,
+            Self::TriMesh(s) => s.semantic,
+        }
+    }
+
     /// Returns mutable references to the path of the mesh, if it is one, and to the material.
     pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
@@ -68,6 +78,10 @@ pub struct Sphere {
     /// light that shadows take.
     #[serde(default)]
     pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// World position of the centre.
     pub center: Point,
     /// Radius in world units.
@@ -108,6 +122,10 @@ pub struct Plane {
     /// light that shadows take.
     #[serde(default)]
     pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -135,6 +153,10 @@ pub struct Triangle {
     /// light that shadows take.
     #[serde(default)]
     pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -160,6 +182,10 @@ pub struct TriMesh {
     /// light that shadows take.
     #[serde(default)]
     pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
