@@ -101,16 +101,16 @@ impl DatasetPaths {
         Ok(DatasetFiles { faces, ids })
     }
 
-    /// Returns the plan of layers that also counts faces, if they are written.
+    /// Returns the plan of layers that also counts faces; `None` if they are not written.
     ///
     /// # Errors
     /// `Retry` if there is too little memory.
-    pub fn plan(&self, plan: &LayerPlan, world: &World) -> Result<LayerPlan> {
-        let faces = match &self.faces {
-            Some(_) => Some(Arc::new(FaceCounts::new(world.geometry.count())?)),
-            None => None,
-        };
-        Ok(LayerPlan { faces, ..plan.clone() })
+    pub fn counting_plan(&self, plan: &LayerPlan, world: &World) -> Result<Option<LayerPlan>> {
+        if self.faces.is_none() {
+            return Ok(None);
+        }
+        let faces = Some(Arc::new(FaceCounts::new(world.geometry.count())?));
+        Ok(Some(LayerPlan { faces, ..plan.clone() }))
     }
 }
 

@@ -15,7 +15,7 @@ use std::{path::PathBuf, sync::Arc, time::Instant};
 use serde_json::json;
 
 use crate::{
-    accel::{self, BuildInfo, BuildOptions},
+    accel::{self, Accelerator, BuildInfo, BuildOptions},
     error::{Problem, Result},
     film::{Film, ReservedFilm},
     layers::LayerPlan,
@@ -24,7 +24,7 @@ use crate::{
     monitor::Monitor,
     output::{ValueCounts, atomic::Part},
     picture::{self, PictureHeader},
-    render as renderer,
+    render::{self as renderer, RayCounts, SampleCounts},
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -147,7 +147,6 @@ impl Run<'_> {
         let loaded = self.start.elapsed().as_secs_f64();
 
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
-        let isa = scene.backend.isa();
         if budget.is_none() {
             let film = memory::film_bytes(part.window, part.channels().len());
             memory::ensure_build_fits(scene.backend, self.threads, world.primitives(), film)?;
@@ -165,32 +164,12 @@ impl Run<'_> {
         film.overscan = world.overscan;
         let built = self.start.elapsed().as_secs_f64();
 
-        let plan = &self.options.dataset.plan(&self.options.plan, &world)?;
-        let accelerator = accelerator.as_ref();
-        let (film, monitor) = (&mut film, self.monitor);
-        let (counts, taken) = match (self.options.adaptive, &part.raw) {
-            (Some(adaptive), _) => {
-                world.spp = adaptive.most;
-                let (counts, taken) = renderer::render_adaptive(
-                    &world,
-                    accelerator,
-                    isa,
-                    film,
-                    plan,
-                    adaptive,
-                    monitor,
-                )?;
-                (counts, Some(taken))
-            }
-            (None, None) => {
-                (renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?, None)
-            }
-            (None, Some(raw)) => {
-                let counts =
-                    renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?;
-                (counts, None)
-            }
-        };
+        let counting = self.options.dataset.counting_plan(&self.options.plan, &world)?;
+        let plan = counting.as_ref().unwrap_or(&self.options.plan);
+        if let Some(most) = self.options.adaptive.map(|adaptive| adaptive.most) {
+            world.spp = most;
+        }
+        let (counts, taken) = self.trace(&world, accelerator.as_ref(), &mut film, plan)?;
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -212,8 +191,31 @@ impl Run<'_> {
         };
         let seen = (plan, &world);
         let (paths, oddities) =
-            self.write(files, (film, seen), &info, hash.as_deref(), &mut stats)?;
+            self.write(files, (&film, seen), &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
+    }
+
+    /// Renders the film. Also returns the numbers of samples, if pixels may differ in them.
+    fn trace(
+        &self,
+        world: &World,
+        accelerator: &dyn Accelerator,
+        film: &mut Film,
+        plan: &LayerPlan,
+    ) -> Result<(RayCounts, Option<SampleCounts>)> {
+        let (isa, monitor) = (self.job.loaded.scene.backend.isa(), self.monitor);
+        if let Some(adaptive) = self.options.adaptive {
+            let (counts, taken) =
+                renderer::render_adaptive(world, accelerator, isa, film, plan, adaptive, monitor)?;
+            return Ok((counts, Some(taken)));
+        }
+        let counts = match &self.options.part.raw {
+            None => renderer::render_layers(world, accelerator, isa, film, plan, monitor)?,
+            Some(raw) => {
+                renderer::render_samples(world, accelerator, isa, film, plan, raw, monitor)?
+            }
+        };
+        Ok((counts, None))
     }
 
     /// Returns the statistics that are known before the first ray.
