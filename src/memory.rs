@@ -50,6 +50,10 @@ pub struct Prediction {
     pub peak_bytes: u64,
     /// Number of triangles in all shapes (a plane counts as two), and of spheres.
     pub primitives: u64,
+    /// Number of primitives in all accelerators. Each distinct set of shapes that a kind of ray
+    /// can hit has one.
+    #[serde(skip)]
+    pub accelerated: u64,
 }
 
 /// The sizes that a mesh header declares, if the size of the file allows them.
@@ -115,22 +119,25 @@ pub fn film_bytes(window: Window, words: usize) -> u64 {
 pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
     let mut problems = Vec::new();
-    for shape in &scene.shapes {
-        match &shape.kind {
+    for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
+        let primitives = match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
                 let promise = promise(&mesh.path).unwrap_or_else(|error| {
                     problems.extend(error.problems);
                     Default::default()
                 });
-                sum.primitives = sum.primitives.saturating_add(promise.triangles);
                 let normals =
                     if mesh.smooth != Smooth::Off { promise.missing_normal_bytes } else { 0 };
                 let bytes = promise.array_bytes.saturating_add(normals);
                 sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
+                promise.triangles
             }
-            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => sum.primitives += 1,
-            ShapeKind::Plane { .. } => sum.primitives += 2,
-        }
+            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => 1,
+            ShapeKind::Plane { .. } => 2,
+        };
+        sum.primitives = sum.primitives.saturating_add(primitives);
+        let held = primitives.saturating_mul(times.into());
+        sum.accelerated = sum.accelerated.saturating_add(held);
     }
     Error::check(Kind::Invalid, problems)?;
     textures(scene, &mut sum);
@@ -147,6 +154,7 @@ pub fn predict_mesh(path: &Path) -> Result<Prediction> {
     Ok(Prediction {
         mesh_bytes: promise.array_bytes,
         primitives: promise.triangles,
+        accelerated: promise.triangles,
         ..Prediction::default()
     }
     .with_peak())
@@ -171,8 +179,8 @@ impl Prediction {
     /// Returns the prediction with the accelerator.
     pub fn with(self, footprint: &Footprint) -> Self {
         Self {
-            accelerator_bytes: Some(footprint.built_bytes(self.primitives)),
-            accelerator_peak_bytes: Some(footprint.peak_bytes(self.primitives)),
+            accelerator_bytes: Some(footprint.built_bytes(self.accelerated)),
+            accelerator_peak_bytes: Some(footprint.peak_bytes(self.accelerated)),
             ..self
         }
         .with_peak()

@@ -148,6 +148,8 @@ pub struct PictureHeader<'a> {
     pub scene_hash: Option<&'a str>,
     /// Samples per pixel, if they are not just the scene's.
     pub spp: Option<&'a str>,
+    /// Colours behind the PNG's pixels, row by row.
+    pub over: Option<&'a [[f32; 3]]>,
     /// Position of the picture in a sequence.
     pub sequence: exr::Sequence,
     /// Render time in seconds, if the file is to hold it.
@@ -176,7 +178,8 @@ pub fn write(
     attributes.extend_from_slice(says.more);
     let options = WriteOptions {
         tonemap: &scene.tonemap,
-        transparent: scene.transparent,
+        transparent: scene.has_alpha(),
+        over: says.over,
         depth: storage.depth,
         fingerprint: says.fingerprint,
         exr: exr::Options {
@@ -236,6 +239,15 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     };
     if plan.recipe.depth.is_some() {
         add("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
+    }
+    if plan.recipe.distance.is_some() {
+        add(
+            "distance",
+            "from the origin of the camera ray; 1e30 where nothing is hit; nearest sample",
+        );
+    }
+    if plan.camera_normal.is_some() {
+        add("Ncam", "camera space: x right, y up, z to the viewer");
     }
     if plan.recipe.position.is_some() {
         add("P", "world space; 0 where nothing is hit; nearest sample");

@@ -10,6 +10,22 @@ pub const NONE: u32 = u32::MAX;
 /// Number of rays per packet.
 pub const LANES: usize = 16;
 
+/// Kind of a ray: where it starts and what for. A shape may be visible to some kinds only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RayKind {
+    /// From the camera.
+    Camera,
+    /// From a surface to a light.
+    Shadow,
+    /// From a mirror.
+    Reflection,
+}
+
+impl RayKind {
+    /// All kinds, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Camera, Self::Shadow, Self::Reflection];
+}
+
 /// A set of lanes: -1 for a lane in the set, 0 for any other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(64))]

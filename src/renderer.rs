@@ -174,7 +174,9 @@ impl LoadedScene {
             // The NUL at the start keeps the name apart from all file names.
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
-            scene.shapes.push(Shape { name: Some(name.to_string()), material: index, kind });
+            let name = Some(name.to_string());
+            let (visible, role, semantic) = Default::default();
+            scene.shapes.push(Shape { name, material: index, kind, visible, role, semantic });
             ready.push((path, mesh));
         }
         Self::with_ready(scene, ready, warnings)
@@ -287,6 +289,7 @@ impl Renderer<'_> {
             info: &self.accelerator.info(),
             scene_hash: None,
             spp: None,
+            over: None,
             sequence: Sequence::default(),
             render_seconds: None,
             fingerprint: None,

@@ -23,7 +23,7 @@ use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
 use crate::error::Result;
 use crate::geometry::{
-    Box3, Geometry, GeometryKind, Nearby, Sphere, doubles, quad_halves, slabs_meet,
+    Box3, Geometry, GeometryKind, Nearby, Sphere, Unseen, doubles, quad_halves, slabs_meet,
 };
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -62,24 +62,53 @@ impl<'g> Coursework<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
+        Self::build_part((geometry, &Unseen::NONE), options, monitor)
+    }
+
+    /// [`Coursework::build`] without the primitives of a set.
+    ///
+    /// # Errors
+    /// See [`super::build`].
+    pub fn build_part(
+        (geometry, unseen): (&'g Geometry, &Unseen),
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let limit = options.max_bytes.unwrap_or(u64::MAX);
         let mut builder = Builder { limit, bytes: 0, peak_bytes: 0, monitor };
         let (mut shapes, mut bounds) = (Vec::new(), Vec::new());
         let mut meshes = Vec::new();
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
+            let own = geometry.bases()[geom as usize]..geometry.bases()[geom as usize + 1];
+            if unseen.has_all(&own) {
+                meshes.push(None);
+                continue;
+            }
             let corners = |prim| mesh.corners(prim).map(doubles);
-            let triangles = 0..mesh.triangles().len() as u32;
-            let triangles: Vec<Box3> = triangles.map(|p| Box3::of(&corners(p))).collect();
+            let seen = (0..own.end - own.start).filter(|prim| !unseen.has(own.start + prim));
+            let triangles: Vec<Box3> = seen.clone().map(|p| Box3::of(&corners(p))).collect();
             bounds.push(Box3::around(triangles.iter().copied()));
             shapes.push(Shape::Mesh(geom));
-            let tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
+            // A mesh of a file, which alone can be `loop_only`, is never seen in part.
+            let mut tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
+            if let Some(tree) = tree.as_mut().filter(|_| unseen.count(&own) > 0) {
+                let seen: Vec<u32> = seen.collect();
+                tree.order.iter_mut().for_each(|item| *item = seen[*item as usize]);
+            }
             meshes.push(tree);
         }
+        let is_seen = |geom, prim| !unseen.has(geometry.primitive(geom, prim));
         for (prim, quad) in (0..).zip(&geometry.quads) {
+            if !is_seen(geometry.quads_id(), prim) {
+                continue;
+            }
             shapes.push(Shape::Quad(prim));
             bounds.push(Box3::of(&quad.map(doubles)));
         }
         for (prim, sphere) in (0..).zip(&geometry.spheres) {
+            if !is_seen(geometry.spheres_id(), prim) {
+                continue;
+            }
             shapes.push(Shape::Sphere(prim));
             bounds.push(Box3::of_sphere(sphere.center, sphere.radius));
         }

@@ -2,6 +2,7 @@
 
 pub mod brute;
 pub mod bvh;
+mod by_kind;
 pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
@@ -13,9 +14,9 @@ pub use footprint::Footprint;
 pub use shaft::Shaft;
 
 use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::{Geometry, Nearby, is_near};
+use crate::geometry::{Geometry, Nearby, Unseen, is_near};
 use crate::monitor::{Monitor, Phase};
-use crate::ray::{Coherence, Mask, RayPacket, Rays};
+use crate::ray::{Coherence, Mask, RayKind, RayPacket, Rays};
 use crate::reserve;
 use crate::scene::{Backend, EmbreeMode};
 
@@ -56,6 +57,12 @@ pub struct Visits {
 pub trait Accelerator: Send + Sync {
     /// Version, instruction set and memory.
     fn info(&self) -> BuildInfo;
+
+    /// Returns the accelerator over the primitives that rays of `kind` can hit. `None` if this
+    /// accelerator is the one of all kinds.
+    fn only(&self, _kind: RayKind) -> Option<&dyn Accelerator> {
+        None
+    }
 
     /// Finds the closest hit of every active lane.
     ///
@@ -132,7 +139,8 @@ fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32))
         .for_each(found);
 }
 
-/// Builds the accelerator of `backend` over `geometry`.
+/// Builds the accelerator of `backend` over `geometry`, or several if kinds of rays hit different
+/// primitives: see [`Accelerator::only`].
 ///
 /// # Errors
 /// - `Unsupported`: the backend cannot run on this machine, or is not in this build.
@@ -145,6 +153,21 @@ pub fn build<'g>(
     options: &BuildOptions,
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
+    let [camera, others @ ..] = RayKind::ALL.map(|kind| geometry.unseen(kind));
+    if others.into_iter().any(|unseen| unseen != camera) {
+        return Ok(Box::new(by_kind::ByKind::build(geometry, backend, options, monitor)?));
+    }
+    build_part(geometry, camera, backend, options, monitor)
+}
+
+/// Builds the accelerator of `backend` over the primitives that are not in `unseen`.
+fn build_part<'g>(
+    geometry: &'g Geometry,
+    unseen: &'g Unseen,
+    backend: Backend,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
     if let Backend::Coursework | Backend::Brute = backend {
         // These allocate in many pieces, so the sum is checked once.
@@ -152,12 +175,17 @@ pub fn build<'g>(
         reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
     }
     match backend {
-        Backend::Embree(mode) => build_embree(geometry, mode, options, monitor),
-        Backend::Bvh(isa) => Ok(Box::new(bvh::Bvh::build(geometry, isa, options, monitor)?)),
-        Backend::Coursework => {
-            Ok(Box::new(coursework::Coursework::build(geometry, options, monitor)?))
+        Backend::Embree(mode) => build_embree((geometry, unseen), mode, options, monitor),
+        Backend::Bvh(isa) => {
+            Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
         }
-        Backend::Brute => Ok(Box::new(brute::Brute::build(geometry, options, monitor)?)),
+        Backend::Coursework => {
+            let part = (geometry, unseen);
+            Ok(Box::new(coursework::Coursework::build_part(part, options, monitor)?))
+        }
+        Backend::Brute => {
+            Ok(Box::new(brute::Brute::build_part((geometry, unseen), options, monitor)?))
+        }
     }
 }
 
@@ -169,17 +197,17 @@ fn over_limit(limit: u64) -> Error {
 
 #[cfg(feature = "embree")]
 fn build_embree<'g>(
-    geometry: &'g Geometry,
+    part: (&'g Geometry, &'g Unseen),
     mode: EmbreeMode,
     options: &BuildOptions,
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    Ok(Box::new(embree::Embree::build(geometry, mode, options, monitor)?))
+    Ok(Box::new(embree::Embree::build_part(part, mode, options, monitor)?))
 }
 
 #[cfg(not(feature = "embree"))]
 fn build_embree<'g>(
-    _: &'g Geometry,
+    _: (&'g Geometry, &'g Unseen),
     mode: EmbreeMode,
     _: &BuildOptions,
     _: &Monitor,

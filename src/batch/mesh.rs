@@ -177,6 +177,7 @@ impl Run<'_> {
                 info: &built.info,
                 scene_hash: frame.hash.as_deref(),
                 spp: None,
+                over: None,
                 sequence: self.job.sequence(frame.number),
                 render_seconds: None,
                 fingerprint: frame.fingerprint.as_deref(),

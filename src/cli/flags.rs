@@ -65,13 +65,14 @@ pub struct SceneArgs {
     #[arg(long, value_name = "NAME")]
     pub backend: Option<Accelerator>,
 
-    /// Write coverage to alpha instead of 1, without the background
+    /// Write coverage to alpha instead of 1, without the background; the studio's ground then shows
+    /// its shadows only
     #[arg(long)]
     pub transparent: bool,
 
-    /// Layers of the EXR: Z, P, N, Ng, albedo, uv, diffuse, specular, ambient, reflection,
-    /// background, light_GROUP, shadow_GROUP, variance, samples, primid, objectid, cryptomatte...
-    /// or all
+    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, diffuse, specular,
+    /// ambient, reflection, background, light_GROUP, shadow_GROUP, variance, samples, primid,
+    /// objectid, cryptomatte... or all
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 
@@ -104,7 +105,7 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
-    /// Remove the plane named `ground`; the studio's is always removed under --transparent
+    /// Remove the plane named `ground`; under --transparent the studio's shows its shadows only
     #[arg(long)]
     pub no_ground: bool,
 }

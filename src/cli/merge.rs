@@ -78,6 +78,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let options = WriteOptions {
         tonemap: &tonemap,
         transparent: part.files.transparent,
+        over: None,
         depth: part.files.depth,
         fingerprint: None,
         exr: exr::Options {

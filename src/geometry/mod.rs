@@ -13,10 +13,12 @@ mod sphere;
 mod stitches;
 mod surface;
 mod triangle;
+mod unseen;
 
 use glam::DVec3;
 
 pub use crate::ray::NONE;
+use crate::ray::RayKind;
 pub use ahead::{NEAR_START, is_after_start};
 pub use box3::{Box3, slabs_meet};
 pub use crevice::{Crevice, Nearby, WallHit, hides, is_near};
@@ -26,6 +28,7 @@ pub use passing::{Passing, passing};
 pub use sphere::Sphere;
 pub use surface::{Surfaces, hit_triangle, position_error, refine, round_towards};
 pub use triangle::{TrianglePoint, clamp_barycentrics, refine_triangle};
+pub use unseen::Unseen;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
 #[derive(Debug, Default)]
@@ -95,6 +98,8 @@ pub struct Geometry {
     bases: Vec<u32>,
     /// Whether any mesh has stitches.
     stitched: bool,
+    /// By [`RayKind`]: the primitives that such rays cannot hit.
+    unseen: [Unseen; RayKind::ALL.len()],
 }
 
 /// The kind of primitive that a geometry id stands for.
@@ -139,7 +144,27 @@ impl Geometry {
             bases.push(u32::try_from(total).ok().filter(|&n| n < NONE).ok_or(total)?);
         }
         let stitched = meshes.iter().any(|mesh| mesh.stitches() > 0);
-        Ok(Self { origin, meshes, quads, spheres, bases, stitched })
+        let unseen = [Unseen::NONE; RayKind::ALL.len()];
+        Ok(Self { origin, meshes, quads, spheres, bases, stitched, unseen })
+    }
+
+    /// The geometry with primitives that rays of some kinds cannot hit, by [`RayKind`].
+    pub fn with_unseen(self, unseen: [Unseen; RayKind::ALL.len()]) -> Self {
+        Self { unseen, ..self }
+    }
+
+    /// Primitives that rays of a kind cannot hit.
+    pub fn unseen(&self, kind: RayKind) -> &Unseen {
+        &self.unseen[kind as usize]
+    }
+
+    /// Number of primitives in all accelerators: one for each distinct set that a kind of ray can
+    /// hit.
+    pub fn accelerated(&self) -> u64 {
+        let all = 0..self.count() as u32;
+        let distinct =
+            (0..self.unseen.len()).filter(|&k| !self.unseen[..k].contains(&self.unseen[k]));
+        distinct.map(|k| self.count() - u64::from(self.unseen[k].count(&all))).sum()
     }
 
     /// Id of the geometry that holds all quads.

@@ -8,10 +8,10 @@ use super::light_shafts::View;
 use super::record::Record;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
-use super::split::LightPartSums;
+use super::sums::Sums;
 use super::whitted::WhittedIntegrator;
 use crate::ray::{Coherence, LANES, Mask};
-use crate::shading::{Area, Light, LightWeights};
+use crate::shading::Area;
 
 impl WhittedIntegrator<'_> {
     /// Adds one area light to all lanes. Traces all of its points, or the points that
@@ -30,7 +30,7 @@ impl WhittedIntegrator<'_> {
         let mut sums = Sums::NONE;
         // Rays near edges, and rays to a light in a surface, have rules of their own.
         let view = if self.crevices.is_empty() && area.flush == 0.0 {
-            self.shafts.view(self.accelerator, &self.points.at, lamp.index, &area)
+            self.shafts.view(self.shadows, &self.points.at, lamp.index, &area)
         } else {
             View::Unknown
         };
@@ -44,8 +44,11 @@ impl WhittedIntegrator<'_> {
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
-            let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp, base, throughput, &sums.split.mean(share));
+            let mut split = sums.split.mean(share);
+            if let Some(plate) = &self.plate {
+                plate.darken(&mut split);
+            }
+            record.light(lamp, &self.points.base, &self.throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -72,7 +75,7 @@ impl WhittedIntegrator<'_> {
         }
         let source = (lamp.index, lamp.bounce);
         let squares = sampler.light_points([&slot.x, &slot.y], &number, area.samples, source);
-        let (scene, grid) = ((&*world.geometry, self.accelerator), grid(area.samples));
+        let (scene, grid) = ((&*world.geometry, self.shadows), grid(area.samples));
         let mut left = area.samples;
         while left > 0 && !self.monitor.stopped() {
             let count = POINTS.min(left as usize);
@@ -99,7 +102,7 @@ impl WhittedIntegrator<'_> {
                 }
             }
             if !clear {
-                self.batch.trace(count, self.accelerator);
+                self.batch.trace(count, self.shadows);
             }
             for k in 0..count {
                 let (active, rays) = (&self.batch.active[k], &self.batch.rays[k]);
@@ -190,7 +193,7 @@ impl WhittedIntegrator<'_> {
             if let Some(counts) = &mut counts {
                 counts.shadow += u64::from(active.count());
                 if !clear {
-                    let scene = (&*world.geometry, self.accelerator);
+                    let scene = (&*world.geometry, self.shadows);
                     aimed.trace(scene, &self.crevices, &from, rays, Coherence::Coherent);
                 }
             }
@@ -204,77 +207,5 @@ impl WhittedIntegrator<'_> {
                 });
             }
         }
-    }
-}
-
-/// Light of one area light, by lane, before the base colour. In f64, because there may be many
-/// points.
-struct Sums {
-    light: [[f64; LANES]; 3],
-    /// The same light, separated for the layers.
-    split: LightPartSums,
-}
-
-impl Sums {
-    const NONE: Self = Self { light: [[0.0; LANES]; 3], split: LightPartSums::NONE };
-
-    /// Adds one light point to each lane of `seen`.
-    #[inline(always)]
-    fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
-        let (d, s) = (light.diffuse, light.specular);
-        // Not a loop: the compiler would make vectors of axes instead of lanes.
-        let [x, y, z] = &mut self.light;
-        add_seen(x, (d.x, s.x), lit, seen);
-        add_seen(y, (d.y, s.y), lit, seen);
-        add_seen(z, (d.z, s.z), lit, seen);
-        if R::ON {
-            for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
-                self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
-        let LightPoint { lane, diffuse, specular, .. } = *point;
-        let light = lamp.light;
-        let sent = light.diffuse * diffuse + light.specular * specular;
-        for (sum, sent) in self.light.iter_mut().zip(sent.to_array()) {
-            sum[lane] += f64::from(sent);
-        }
-        if R::ON {
-            self.split.add(lane, light, diffuse, specular);
-        }
-    }
-
-    /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
-    /// for rounding, so results are clamped to 0.
-    #[inline(always)]
-    fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
-        if factor == 0.0 {
-            return;
-        }
-        for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
-            let whole = *sum + factor * part;
-            debug_assert!(whole >= -1e-9 * *sum, "{sum} {part} {factor}");
-            *sum = whole.max(0.0);
-        }
-        if R::ON {
-            self.split.add_part(&part.split, factor);
-        }
-    }
-}
-
-/// Adds the light that the lanes of `seen` receive along one colour axis.
-#[inline(always)]
-fn add_seen(
-    sum: &mut [f64; LANES],
-    (diffuse, specular): (f32, f32),
-    lit: &LightWeights,
-    seen: &Mask,
-) {
-    for i in 0..LANES {
-        let light = diffuse * lit.diffuse[i] + specular * lit.specular[i];
-        sum[i] += f64::from(if seen.0[i] != 0 { light } else { 0.0 });
     }
 }

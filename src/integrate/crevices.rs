@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::accel::Accelerator;
 use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane, set_lane};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, RayPacket, Rays, lane, set_lane};
 
 /// Largest number of rejected hits along one ray; the search stops after that.
 const MAX_PASSED: usize = 64;
@@ -35,13 +35,13 @@ impl Crevices {
 
     /// Finds the crevices of the lanes `at_edge` of a traced packet, and moves the origins of their
     /// secondary rays. A hit that another hit at the same t hides from the viewer is replaced by
-    /// that hit.
+    /// that hit. `kind` is the kind of the packet's rays; `accelerator` is the one of all kinds.
     #[cold]
     #[inline(never)]
     pub fn find(
         &mut self,
-        geometry: &Geometry,
-        accelerator: &dyn Accelerator,
+        (geometry, accelerator): (&Geometry, &dyn Accelerator),
+        kind: RayKind,
         packet: &mut RayPacket,
         surfaces: &mut Surfaces,
         at_edge: &Mask,
@@ -51,7 +51,7 @@ impl Crevices {
         let mut neighbours = Vec::new();
         let hidden = (0..LANES)
             .filter(at)
-            .filter(|&i| replace_hidden_hit(scene, packet, i, &mut neighbours));
+            .filter(|&i| replace_hidden_hit(scene, kind, packet, i, &mut neighbours));
         if hidden.count() > 0 {
             let hit = surfaces.hit;
             refine(geometry, &hit, packet, surfaces);
@@ -93,7 +93,8 @@ impl Crevices {
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
             let (crevice, is_grazing) = (self.get(from[i] % LANES), grazing.0[i] != 0);
             let way = direction(rays, i);
-            let occludes = |wall: u32| !(is_grazing && passes(wall));
+            let unseen = geometry.unseen(RayKind::Shadow);
+            let occludes = |wall: u32| !(is_grazing && passes(wall)) && !unseen.has(wall);
             let hits_wall = crevice
                 .is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into(), occludes).is_some());
             let is_clear = crevice.is_none_or(|crevice| crevice.is_clear) && !is_grazing;
@@ -134,7 +135,8 @@ impl Crevices {
         for (i, crevice) in self.by_lane.iter().filter(|(i, _)| active.0[*i] != 0) {
             done.0[*i] = -1;
             let way = direction(&packet.rays, *i);
-            let hit = crevice.meet(way, f64::INFINITY, |_| true);
+            let unseen = geometry.unseen(RayKind::Reflection);
+            let hit = crevice.meet(way, f64::INFINITY, |wall| !unseen.has(wall));
             // Something else may lie in front of the wall.
             packet.rays.tfar[*i] = hit.map_or(f32::INFINITY, |hit| hit.t as f32);
             let passed = |primitive| crevice.leaves(primitive, way);
@@ -170,6 +172,7 @@ fn near(
 /// Replaces a hit by the one that hides it from the viewer. Returns true if there was one.
 fn replace_hidden_hit(
     scene: (&Geometry, &dyn Accelerator),
+    kind: RayKind,
     packet: &mut RayPacket,
     i: usize,
     neighbours: &mut Vec<u32>,
@@ -179,7 +182,8 @@ fn replace_hidden_hit(
         let Some((corners, point)) = near(scene, packet, i, neighbours) else { break };
         let hit = scene.0.primitive(packet.hits.geom[i], packet.hits.prim[i]);
         // The primitive that the ray leaves lies behind the hit.
-        neighbours.retain(|&primitive| primitive != packet.rays.leaving[i]);
+        let (leaving, unseen) = (packet.rays.leaving[i], scene.0.unseen(kind));
+        neighbours.retain(|&primitive| primitive != leaving && !unseen.has(primitive));
         let way = direction(&packet.rays, i);
         let Some(before) = hides(scene.0, point.position, (corners, hit), way, neighbours) else {
             break;

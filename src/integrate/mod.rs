@@ -10,17 +10,20 @@ mod camera_packet;
 mod crevices;
 mod empty_blocks;
 mod joint;
+mod layers;
 mod light_batch;
 mod light_shafts;
 mod noise;
 mod passes;
 mod pipeline;
 mod plan;
+mod plate;
 mod quarters;
 mod record;
 mod sampled_light;
 mod shadows;
 mod split;
+mod sums;
 mod whitted;
 
 use std::ops::Range;
@@ -28,17 +31,18 @@ use std::ops::Range;
 use crate::accel::Accelerator;
 use crate::film::{Dropped, Window};
 use crate::monitor::Monitor;
-use crate::ray::{LANES, Mask};
+use crate::ray::LANES;
 use crate::simd::Kernel;
 use crate::world::World;
 
 use self::block::{BlockSums, Values};
 pub use self::camera_packet::Pattern;
 pub use self::crevices::Crevices;
+pub use self::layers::Layers;
 pub use self::noise::{Goal, PixelSamples, Relative, rate};
 pub use self::passes::{MIN_PASS_SAMPLES, PassKernel, Passes};
 use self::pipeline::{ShadePacket, pipeline};
-pub use self::record::{Beauty, Layers, Record};
+pub use self::record::{Beauty, Record};
 pub use self::shadows::{OWN_LANES, ShadowRays};
 use self::whitted::WhittedIntegrator;
 
@@ -194,8 +198,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             sums.clear();
             self.record.begin();
         }
-        let hit = cast.run(slot, counts, &mut self.record);
-        let alpha = alpha(&hit, world.transparent);
+        let alpha = cast.run(slot, counts, &mut self.record);
         let (block, [r, g, b]) = (pattern.block, &cast.radiance);
         if world.spp == 1 && !self.record.has_words() {
             // Each lane is one pixel.
@@ -227,7 +230,9 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         for row in y.max(w.y0)..(y + height).min(w.y1) {
             for column in x.max(w.x0)..(x + width).min(w.x1) {
                 let pixel = ((row - y) * width + column - x) as usize;
-                let words = &mut self.words[(row - w.y0) as usize];
+                // Without channels there are no rows.
+                let words = self.words.get_mut((row - w.y0) as usize);
+                let words: &mut [u32] = words.map_or(&mut [], |words| words);
                 self.record.write(pixel, n, beauty, (column - w.x0) as usize, words);
             }
         }
@@ -287,15 +292,6 @@ pub fn limit(world: &World, window: Window) -> [u32; 2] {
         if window.x0 < right { right } else { width },
         if window.y0 < bottom { bottom } else { height },
     ]
-}
-
-#[inline(always)]
-fn alpha(hit: &Mask, transparent: bool) -> [f32; LANES] {
-    let mut alpha = [1.0; LANES];
-    for i in 0..LANES {
-        alpha[i] = if transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
-    }
-    alpha
 }
 
 /// Corners of the blocks that overlap the window, in Z-order over the window's tile.

@@ -18,7 +18,7 @@ use super::pipeline::{ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
 use super::whitted::WhittedIntegrator;
-use super::{RayCounts, RenderContext, alpha, limit, morton};
+use super::{RayCounts, RenderContext, limit, morton};
 
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
 pub const MIN_PASS_SAMPLES: u32 = LANES as u32;
@@ -153,7 +153,9 @@ impl<H> Passes<H> {
                 rows[row][column] = sum.map(|sum| (sum / f64::from(taken)) as f32);
                 if record.has_words() {
                     record.exchange(&mut self.held[index]);
-                    record.write(0, taken, &none, column, words[row]);
+                    // Without channels there are no rows.
+                    let words = words.get_mut(row).map_or(&mut [][..], |words| words);
+                    record.write(0, taken, &none, column, words);
                     record.exchange(&mut self.held[index]);
                 }
             }
@@ -193,12 +195,8 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let units = todo.into_iter().flat_map(|(corner, samples)| {
             samples.step_by(MIN_PASS_SAMPLES as usize).map(move |first| (corner, first))
         });
-        let mut pass = Pass {
-            passes: self.passes,
-            record: self.record,
-            transparent: self.integrator.world.transparent,
-            sums: BlockSums::new(&pattern, 4, 0),
-        };
+        let mut pass =
+            Pass { passes: self.passes, record: self.record, sums: BlockSums::new(&pattern, 4, 0) };
         pipeline(self.integrator, &pattern, &ALL, limit, units, &mut pass)
     }
 }
@@ -206,7 +204,6 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
 struct Pass<'p, R: Record> {
     passes: &'p mut Passes<R::Held>,
     record: &'p mut R,
-    transparent: bool,
     /// Sums of the current pixel over this pass.
     sums: BlockSums,
 }
@@ -230,8 +227,7 @@ impl<R: Record> ShadePacket for Pass<'_, R> {
             self.sums.clear();
             tally.half = [0.0; 4];
         }
-        let hit = cast.run(slot, counts, self.record);
-        let alpha = alpha(&hit, self.transparent);
+        let alpha = cast.run(slot, counts, self.record);
         if R::ON {
             self.record.packet(slot, &ALL, &cast.radiance);
         }

@@ -8,6 +8,7 @@ use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
 use super::light_batch::LightBatch;
 use super::light_shafts::LightShafts;
+use super::plate::Plate;
 use super::record::Record;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
@@ -15,20 +16,29 @@ use super::split::LightParts;
 use crate::accel::Accelerator;
 use crate::geometry::{Surfaces, refine};
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
+use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, Rays};
 use crate::sampler::Sampler;
-use crate::shading::{Area, Emitter, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect};
+use crate::shading::{
+    Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect,
+};
 use crate::world::World;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
     pub(super) world: &'a World,
-    pub(super) accelerator: &'a dyn Accelerator,
+    /// Finds the primitives near a point, for all kinds of rays.
+    accelerator: &'a dyn Accelerator,
+    /// What camera rays hit.
+    camera: &'a dyn Accelerator,
+    /// What shadow rays hit.
+    pub(super) shadows: &'a dyn Accelerator,
+    /// What mirrored rays hit.
+    reflections: &'a dyn Accelerator,
     pub(super) sampler: Sampler,
     pub(super) monitor: &'a Monitor,
     /// Light that shares the camera's sequence: see [`joint_light`](super::joint::joint_light).
     joint: Option<u32>,
-    surfaces: Surfaces,
+    pub(super) surfaces: Surfaces,
     pub(super) crevices: Crevices,
     pub(super) shafts: LightShafts,
     /// Lanes whose hit is on a wall of [`Crevices`]: certain, although no test in f32 can confirm
@@ -39,6 +49,8 @@ pub struct WhittedIntegrator<'a> {
     pub(super) lit: LightWeights,
     pub(super) gathered: ShadowPoints,
     pub(super) batch: LightBatch,
+    /// Holdouts and shadow catchers; `None` in a scene without any.
+    pub(super) plate: Option<Box<Plate>>,
     pub(super) throughput: [f32; LANES],
     /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
     pub radiance: Lanes3,
@@ -54,9 +66,14 @@ impl<'a> WhittedIntegrator<'a> {
         monitor: &'a Monitor,
         joint: Option<u32>,
     ) -> Self {
+        let of = |kind| accelerator.only(kind).unwrap_or(accelerator);
+        let plate = || Box::new(Plate::new(world.lights.len()));
         Self {
             world,
             accelerator,
+            camera: of(RayKind::Camera),
+            shadows: of(RayKind::Shadow),
+            reflections: of(RayKind::Reflection),
             sampler,
             monitor,
             joint,
@@ -69,25 +86,29 @@ impl<'a> WhittedIntegrator<'a> {
             lit: LightWeights::EMPTY,
             gathered: ShadowPoints::EMPTY,
             batch: LightBatch::EMPTY,
+            plate: world.shapes.has_roles.then(plate),
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
     }
 
-    /// Computes `radiance` for a slot whose camera rays are traced. Returns the lanes that hit.
+    /// Computes `radiance` for a slot whose camera rays are traced. Returns alpha, by lane.
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
         slot: &mut CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
-    ) -> Mask {
+    ) -> Lanes {
         let world = self.world;
         let mut active = slot.active;
         let mut first_hit = Mask::NONE;
         self.throughput = [1.0; LANES];
         self.radiance = [[0.0; LANES]; 3];
         self.certain = Mask::NONE;
+        if let Some(plate) = &mut self.plate {
+            plate.clear();
+        }
         for bounce in 0..=world.nbounces {
             if bounce > 0 {
                 if self.monitor.stopped() {
@@ -98,7 +119,7 @@ impl<'a> WhittedIntegrator<'a> {
                     break;
                 }
             }
-            let hit = self.refine(slot, &active);
+            let mut hit = self.refine(slot, &active, bounce);
             if bounce == 0 {
                 first_hit = hit;
             }
@@ -109,22 +130,39 @@ impl<'a> WhittedIntegrator<'a> {
                 break;
             }
             self.find_crevices(slot, &hit, bounce);
+            if bounce == 0 && self.plate.is_some() {
+                hit = self.hold_out(slot, &hit);
+            }
             let points = &mut self.points;
             world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
+            let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);
+            if catching {
+                self.blacken_catchers();
+            }
             if R::ON && bounce == 0 {
                 record.surface(world, &slot.packet, &self.surfaces, &self.points);
             }
             if world.ambient != Vec3::ZERO {
                 self.ambient(&hit, bounce, record);
             }
-            self.lights(slot, bounce, counts, record);
+            if catching {
+                self.whiten_catchers();
+            }
+            self.lights(slot, (bounce, catching), counts, record);
+            if catching {
+                self.finish_catchers(record);
+            }
         }
-        first_hit
+        let mut alpha = alpha(&first_hit, world.transparent);
+        if let Some(plate) = &self.plate {
+            plate.set_alpha(&mut alpha);
+        }
+        alpha
     }
 
     /// Computes the surface points of a traced packet. Returns the lanes that hit.
     #[inline(always)]
-    fn refine(&mut self, slot: &mut CameraPacket, active: &Mask) -> Mask {
+    fn refine(&mut self, slot: &mut CameraPacket, active: &Mask, bounce: u32) -> Mask {
         let hit = slot.packet.hit(active);
         if !hit.any() {
             return hit;
@@ -132,7 +170,7 @@ impl<'a> WhittedIntegrator<'a> {
         self.refine_hits(slot, &hit);
         let doubtful = self.surfaces.doubtful.without(&self.certain);
         if doubtful.any() {
-            self.retrace_doubtful(slot, &doubtful);
+            self.retrace_doubtful(slot, &doubtful, bounce);
             let hit = slot.packet.hit(active);
             self.refine_hits(slot, &hit);
             return hit;
@@ -150,13 +188,14 @@ impl<'a> WhittedIntegrator<'a> {
     /// Traces the lanes with doubtful hits again.
     #[cold]
     #[inline(never)]
-    fn retrace_doubtful(&mut self, slot: &mut CameraPacket, doubtful: &Mask) {
+    fn retrace_doubtful(&mut self, slot: &mut CameraPacket, doubtful: &Mask, bounce: u32) {
         for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
             // Camera rays and mirrored rays have no end.
             slot.packet.rays.tfar[i] = f32::INFINITY;
             slot.packet.hits.geom[i] = NONE;
         }
-        self.accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
+        let accelerator = if bounce == 0 { self.camera } else { self.reflections };
+        accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
     }
 
     /// Finds the walls beside points near an edge, if any secondary ray leaves them.
@@ -169,8 +208,9 @@ impl<'a> WhittedIntegrator<'a> {
             at_edge.0[i] = hit.0[i] & self.surfaces.at_edge.0[i];
         }
         if at_edge.any() && (!world.lights.is_empty() || bounce < world.nbounces) {
-            let (geometry, packet) = (&world.geometry, &mut slot.packet);
-            self.crevices.find(geometry, self.accelerator, packet, &mut self.surfaces, &at_edge);
+            let (scene, packet) = ((&*world.geometry, self.accelerator), &mut slot.packet);
+            let kind = if bounce == 0 { RayKind::Camera } else { RayKind::Reflection };
+            self.crevices.find(scene, kind, packet, &mut self.surfaces, &at_edge);
         }
     }
 
@@ -191,12 +231,12 @@ impl<'a> WhittedIntegrator<'a> {
                 let geometry = &self.world.geometry;
                 let packet = &mut slot.packet;
                 let (done, certain) =
-                    self.crevices.closest(geometry, self.accelerator, &active, packet);
+                    self.crevices.closest(geometry, self.reflections, &active, packet);
                 (rest, self.certain) = (active.without(&done), certain);
             } else {
                 self.certain = Mask::NONE;
             }
-            self.accelerator.closest_unfiltered(&rest, &mut slot.packet, coherence);
+            self.reflections.closest_unfiltered(&rest, &mut slot.packet, coherence);
         }
         active
     }
@@ -205,7 +245,7 @@ impl<'a> WhittedIntegrator<'a> {
     fn lights<R: Record>(
         &mut self,
         slot: &CameraPacket,
-        bounce: u32,
+        (bounce, catching): (u32, bool),
         counts: &mut RayCounts,
         record: &mut R,
     ) {
@@ -217,6 +257,9 @@ impl<'a> WhittedIntegrator<'a> {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
                     self.one_point(&lamp, &q, None, counts, record);
+                    if catching {
+                        self.catch_point(&lamp, &q, None);
+                    }
                 }
                 Emitter::Area(area) if area.samples == 1 => {
                     let square = if bounce == 0 && self.joint == Some(lamp.index) {
@@ -225,9 +268,18 @@ impl<'a> WhittedIntegrator<'a> {
                         let pixels = [&slot.x, &slot.y];
                         self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
                     };
-                    self.one_point(&lamp, &area.points(&square), Some(&area), counts, record);
+                    let q = area.points(&square);
+                    self.one_point(&lamp, &q, Some(&area), counts, record);
+                    if catching {
+                        self.catch_point(&lamp, &q, Some(&area));
+                    }
                 }
-                Emitter::Area(area) => self.area_light(&lamp, area, slot, counts, record),
+                Emitter::Area(area) => {
+                    self.area_light(&lamp, area, slot, counts, record);
+                    if catching {
+                        self.catch_area(&lamp, &area, slot);
+                    }
+                }
             }
         }
     }
@@ -251,7 +303,7 @@ impl<'a> WhittedIntegrator<'a> {
             return;
         }
         counts.shadow += u64::from(active.count());
-        let scene = (&*world.geometry, self.accelerator);
+        let scene = (&*world.geometry, self.shadows);
         aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
@@ -259,7 +311,10 @@ impl<'a> WhittedIntegrator<'a> {
             for i in 0..LANES {
                 seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
-            let split = LightParts::from_weights(light, lit, &seen);
+            let mut split = LightParts::from_weights(light, lit, &seen);
+            if let Some(plate) = &self.plate {
+                plate.darken(&mut split);
+            }
             let (base, throughput) = (&self.points.base, &self.throughput);
             record.light(lamp, base, throughput, &split);
         }
@@ -320,4 +375,14 @@ fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let together = (0..LANES)
         .fold(true, |all, i| all & ((active.0[i] == 0) | (lane(&rays.dir, i).dot(axis) > 0.9)));
     if together { Coherence::Coherent } else { Coherence::Incoherent }
+}
+
+/// Alpha of camera rays: 0 where a ray misses, if the picture is transparent; else 1.
+#[inline(always)]
+fn alpha(hit: &Mask, transparent: bool) -> [f32; LANES] {
+    let mut alpha = [1.0; LANES];
+    for i in 0..LANES {
+        alpha[i] = if transparent && hit.0[i] == 0 { 0.0 } else { 1.0 };
+    }
+    alpha
 }

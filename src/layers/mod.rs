@@ -1,14 +1,18 @@
 //! The layers of a scene: their channels in addition to the beauty, and their positions in the
 //! words of a pixel.
 
+mod faces;
 mod mattes;
 mod names;
 mod raw;
 mod recipe;
 
+pub use self::faces::FaceCounts;
 pub use self::mattes::Mattes;
 pub use self::raw::{BEAUTY, Pixel, RawLayout};
 pub use self::recipe::{MatteLayout, NearestHit, PixelLayout, count};
+
+use std::sync::Arc;
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
@@ -28,6 +32,10 @@ pub struct LayerPlan {
     pub normal: Option<usize>,
     /// Geometric normal: 3 channels.
     pub geometric_normal: Option<usize>,
+    /// Shading normal in camera space: 3 channels.
+    pub camera_normal: Option<usize>,
+    /// Facing ratio: 1 channel.
+    pub facing: Option<usize>,
     /// Base colour: 3 channels.
     pub albedo: Option<usize>,
     /// Texture coordinates, and whether there are any: 3 channels.
@@ -50,8 +58,12 @@ pub struct LayerPlan {
     pub light_background: Option<usize>,
     /// For each light, the channel of its group's visibility and the light's share of the group.
     pub shadows: Vec<Option<(usize, f32)>>,
+    /// For each light, the channel of what its group's shadows take from catchers.
+    pub caught: Vec<Option<usize>>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
+    /// Counts of the faces that the camera sees. They are no channels.
+    pub faces: Option<Arc<FaceCounts>>,
 }
 
 impl LayerPlan {
@@ -66,10 +78,16 @@ impl LayerPlan {
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
             let first = Some(plan.recipe.channels.len());
-            plan.add(&layer.name(groups), suffixes(layer), kind(layer));
+            let suffixes = match layer {
+                Layer::Shadow(_) if scene.has_catchers() => &["Y", "A"],
+                layer => suffixes(layer),
+            };
+            plan.add(&layer.name(groups), suffixes, kind(layer));
             match layer {
                 Layer::Normal => plan.normal = first,
                 Layer::GeometricNormal => plan.geometric_normal = first,
+                Layer::CameraNormal => plan.camera_normal = first,
+                Layer::Facing => plan.facing = first,
                 Layer::Albedo => plan.albedo = first,
                 Layer::Uv => plan.uv = first,
                 Layer::Diffuse => plan.diffuse = first,
@@ -89,12 +107,15 @@ impl LayerPlan {
         let members = |group: usize| groups.of.iter().filter(|&&g| g == group).count();
         let shares = groups.of.iter().map(|&g| Some((shadow[g]?, 1.0 / members(g) as f32)));
         plan.shadows = shares.collect();
+        let caught = groups.of.iter().map(|&g| Some(shadow[g]? + 1));
+        plan.caught = caught.filter(|_| scene.has_catchers()).collect();
         for layer in others {
             let first = Some(plan.recipe.channels.len());
             match layer {
                 Layer::CryptoObject => plan.mattes.push(Mattes::objects(scene)),
                 Layer::CryptoMaterial => plan.mattes.push(Mattes::materials(scene)),
                 Layer::Depth => plan.recipe.depth = first,
+                Layer::Distance => plan.recipe.distance = first,
                 Layer::Position => plan.recipe.position = first,
                 Layer::Primitive => plan.recipe.primitive = first,
                 Layer::Object => plan.recipe.object = first,
@@ -116,9 +137,9 @@ impl LayerPlan {
         plan
     }
 
-    /// Returns true if there is no layer in addition to the beauty.
+    /// Returns true if there is nothing to record in addition to the beauty.
     pub fn is_empty(&self) -> bool {
-        self.recipe.channels.is_empty()
+        self.recipe.channels.is_empty() && self.faces.is_none()
     }
 
     fn add(&mut self, layer: &str, suffixes: &[&str], kind: ChannelKind) {
@@ -139,10 +160,12 @@ fn is_mean(layer: Layer) -> bool {
 
 fn suffixes(layer: Layer) -> &'static [&'static str] {
     match layer {
-        Layer::Position | Layer::Normal | Layer::GeometricNormal => &["X", "Y", "Z"],
+        Layer::Position | Layer::Normal | Layer::GeometricNormal | Layer::CameraNormal => {
+            &["X", "Y", "Z"]
+        }
         // The order and the third channel follow the UV pass of Blender.
         Layer::Uv => &["U", "V", "A"],
-        Layer::Shadow(_) | Layer::Samples => &["Y"],
+        Layer::Shadow(_) | Layer::Samples | Layer::Distance | Layer::Facing => &["Y"],
         Layer::Primitive | Layer::Object => &["id"],
         _ => &["R", "G", "B"],
     }
@@ -151,7 +174,8 @@ fn suffixes(layer: Layer) -> &'static [&'static str] {
 fn kind(layer: Layer) -> ChannelKind {
     match layer {
         Layer::Primitive | Layer::Object => ChannelKind::Uint,
-        Layer::Position | Layer::Uv | Layer::Variance | Layer::Samples => ChannelKind::Float,
+        Layer::Distance | Layer::Position | Layer::Uv => ChannelKind::Float,
+        Layer::Variance | Layer::Samples => ChannelKind::Float,
         _ => ChannelKind::Half,
     }
 }

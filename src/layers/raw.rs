@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
 
+use super::MISS_DEPTH;
 use super::recipe::{NearestHit, PixelLayout, count};
 
 /// Number of beauty channels: R, G, B, A.
@@ -17,7 +18,8 @@ pub struct RawLayout {
     samples: Range<u32>,
     nodes: Vec<Node>,
     summed: usize,
-    has_nearest: bool,
+    /// Number of words of the nearest hit: 0 without, 6, or 7 with its distance.
+    nearest: usize,
     /// Number of ids of each kind of mattes.
     mattes: Vec<usize>,
 }
@@ -69,7 +71,11 @@ impl RawLayout {
             nodes: Node::cover(samples.clone()),
             samples,
             summed: recipe.summed(),
-            has_nearest: recipe.has_nearest(),
+            nearest: match (recipe.has_nearest(), recipe.distance) {
+                (false, _) => 0,
+                (true, None) => 6,
+                (true, Some(_)) => 7,
+            },
             mattes: recipe.mattes.iter().map(|ranks| ranks.ids.min(capacity)).collect(),
         }
     }
@@ -81,7 +87,7 @@ impl RawLayout {
 
     /// Returns the number of words in a pixel.
     pub fn words(&self) -> usize {
-        let nearest = if self.has_nearest { 6 } else { 0 };
+        let nearest = self.nearest;
         let sums = self.nodes.len() * (BEAUTY + self.summed);
         let mattes = self.mattes.iter().fold(0, |sum: usize, ids| sum.saturating_add(*ids));
         mattes.saturating_add(sums).saturating_mul(2).saturating_add(nearest)
@@ -109,11 +115,12 @@ impl RawLayout {
             let bits = sum(i / quantities, i % quantities).to_bits();
             two.copy_from_slice(&[bits as u32, (bits >> 32) as u32]);
         }
-        let (six, mut rest) = rest.split_at_mut(if self.has_nearest { 6 } else { 0 });
-        if let [depth, x, y, z, primitive, object] = six {
+        let (words, mut rest) = rest.split_at_mut(self.nearest);
+        if let [depth, x, y, z, primitive, object, far @ ..] = words {
             *depth = nearest.depth.to_bits();
             [*x, *y, *z] = nearest.position.map(f32::to_bits);
             (*primitive, *object) = (nearest.primitive, nearest.object);
+            far.fill(nearest.distance.to_bits());
         }
         for (capacity, ids) in self.mattes.iter().zip(mattes) {
             let (own, after) = rest.split_at_mut(2 * capacity);
@@ -135,12 +142,13 @@ impl RawLayout {
             values.extend(words.chunks_exact(2).map(value));
             pixel.sums.push(*node, &values);
         }
-        let (six, mut rest) = rest.split_at(if self.has_nearest { 6 } else { 0 });
-        if let &[depth, x, y, z, primitive, object] = six {
+        let (words, mut rest) = rest.split_at(self.nearest);
+        if let &[depth, x, y, z, primitive, object, ref far @ ..] = words {
             let depth = f32::from_bits(depth);
             if depth < pixel.nearest.depth {
                 let position = [x, y, z].map(f32::from_bits);
-                pixel.nearest = NearestHit { depth, position, primitive, object };
+                let distance = far.first().map_or(MISS_DEPTH, |&far| f32::from_bits(far));
+                pixel.nearest = NearestHit { depth, distance, position, primitive, object };
             }
         }
         for (capacity, known) in self.mattes.iter().zip(&mut pixel.mattes) {

@@ -13,6 +13,8 @@ use super::mattes::rank;
 pub struct NearestHit {
     /// Depth in camera space.
     pub depth: f32,
+    /// Distance from the origin of the camera ray; only for the layer of that name.
+    pub distance: f32,
     /// Position in world space.
     pub position: [f32; 3],
     /// Number of the primitive, from 1; 0 for none.
@@ -23,7 +25,13 @@ pub struct NearestHit {
 
 impl NearestHit {
     /// The value of a pixel without a hit.
-    pub const NONE: Self = Self { depth: MISS_DEPTH, position: [0.0; 3], primitive: 0, object: 0 };
+    pub const NONE: Self = Self {
+        depth: MISS_DEPTH,
+        distance: MISS_DEPTH,
+        position: [0.0; 3],
+        primitive: 0,
+        object: 0,
+    };
 }
 
 /// The position of each channel of a [`super::LayerPlan`] among the words of a pixel, without the
@@ -37,6 +45,9 @@ pub struct PixelLayout {
     pub filtered: usize,
     /// Position of the depth: 1 word.
     pub depth: Option<usize>,
+    /// Position of the distance: 1 word.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<usize>,
     /// Position of the world position: 3 words.
     pub position: Option<usize>,
     /// Position of the primitive number: 1 word.
@@ -72,14 +83,16 @@ impl PixelLayout {
 
     /// Returns true if any channel needs the nearest sample.
     pub fn has_nearest(&self) -> bool {
-        [self.depth, self.position, self.primitive, self.object].iter().any(Option::is_some)
+        [self.depth, self.distance, self.position, self.primitive, self.object]
+            .iter()
+            .any(Option::is_some)
     }
 
     /// Returns true if every position is within the channels. It may be false in a damaged file.
     pub fn is_sound(&self) -> bool {
         let count = self.channels.len();
         let fits = |first: usize, n: usize| first.checked_add(n).is_some_and(|end| end <= count);
-        let singles = [self.depth, self.primitive, self.object, self.samples];
+        let singles = [self.depth, self.distance, self.primitive, self.object, self.samples];
         let triples = [self.position, self.variance];
         self.filtered <= count
             && singles.iter().flatten().all(|&first| fits(first, 1))
@@ -114,6 +127,7 @@ impl PixelLayout {
             }
         };
         set(self.depth, &[nearest.depth.to_bits()]);
+        set(self.distance, &[nearest.distance.to_bits()]);
         set(self.position, &nearest.position.map(f32::to_bits));
         set(self.primitive, &[nearest.primitive]);
         set(self.object, &[nearest.object]);

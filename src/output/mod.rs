@@ -9,6 +9,7 @@ pub mod exr;
 pub mod exr_check;
 pub mod exr_read;
 pub mod finished;
+pub mod over;
 pub mod png;
 pub mod preview;
 pub mod srgb;
@@ -163,6 +164,8 @@ pub struct WriteOptions<'a> {
     pub tonemap: &'a Tonemap,
     /// True if the PNG has an alpha channel.
     pub transparent: bool,
+    /// Colours behind the PNG's pixels, row by row. The PNG then has no alpha.
+    pub over: Option<&'a [[f32; 3]]>,
     /// Number of bits of the PNG's channels.
     pub depth: tonemap::Depth,
     /// Fingerprint of the render's inputs, for both files: an attribute of the EXR, a text of the
@@ -218,9 +221,19 @@ impl Outputs {
             },
             || {
                 let path = self.png.target().to_owned();
-                let &WriteOptions { tonemap, transparent, depth, fingerprint, .. } = options;
+                let &WriteOptions { tonemap, transparent, over, depth, fingerprint, .. } = options;
                 let file = self.png.file();
-                png::write(film, tonemap, transparent, depth, fingerprint, file, &path)?;
+                match over {
+                    Some(plate) => {
+                        let pixels = over::over(&film.pixels, plate);
+                        let bytes = tonemap::to_samples(&pixels, tonemap, false, depth);
+                        let color = png::Color { alpha: false, srgb: tonemap.srgb, depth };
+                        png::encode(film, &bytes, color, fingerprint, file, &path)?;
+                    }
+                    None => {
+                        png::write(film, tonemap, transparent, depth, fingerprint, file, &path)?;
+                    }
+                }
                 self.png.sync()
             },
         );

@@ -39,6 +39,24 @@ pub fn write(
     encode(film, &bytes, color, fingerprint, file, path)
 }
 
+/// Writes one number for each pixel, 16 bits grey, without a tone curve.
+///
+/// # Errors
+/// The same as [`write()`].
+pub fn write_ids(film: &Film, ids: &[u16], file: &mut impl Write, path: &Path) -> Result<()> {
+    let mut buffered = BufWriter::new(file);
+    let mut encoder = Encoder::new(&mut buffered, film.window.width(), film.window.height());
+    encoder.set_depth(BitDepth::Sixteen);
+    encoder.set_color(ColorType::Grayscale);
+    let bytes: Vec<u8> = ids.iter().flat_map(|id| id.to_be_bytes()).collect();
+    let written = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(&bytes)?;
+        writer.finish()
+    });
+    written.map_err(|error| png_error(path, error))?;
+    buffered.flush().map_err(|error| Error::io(path, "write", &error))
+}
+
 /// The format of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Color {

@@ -30,9 +30,9 @@ enum Mapping {
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
     let mapping = match layer {
-        "Z" => Mapping::Depth,
+        "Z" | "distance" => Mapping::Depth,
         "P" => Mapping::Range,
-        "N" | "Ng" => Mapping::Direction,
+        "N" | "Ng" | "Ncam" => Mapping::Direction,
         "uv" => Mapping::Coordinates,
         "variance" | "samples" => Mapping::Relative,
         _ if layer.starts_with("Crypto") => Mapping::Number,
@@ -64,15 +64,18 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     Some(picture.collect::<Vec<[u8; 3]>>().into_flattened())
 }
 
-/// Returns the first three channels of the layer. If there are fewer, the last one is repeated.
+/// Returns the first three channels of the layer, without `A`. If there are fewer, the last one is
+/// repeated.
 fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     let all = film.planes.channels.iter().enumerate();
     let belongs = |name: &str| match name.strip_prefix(layer) {
         Some(rest) => rest.is_empty() || rest.starts_with('.') || rest.starts_with("00."),
         None => false,
     };
-    let found: Vec<usize> =
-        all.filter(|(_, channel)| belongs(&channel.name)).map(|(i, _)| i).collect();
+    let found: Vec<usize> = all
+        .filter(|(_, channel)| belongs(&channel.name) && !channel.name.ends_with(".A"))
+        .map(|(i, _)| i)
+        .collect();
     let last = *found.last()?;
     Some(std::array::from_fn(|axis| found.get(axis).copied().unwrap_or(last)))
 }

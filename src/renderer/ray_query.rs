@@ -81,12 +81,13 @@ impl Hit {
 
 impl Renderer<'_> {
     /// Finds the closest hit of each ray; `None` for a miss. Uses the threads of the current rayon
-    /// pool.
+    /// pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         rays.par_chunks(LANES).flat_map_iter(|rays| self.closest_of_packet(rays)).collect()
     }
 
-    /// Whether each ray hits anything. Faster than [`Renderer::closest`].
+    /// Whether each ray hits anything. Faster than [`Renderer::closest`]. Shapes that cast no shadow
+    /// (`visible`) do not count.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let packets = rays.par_chunks(LANES);
         packets

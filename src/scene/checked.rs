@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use glam::{DVec2, DVec3, Vec3};
 
-pub use super::description::{ColorSpace, Falloff, Filter, ToneOperator, Wrap};
+pub use super::description::{ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
 pub use crate::sampler::Kind as SamplerKind;
 
 use super::{
@@ -63,6 +63,25 @@ impl Scene {
     pub fn can_skip_shadow_rays(&self) -> bool {
         let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
         self.adaptive_shadows && self.lights.iter().any(spares)
+    }
+
+    /// Returns true if alpha may differ from 1.
+    pub fn has_alpha(&self) -> bool {
+        self.transparent || self.shapes.iter().any(|shape| shape.role != Role::Surface)
+    }
+
+    /// Returns true if any shape is a shadow catcher.
+    pub fn has_catchers(&self) -> bool {
+        self.shapes.iter().any(|shape| shape.role == Role::ShadowCatcher)
+    }
+
+    /// Returns, for each shape, how many accelerators hold it: one for each distinct set of shapes
+    /// that a kind of ray can hit.
+    pub fn accelerators(&self) -> Vec<u32> {
+        let seen: Vec<[bool; 3]> = self.shapes.iter().map(|shape| shape.visible.kinds()).collect();
+        let same = |a: usize, b: usize| seen.iter().all(|kinds| kinds[a] == kinds[b]);
+        let distinct: Vec<usize> = (0..3).filter(|&k| (0..k).all(|j| !same(j, k))).collect();
+        seen.iter().map(|kinds| distinct.iter().filter(|&&k| kinds[k]).count() as u32).collect()
     }
 }
 
@@ -141,6 +160,24 @@ pub struct Shape {
     pub material: usize,
     /// Geometry of the shape.
     pub kind: ShapeKind,
+    /// Kinds of rays that can hit it.
+    pub visible: Visible,
+    /// What camera rays return that hit it.
+    pub role: Role,
+    /// Class in the picture of semantic ids; 0 for none.
+    pub semantic: u16,
+}
+
+/// What camera rays return that hit a shape.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Role {
+    /// The light of its surface, with alpha 1.
+    #[default]
+    Surface,
+    /// Nothing, with alpha 0.
+    Holdout,
+    /// Black, with the share of light that shadows take as alpha.
+    ShadowCatcher,
 }
 
 /// Geometry of a shape.

@@ -7,12 +7,18 @@ use super::nearest::nearest;
 pub enum Layer {
     /// Depth along the camera's axis in world units, positive in front; 1e30 on a miss.
     Depth,
+    /// Distance of the hit from the origin of the camera ray, in world units; 1e30 on a miss.
+    Distance,
     /// Position of the hit in world space.
     Position,
     /// Shading normal in world space.
     Normal,
     /// Geometric normal in world space.
     GeometricNormal,
+    /// Shading normal in camera space: x right, y up, z to the viewer.
+    CameraNormal,
+    /// Cosine between the shading normal and the direction to the viewer.
+    Facing,
     /// Base colour of the surface.
     Albedo,
     /// Texture coordinates of the hit.
@@ -50,11 +56,14 @@ pub enum Layer {
 }
 
 /// Layers that exist once per scene, in the order of the documentation.
-const SINGLE: [(Layer, &str); 19] = [
+const SINGLE: [(Layer, &str); 22] = [
     (Layer::Depth, "Z"),
+    (Layer::Distance, "distance"),
     (Layer::Position, "P"),
     (Layer::Normal, "N"),
     (Layer::GeometricNormal, "Ng"),
+    (Layer::CameraNormal, "Ncam"),
+    (Layer::Facing, "facing"),
     (Layer::Albedo, "albedo"),
     (Layer::Uv, "uv"),
     (Layer::Diffuse, "diffuse"),
@@ -170,7 +179,7 @@ impl Layer {
         let names: Vec<String> = Self::all(groups).iter().map(|layer| layer.name(groups)).collect();
         let known = || FAMILIES.into_iter().chain(names.iter().map(String::as_str));
         let usual = match word.to_lowercase().as_str() {
-            "depth" | "distance" => Some("Z"),
+            "depth" => Some("Z"),
             "normal" | "normals" => Some("N"),
             "position" | "point" => Some("P"),
             "basecolor" | "base" | "color" => Some("albedo"),

@@ -24,9 +24,12 @@ pub(super) fn everything() -> Value {
                   "id": [1, 1, 1], "is": [0, 0, 1], "samples": 4, "emission": "lambertian" }
             ],
             "shapes": [
-                { "type": "sphere", "name": "ball", "material": "gold", "center": [0, 0, 1], "radius": 1, "pole": "x" },
-                { "type": "plane", "name": "floor", "material": { "kr": 0.5 }, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0], "v3": [0, 1, 0] },
-                { "type": "triangle", "name": "t", "material": {}, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0] },
+                { "type": "sphere", "name": "ball", "material": "gold", "center": [0, 0, 1], "radius": 1, "pole": "x",
+                  "holdout": true, "semantic": 3 },
+                { "type": "plane", "name": "floor", "material": { "kr": 0.5 }, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0], "v3": [0, 1, 0],
+                  "shadow_catcher": true },
+                { "type": "triangle", "name": "t", "material": {}, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0],
+                  "visible": { "camera": false, "shadow": false } },
                 { "type": "trimesh", "name": "m", "material": "gold", "path": "a.ply", "fit": 2, "rotate": [-90, 0, 0],
                   "size": 2, "center": [1, 0, 0], "smooth": true, "bvh": false, "vertexcolors": false, "vertexcolorspace": "linear" }
             ],
@@ -101,6 +104,10 @@ fn every_key_reaches_the_checked_scene() {
     assert_eq!((edge.to_array(), height.to_array()), ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0]));
     assert_eq!((*samples, *lambertian), (4, true));
     assert_eq!(scene.shapes.iter().map(|s| s.material).collect::<Vec<_>>(), [0, 1, 2, 0]);
+    let roles: Vec<Role> = scene.shapes.iter().map(|shape| shape.role).collect();
+    assert_eq!(roles, [Role::Holdout, Role::ShadowCatcher, Role::Surface, Role::Surface]);
+    assert_eq!(scene.shapes[2].visible.kinds(), [false, false, true]);
+    assert_eq!((scene.shapes[0].semantic, scene.shapes[1].semantic), (3, 0));
     assert_eq!(scene.materials.len(), 3);
     let texture = scene.materials[0].texture.as_ref().unwrap();
     assert_eq!((texture.filter, texture.wrap), (Filter::Nearest, Some(Wrap::Clamp)));
@@ -220,6 +227,27 @@ fn an_aperture_of_zero_is_a_pinhole() {
     assert!(
         load_value(&everything(), &["/camera/aperture=0"]).unwrap().scene.camera.lens.is_none()
     );
+}
+
+#[test]
+fn each_distinct_set_of_shapes_has_an_accelerator() {
+    let accelerators = |visible: &[Value]| {
+        let mut value = minimal();
+        let sphere = |visible: &Value| {
+            json!({ "type": "sphere", "material": {}, "center": [0, 9, 0],
+            "radius": 1, "visible": visible })
+        };
+        value["scene"]["shapes"] = visible.iter().map(sphere).collect();
+        load_value(&value, &[]).unwrap().scene.accelerators()
+    };
+    let none = || json!({ "camera": false, "shadow": false, "reflection": false });
+    assert_eq!(accelerators(&[json!({}), json!({})]), [1, 1]);
+    assert_eq!(accelerators(&[json!({}), none()]), [1, 0]);
+    assert_eq!(accelerators(&[json!({}), json!({ "shadow": false })]), [2, 1]);
+    let of_camera = json!({ "shadow": false, "reflection": false });
+    assert_eq!(accelerators(&[json!({ "camera": false }), of_camera]), [1, 1]);
+    let three = [json!({ "camera": false }), json!({ "shadow": false }), json!({})];
+    assert_eq!(accelerators(&three), [2, 2, 3]);
 }
 
 #[test]

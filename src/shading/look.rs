@@ -8,7 +8,7 @@ use super::uv::UvSource;
 use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
 use crate::mesh::{Colors, Normals};
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::scene::{ColorSpace, Filter, Wrap};
+use crate::scene::{ColorSpace, Filter, Role, Wrap};
 
 /// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
@@ -55,6 +55,8 @@ pub struct Shape {
     pub normals: Option<Normals>,
     /// Vertex colours that multiply the material's colour.
     pub colors: Option<VertexColors>,
+    /// What camera rays return that hit it.
+    pub role: Role,
 }
 
 /// Maps the primitives of a geometry to shapes.
@@ -87,6 +89,8 @@ pub struct Shapes {
     pub materials: Vec<Material>,
     /// Textures that the materials use.
     pub textures: Vec<Texture>,
+    /// Whether any shape is a holdout or a shadow catcher.
+    pub has_roles: bool,
 }
 
 impl Shapes {
@@ -129,6 +133,11 @@ impl Shapes {
     #[inline(always)]
     pub fn shape(&self, geom: u32, prim: u32) -> u32 {
         self.owners[geom as usize].shape(prim)
+    }
+
+    /// Role of the shape of a primitive.
+    pub fn role(&self, geom: u32, prim: u32) -> Role {
+        self.shapes[self.shape(geom, prim) as usize].role
     }
 
     /// The shape that all lanes of `hit` share: all lanes hit the same mesh or the same primitive.

@@ -150,10 +150,14 @@ pub fn show_mesh(
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
-    // In a cut-out the ground must not cover the frame.
-    let cut_out = template.builtin && loaded.scene.transparent;
-    if subject.looks.no_ground || cut_out {
-        loaded = without_ground(loaded, template)?;
+    if subject.looks.no_ground {
+        loaded = with_other_ground(loaded, template, |_| false)?;
+    } else if template.builtin && loaded.scene.transparent {
+        // In a cut-out the ground must not cover the frame. Its shadows stay.
+        loaded = with_other_ground(loaded, template, |ground| {
+            ground.shadow_catcher = ground.visible.camera && !ground.holdout;
+            true
+        })?;
     }
     // Messages name the mesh by the user's path, not relative to the template.
     let (path, mesh) = furnished.mesh;
@@ -172,11 +176,17 @@ pub fn show_mesh(
     })
 }
 
-/// Returns the scene without the plane named `ground`.
-fn without_ground(loaded: Loaded, template: &Template) -> Result<Loaded> {
+/// Returns the scene with another plane named `ground`. `change` returns whether to keep the plane.
+fn with_other_ground(
+    loaded: Loaded,
+    template: &Template,
+    change: impl Fn(&mut written::Plane) -> bool,
+) -> Result<Loaded> {
     let mut description = loaded.description;
-    description.scene.shapes.retain(|shape| match shape {
-        written::Shape::Plane(plane) => plane.name.as_ref().is_none_or(|name| name.0 != GROUND),
+    description.scene.shapes.retain_mut(|shape| match shape {
+        written::Shape::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
+            change(plane)
+        }
         _ => true,
     });
     let found = scene::from_description(&template.name, &description, &template.folder, &[])?;

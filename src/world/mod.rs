@@ -14,13 +14,14 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::camera::Camera;
+use crate::camera::{self, Camera};
 use crate::error::{Error, Failures, Kind, Problem, Result};
-use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
+use crate::ray::RayKind;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
+use crate::scene::{Falloff, LightKind, Role, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
 use self::place::{MAX_COORDINATE, PlacedMesh};
@@ -82,6 +83,8 @@ pub struct World {
     pub lights: Vec<Light>,
     /// The camera, relative to the origin.
     pub camera: Camera,
+    /// Rows of the rotation to camera space: x right, y up, z to the viewer.
+    pub camera_axes: [Vec3; 3],
     /// Width and height of the area that can be rendered: the camera's frame and its overscan.
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
@@ -203,8 +206,10 @@ impl World {
     /// Creates the world around existing geometry and shapes.
     fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, chosen: Origin, scene: &Scene) -> Self {
         let origin = chosen.position;
+        let [right, up, forward] = camera::axes(&scene.camera);
         Self {
             shapes,
+            camera_axes: [right, up, -forward].map(|axis| axis.as_vec3()),
             lights: scene.lights.iter().map(|light| recentre(light, &geometry)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
@@ -250,10 +255,11 @@ impl World {
         self.geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64).sum()
     }
 
-    /// Number of primitives for the accelerator: triangles, two for each plane, and spheres.
+    /// Number of primitives for the accelerator: triangles, two for each plane, and spheres. If
+    /// kinds of rays hit different shapes, a primitive counts once for each of their accelerators.
     pub fn primitives(&self) -> u64 {
         let others = 2 * self.geometry.quads.len() + self.geometry.spheres.len();
-        self.triangles() + others as u64
+        self.triangles() + others as u64 + self.geometry.accelerated() - self.geometry.count()
     }
 
     /// Memory of primitives and vertex data, in bytes.
@@ -333,7 +339,8 @@ fn gather(
             }
             ShapeKind::Trimesh(_) => UvSource::None,
         };
-        shapes.push(Shape { material: shape.material as u32, uv, normals: None, colors: None });
+        let (material, role) = (shape.material as u32, shape.role);
+        shapes.push(Shape { material, uv, normals: None, colors: None, role });
     }
     let mut arrays = Vec::new();
     let mut owners = Vec::new();
@@ -352,7 +359,30 @@ fn gather(
         let message = format!("{count} primitives are more than the 4294967294 that fit");
         Error::new(Kind::Limit, Problem::new("scene", message))
     })?;
-    Ok((geometry, Shapes { owners, shapes, materials: Vec::new(), textures: Vec::new() }))
+    let geometry = with_unseen(geometry, scene, &owners);
+    let has_roles = shapes.iter().any(|shape| shape.role != Role::Surface);
+    let (materials, textures) = (Vec::new(), Vec::new());
+    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles }))
+}
+
+/// Sets which primitives each kind of ray passes through. `owners` are the shapes by geometry id.
+fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
+    let unseen = RayKind::ALL.map(|kind| {
+        let mut unseen = Unseen::NONE;
+        let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
+        for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
+            match owner {
+                Owner::One(shape) if passes(*shape) => unseen.push(ends[0]..ends[1]),
+                Owner::One(_) => {}
+                Owner::Each(shapes) => {
+                    let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
+                    hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));
+                }
+            }
+        }
+        unseen
+    });
+    geometry.with_unseen(unseen)
 }
 
 /// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.

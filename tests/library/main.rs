@@ -50,8 +50,10 @@ mod output {
 
 mod pictures {
     mod closed_forms;
+    mod data_layers;
     mod layers;
     mod noise_bias;
+    mod plate;
     mod sampling;
     mod sky;
     mod texture_coordinates;

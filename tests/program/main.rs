@@ -63,12 +63,14 @@ mod render {
     mod adaptive;
     mod command;
     mod cryptomatte;
+    mod dataset;
     mod determinism;
     mod exr_inputs;
     mod layers;
     mod map_coordinates;
     mod memory;
     mod mesh_alone;
+    mod plate;
     mod tiers;
 }
 

@@ -50,6 +50,12 @@ impl Blocks {
         Self { order, levels }
     }
 
+    /// The same tree with `names[i]` in place of each item `i`.
+    pub fn renamed(mut self, names: &[u32]) -> Self {
+        self.order.iter_mut().for_each(|item| *item = names[*item as usize]);
+        self
+    }
+
     /// Calls `candidate` with every item whose block of [`BLOCK`] items has a box that the ray may
     /// hit at a t in `range`. The caller tests the item itself.
     ///

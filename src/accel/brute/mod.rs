@@ -25,7 +25,7 @@ use self::triangle::{compare, crossing};
 use super::lane::{Hit, Ray, lanes};
 use super::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use crate::error::Result;
-use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
+use crate::geometry::{Box3, Geometry, GeometryKind, Unseen, doubles};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -55,16 +55,31 @@ impl<'g> Brute<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
+        Self::build_part((geometry, &Unseen::NONE), options, monitor)
+    }
+
+    /// [`Brute::build`] without the primitives of a set.
+    ///
+    /// # Errors
+    /// See [`super::build`].
+    pub fn build_part(
+        (geometry, unseen): (&'g Geometry, &Unseen),
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let peak_bytes = geometry.count() * (size_of::<Box3>() as u64 + 28);
         if let Some(limit) = options.max_bytes.filter(|&limit| peak_bytes > limit) {
             return Err(over_limit(limit));
         }
-        let boxes: Vec<Box3> = (0..geometry.count() as u32)
-            .into_par_iter()
-            .map(|primitive| bounds(geometry, primitive))
-            .collect();
-        monitor.check()?;
-        let blocks = Blocks::new(&boxes);
+        let all = 0..geometry.count() as u32;
+        let bounds = |primitive| bounds(geometry, primitive);
+        let blocks = if unseen.is_empty() {
+            Blocks::new(&all.into_par_iter().map(bounds).collect::<Vec<_>>())
+        } else {
+            let seen: Vec<u32> = all.filter(|&primitive| !unseen.has(primitive)).collect();
+            let boxes: Vec<Box3> = seen.par_iter().copied().map(bounds).collect();
+            Blocks::new(&boxes).renamed(&seen)
+        };
         monitor.check()?;
         Ok(Self { geometry, blocks, peak_bytes })
     }

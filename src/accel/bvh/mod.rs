@@ -52,7 +52,7 @@ use self::single::Single;
 use self::visits::{Counting, Counts};
 use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits};
 use crate::error::Result;
-use crate::geometry::{Geometry, Nearby};
+use crate::geometry::{Geometry, Nearby, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel};
@@ -77,8 +77,22 @@ impl<'g> Bvh<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
+        Self::build_part((geometry, &Unseen::NONE), isa, options, monitor)
+    }
+
+    /// [`Bvh::build`] without the primitives of a set.
+    ///
+    /// # Errors
+    /// See [`super::build`].
+    pub fn build_part(
+        (geometry, unseen): (&'g Geometry, &Unseen),
+        isa: Isa,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let isa = isa.min(Isa::detect());
-        let (tree, peak_bytes) = build::build(geometry, isa, options.max_bytes, monitor)?;
+        let part = (geometry, unseen);
+        let (tree, peak_bytes) = build::build(part, isa, options.max_bytes, monitor)?;
         Ok(Self { geometry, tree, isa, peak_bytes })
     }
 

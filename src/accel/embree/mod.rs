@@ -19,7 +19,7 @@ use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, HitValidator};
 use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
-use crate::geometry::{Geometry, NONE, Nearby};
+use crate::geometry::{Geometry, NONE, Nearby, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::scene::EmbreeMode;
@@ -37,19 +37,19 @@ pub struct Embree<'g> {
 }
 
 impl<'g> Embree<'g> {
-    /// Loads the library and builds Embree's tree over `geometry`.
+    /// Loads the library and builds Embree's tree over the primitives that are not in `unseen`.
     ///
     /// # Errors
     /// See [`super::build`].
-    pub fn build(
-        geometry: &'g Geometry,
+    pub fn build_part(
+        (geometry, unseen): (&'g Geometry, &'g Unseen),
         mode: EmbreeMode,
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let halves = device.has_packets_of_8() && !device.has_packets_of_16();
-        let scene = scene::Scene::build(device, geometry, mode, monitor)?;
+        let scene = scene::Scene::build(device, (geometry, unseen), mode, monitor)?;
         Ok(Self { scene, truth: HitValidator::new(geometry), halves })
     }
 

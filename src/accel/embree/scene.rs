@@ -10,8 +10,9 @@ use super::fixed::PinnedBox;
 use super::sphere::{self, SphereSet};
 use crate::accel::BuildInfo;
 use crate::error::Result;
-use crate::geometry::{Geometry, TriangleMesh};
+use crate::geometry::{Geometry, TriangleMesh, Unseen};
 use crate::monitor::Monitor;
+use crate::ray::NONE;
 use crate::scene::EmbreeMode;
 
 /// A committed Embree scene that reads arrays of lifetime `'g`.
@@ -29,15 +30,16 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'g> Scene<'g> {
-    /// Hands all meshes, quads and spheres to Embree and builds its tree.
+    /// Hands all meshes, quads and spheres to Embree, without the primitives of `unseen`, and builds
+    /// its tree.
     pub fn build(
         device: Device,
-        geometry: &'g Geometry,
+        (geometry, unseen): (&'g Geometry, &'g Unseen),
         mode: EmbreeMode,
         monitor: &Monitor,
     ) -> Result<Self> {
         let base = geometry.bases()[geometry.spheres_id() as usize];
-        let spheres = SphereSet { spheres: &geometry.spheres, base };
+        let spheres = SphereSet { spheres: &geometry.spheres, base, unseen };
         let mode_flags = match mode {
             EmbreeMode::Robust => ffi::RTC_SCENE_FLAG_ROBUST,
             EmbreeMode::Fast => 0,
@@ -45,13 +47,22 @@ impl<'g> Scene<'g> {
         };
         let flags = mode_flags | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         let scene = Self::new(device, flags, spheres)?;
-        for (id, mesh) in geometry.meshes.iter().enumerate() {
-            scene.attach_mesh(mesh, id as c_uint)?;
+        let own = |id: u32| geometry.bases()[id as usize]..geometry.bases()[id as usize + 1];
+        for (id, mesh) in (0..).zip(&geometry.meshes) {
+            match unseen.count(&own(id)) {
+                0 => scene.attach_mesh(mesh, id)?,
+                _ if unseen.has_all(&own(id)) => {}
+                _ => {
+                    scene.attach_part_of_mesh(mesh, id, |prim| unseen.has(own(id).start + prim))?
+                }
+            }
         }
-        if !geometry.quads.is_empty() {
-            scene.attach_quads(&geometry.quads, geometry.quads_id())?;
+        let quads = geometry.quads_id();
+        if !unseen.has_all(&own(quads)) {
+            let base = own(quads).start;
+            scene.attach_quads(&geometry.quads, quads, |prim| unseen.has(base + prim))?;
         }
-        if !geometry.spheres.is_empty() {
+        if !unseen.has_all(&own(geometry.spheres_id())) {
             scene.attach_spheres(geometry.spheres_id())?;
         }
         scene.commit(monitor)?;
@@ -109,10 +120,39 @@ impl<'g> Scene<'g> {
         self.attach(&geometry, id)
     }
 
-    fn attach_quads(&self, quads: &[[[f32; 3]; 4]], id: c_uint) -> Result<()> {
+    /// Attaches a mesh without the triangles that are `left_out`. The others keep their numbers.
+    fn attach_part_of_mesh(
+        &self,
+        mesh: &'g TriangleMesh,
+        id: c_uint,
+        left_out: impl Fn(u32) -> bool,
+    ) -> Result<()> {
+        let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_TRIANGLE)?;
+        // Embree leaves out a primitive whose indices are beyond the vertices.
+        let triangles = (0..).zip(mesh.triangles());
+        let triangles: Vec<[u32; 3]> = triangles
+            .map(|(prim, &corners)| if left_out(prim) { [NONE; 3] } else { corners })
+            .collect();
+        let (kind, format) = (ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3);
+        self.fill(&geometry, kind, format, &triangles)?;
+        let vertices = mesh.padded_vertices();
+        let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
+        self.share(&geometry, kind, format, vertices, vertices.len() - 1);
+        self.attach(&geometry, id)
+    }
+
+    /// Attaches the quads that are not `left_out`. They keep their numbers.
+    fn attach_quads(
+        &self,
+        quads: &[[[f32; 3]; 4]],
+        id: c_uint,
+        left_out: impl Fn(u32) -> bool,
+    ) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_QUAD)?;
-        let indices: Vec<[u32; 4]> =
-            (0..quads.len() as u32).map(|i| [0, 1, 2, 3].map(|k| 4 * i + k)).collect();
+        let corners = |i: u32| [0, 1, 2, 3].map(|k| 4 * i + k);
+        let indices: Vec<[u32; 4]> = (0..quads.len() as u32)
+            .map(|i| if left_out(i) { [NONE; 4] } else { corners(i) })
+            .collect();
         self.fill(
             &geometry,
             ffi::RTC_BUFFER_TYPE_VERTEX,

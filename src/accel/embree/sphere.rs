@@ -5,13 +5,15 @@ use std::ffi::c_uint;
 use glam::DVec3;
 
 use super::ffi::{Bounds, BoundsArguments, UserArguments};
-use crate::geometry::Sphere;
+use crate::geometry::{Sphere, Unseen};
 
 /// User data of the callbacks.
 pub struct SphereSet<'g> {
     pub spheres: &'g [Sphere],
     /// Primitive number of the first sphere.
     pub base: u32,
+    /// Primitives that are not part of the scene.
+    pub unseen: &'g Unseen,
 }
 
 /// The lanes of an `RTCRayN`: member `k` of lane `i` is at `k * n + i`.
@@ -100,7 +102,11 @@ pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
     let Some(sphere) = set.spheres.get(args.prim_id as usize) else {
         return;
     };
-    let (lower, upper) = sphere.bounds();
+    let (lower, upper) = match set.unseen.has(set.base + args.prim_id) {
+        false => sphere.bounds(),
+        // Embree leaves out a primitive with an empty box.
+        true => ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]),
+    };
     // SAFETY: Embree passes room for one box.
     unsafe { *args.bounds = Bounds { lower, align0: 0.0, upper, align1: 0.0 } };
 }

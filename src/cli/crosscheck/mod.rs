@@ -21,7 +21,7 @@ use crate::{
         verdict::{Verdict, judge},
     },
     monitor::Monitor,
-    scene::{self, Backend, Source, written},
+    scene::{self, Backend, Scene, Source, Visible, written},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -175,6 +175,7 @@ fn check(
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let mut outputs = outputs.create()?;
+    show_all(&mut job.loaded.scene);
     let world = job.world(monitor, |text| progress.message(text))?;
     let built = Built::new(&world, backends, isa, monitor)?;
     let built_backends = built.built_backends();
@@ -216,6 +217,11 @@ struct Replayed<'f> {
     verdict: Verdict,
 }
 
+/// Makes every shape visible to all kinds of rays: the oracle has one set of primitives.
+fn show_all(scene: &mut Scene) {
+    scene.shapes.iter_mut().for_each(|shape| shape.visible = Visible::default());
+}
+
 fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) -> Result<()> {
     let place = file.display().to_string();
     let saved = read(file)?;
@@ -225,7 +231,9 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let text = saved.scene.to_string();
     let folder = file.parent().unwrap_or(Path::new(""));
     let name = format!("{place}: scene");
-    let loaded = scene::load(Source::Text { name: &name, text: text.as_bytes(), folder }, &[])?;
+    let source = Source::Text { name: &name, text: text.as_bytes(), folder };
+    let mut loaded = scene::load(source, &[])?;
+    show_all(&mut loaded.scene);
     signals::watch(monitor)?;
     let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
     let needed = all_backends(isa)?

@@ -19,7 +19,7 @@ use crate::{
     units::parse_rate,
 };
 
-use super::part::SplitArgs;
+use super::{dataset::DatasetArgs, part::SplitArgs, plate::OverArgs};
 
 /// Arguments of `lightpath render`.
 #[derive(Debug, Args)]
@@ -143,6 +143,12 @@ pub struct FileArgs {
     /// Write layers of the EXR as pictures, too: PREFIX.NAME.png each; `all` for every layer
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
+
+    #[command(flatten)]
+    pub plate: OverArgs,
+
+    #[command(flatten)]
+    pub dataset: DatasetArgs,
 
     #[command(flatten)]
     pub prefix: PrefixArgs,

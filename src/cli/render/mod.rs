@@ -1,9 +1,11 @@
 //! `lightpath render`: runs the stages of the data flow in order and times each.
 
 pub mod args;
+mod dataset;
 pub mod layers;
 mod options;
 pub mod part;
+mod plate;
 pub mod progress;
 mod sampling;
 mod stats;
@@ -13,15 +15,16 @@ use std::{path::PathBuf, sync::Arc, time::Instant};
 use serde_json::json;
 
 use crate::{
-    accel::{self, BuildInfo, BuildOptions},
+    accel::{self, Accelerator, BuildInfo, BuildOptions},
     error::{Problem, Result},
     film::{Film, ReservedFilm},
+    layers::LayerPlan,
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
     output::{ValueCounts, atomic::Part},
     picture::{self, PictureHeader},
-    render as renderer,
+    render::{self as renderer, RayCounts, SampleCounts},
     world::{Contents, LoadOptions, World, fingerprint},
 };
 
@@ -48,6 +51,7 @@ const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
 struct Files {
     picture: picture::Files,
     previews: Vec<(String, Part)>,
+    dataset: dataset::DatasetFiles,
     /// Files of `--stats` and `--write-scene`.
     texts: TextOutputs,
 }
@@ -58,6 +62,7 @@ impl Files {
         Ok(Self {
             picture: picture::Files::create(prefix, plan, *storage)?,
             previews: layers::open_previews(previews.clone())?,
+            dataset: options.dataset.create()?,
             texts: options.text_files().create()?,
         })
     }
@@ -74,6 +79,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
     job.warnings.extend(options.warning());
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
+    let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     // No signal handler before this point: a signal ends the program at once, and no file exists
     // yet.
@@ -112,7 +118,7 @@ impl Run<'_> {
     ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
         self.warn(&self.job.warnings);
         let scene = &self.job.loaded.scene;
-        let (plan, part) = (&self.options.plan, &self.options.part);
+        let part = &self.options.part;
         let frame = [scene.camera.width, scene.camera.height];
         let blank = ReservedFilm::new(frame, part.window, part.channels())?;
         let budget = self.options.budget.as_ref();
@@ -141,7 +147,6 @@ impl Run<'_> {
         let loaded = self.start.elapsed().as_secs_f64();
 
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
-        let isa = scene.backend.isa();
         if budget.is_none() {
             let film = memory::film_bytes(part.window, part.channels().len());
             memory::ensure_build_fits(scene.backend, self.threads, world.primitives(), film)?;
@@ -159,31 +164,12 @@ impl Run<'_> {
         film.overscan = world.overscan;
         let built = self.start.elapsed().as_secs_f64();
 
-        let accelerator = accelerator.as_ref();
-        let (film, monitor) = (&mut film, self.monitor);
-        let (counts, taken) = match (self.options.adaptive, &part.raw) {
-            (Some(adaptive), _) => {
-                world.spp = adaptive.most;
-                let (counts, taken) = renderer::render_adaptive(
-                    &world,
-                    accelerator,
-                    isa,
-                    film,
-                    plan,
-                    adaptive,
-                    monitor,
-                )?;
-                (counts, Some(taken))
-            }
-            (None, None) => {
-                (renderer::render_layers(&world, accelerator, isa, film, plan, monitor)?, None)
-            }
-            (None, Some(raw)) => {
-                let counts =
-                    renderer::render_samples(&world, accelerator, isa, film, plan, raw, monitor)?;
-                (counts, None)
-            }
-        };
+        let counting = self.options.dataset.counting_plan(&self.options.plan, &world)?;
+        let plan = counting.as_ref().unwrap_or(&self.options.plan);
+        if let Some(most) = self.options.adaptive.map(|adaptive| adaptive.most) {
+            world.spp = most;
+        }
+        let (counts, taken) = self.trace(&world, accelerator.as_ref(), &mut film, plan)?;
         let rendered = self.start.elapsed().as_secs_f64();
 
         let mut stats = self.stats(&info);
@@ -203,8 +189,33 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) = self.write(files, film, &info, hash.as_deref(), &mut stats)?;
+        let seen = (plan, &world);
+        let (paths, oddities) =
+            self.write(files, (&film, seen), &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
+    }
+
+    /// Renders the film. Also returns the numbers of samples, if pixels may differ in them.
+    fn trace(
+        &self,
+        world: &World,
+        accelerator: &dyn Accelerator,
+        film: &mut Film,
+        plan: &LayerPlan,
+    ) -> Result<(RayCounts, Option<SampleCounts>)> {
+        let (isa, monitor) = (self.job.loaded.scene.backend.isa(), self.monitor);
+        if let Some(adaptive) = self.options.adaptive {
+            let (counts, taken) =
+                renderer::render_adaptive(world, accelerator, isa, film, plan, adaptive, monitor)?;
+            return Ok((counts, Some(taken)));
+        }
+        let counts = match &self.options.part.raw {
+            None => renderer::render_layers(world, accelerator, isa, film, plan, monitor)?,
+            Some(raw) => {
+                renderer::render_samples(world, accelerator, isa, film, plan, raw, monitor)?
+            }
+        };
+        Ok((counts, None))
     }
 
     /// Returns the statistics that are known before the first ray.
@@ -230,7 +241,7 @@ impl Run<'_> {
     fn write(
         &self,
         files: Files,
-        film: &Film,
+        (film, (plan, world)): (&Film, (&LayerPlan, &World)),
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
@@ -241,17 +252,21 @@ impl Run<'_> {
             options.part.attribute(options.storage, scene, info, hash)?.into_iter().collect();
         more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(options.adaptive.as_ref(), scene);
+        let behind = options.plate.as_ref().map(|plate| plate.pixels(film.window));
         let says = PictureHeader {
             more: &more,
             info,
             scene_hash: hash,
             spp: Some(&spp),
+            over: behind.as_deref(),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             fingerprint: None,
         };
-        let Files { mut picture, previews, mut texts } = files;
-        let previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let Files { mut picture, previews, dataset, mut texts } = files;
+        let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;
+        let seen = (plan, world, scene);
+        previews.extend(dataset.write(film, seen, |part| picture.add(part))?);
         let (mut paths, oddities) =
             picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
         self.warn(&picture::oddity_warnings(&oddities));

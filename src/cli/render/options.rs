@@ -21,7 +21,9 @@ use crate::{
     studio,
 };
 
-use super::{args::RenderArgs, layers, part::PicturePart, sampling};
+use super::{
+    args::RenderArgs, dataset::DatasetPaths, layers, part::PicturePart, plate::Plate, sampling,
+};
 
 /// Returns the scene that the arguments ask for.
 ///
@@ -85,6 +87,10 @@ pub struct RenderOptions {
     pub storage: Storage,
     /// Layers that become pictures of their own, with the paths of these.
     pub previews: Vec<(String, PathBuf)>,
+    /// Files for data sets.
+    pub dataset: DatasetPaths,
+    /// Image behind the PNG.
+    pub plate: Option<Plate>,
     /// Place of the picture in a sequence.
     pub sequence: Sequence,
     /// True to write the render time into the EXR.
@@ -120,12 +126,16 @@ impl RenderOptions {
             let window = part.window;
             let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
             let deeper = memory::deeper_png_bytes(window, storage.depth);
-            let beside = sums.saturating_add(deeper);
+            let plate = args.files.plate.bytes(window)?;
+            let beside = sums.saturating_add(deeper).saturating_add(plate);
+            let beside = beside.saturating_add(args.files.dataset.bytes(scene)?);
             Budget::check(limit, scene, (window, part.channels().len(), beside), threads)
         });
         let budget = budget.transpose()?;
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
         let previews = layers::preview_paths(&args.files.png_layer, scene, &prefix)?;
+        let dataset = args.files.dataset.paths(scene, &prefix)?;
+        let plate = args.files.plate.plate(scene, args.machine.max_memory)?;
         Ok(Self {
             plan,
             part,
@@ -134,6 +144,8 @@ impl RenderOptions {
             prefix,
             storage,
             previews,
+            dataset,
+            plate,
             sequence: args.files.sequence(),
             record_time: args.files.record_time,
             repair: args.mesh.reading.repair,
@@ -172,6 +184,6 @@ impl RenderOptions {
         let pictures = picture::Files::names(&self.prefix, &self.plan, self.storage).into_iter();
         let previews = self.previews.iter().map(|(_, path)| path.clone());
         let others = [&self.stats, &self.write_scene].into_iter().flatten().cloned();
-        pictures.chain(previews).chain(others).collect()
+        pictures.chain(previews).chain(self.dataset.all().cloned()).chain(others).collect()
     }
 }

@@ -128,6 +128,17 @@ impl PicturePart {
             let set = [
                 ("--png-layer", !args.files.png_layer.is_empty(), for_merge),
                 ("--crypto-sidecar", args.files.prefix.crypto_sidecar, for_merge),
+                (
+                    "--visible-faces",
+                    args.files.dataset.visible_faces.is_some(),
+                    "the samples of a part are not all: render the picture at once",
+                ),
+                ("--png-ids", args.files.dataset.png_ids, "render the picture at once"),
+                (
+                    "--over",
+                    args.files.plate.over.is_some(),
+                    "the plate is as large as the frame: put the merged EXR over it",
+                ),
                 ("--overscan", overscan > 0, "parts are pieces of the frame: render it at once"),
                 (
                     "--time",
@@ -139,6 +150,14 @@ impl PicturePart {
                 let message = "found with a part of a picture, expected with the whole";
                 return Err(Error::invalid(flag, message).help(help));
             }
+        }
+        if overscan > 0 && args.files.plate.over.is_some() {
+            let message = "found with --overscan, expected a picture of the frame alone";
+            return Err(Error::invalid("--over", message));
+        }
+        if args.files.dataset.visible_faces.is_some() && args.sampling.time.is_some() {
+            let message = "found with --time, which would hold every sample of every pixel";
+            return Err(Error::invalid("--visible-faces", message).help("use --noise or --spp"));
         }
         Ok(piece)
     }
@@ -182,7 +201,7 @@ impl PicturePart {
             compression: storage.compression,
             multipart: storage.multipart,
             depth: storage.depth,
-            transparent: scene.transparent,
+            transparent: scene.has_alpha(),
             ..PictureFormat::new(&scene.tonemap)
         };
         let Window { x0, y0, x1, y1 } = self.whole;

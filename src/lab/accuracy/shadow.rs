@@ -7,7 +7,7 @@ use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
 use crate::integrate::{Crevices, OWN_LANES, ShadowRays};
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, Mask, RayKind, RayPacket, Rays};
 use crate::scene::Backend;
 use crate::shading::{
     self, Area, Falloff, Lanes3, LightWeights, ShadowPoints, lane, reflect, set_lane,
@@ -37,7 +37,8 @@ impl Points {
         let mut at_edge = surfaces.at_edge;
         (0..LANES).for_each(|i| at_edge.0[i] &= hit.0[i]);
         if at_edge.any() {
-            crevices.find(geometry, accelerator, packet, &mut surfaces, &at_edge);
+            let scene = (geometry, accelerator);
+            crevices.find(scene, RayKind::Camera, packet, &mut surfaces, &at_edge);
         }
         let mut points = ShadowPoints::EMPTY;
         points.hit = *hit;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Shape, ShapeKind, Smooth, Trimesh},
+    checked::{Role, Shape, ShapeKind, Smooth, Trimesh, Visible},
     description::{self, TriMesh},
 };
 
@@ -25,9 +25,39 @@ impl Check<'_, '_> {
             };
             let name = self.name(&format!("{pointer}/name"), shape.common().0);
             let kind = self.shape_kind(&pointer, &shape);
-            shapes.extend(material.map(|material| Shape { name, material, kind }));
+            let (visible, role) = self.plate(&pointer, &shape);
+            let semantic = shape.semantic();
+            let shape = |material| Shape { name, material, kind, visible, role, semantic };
+            shapes.extend(material.map(shape));
         }
         shapes
+    }
+
+    /// Checks how a shape takes part in a composite.
+    fn plate(&mut self, pointer: &str, shape: &description::Shape) -> (Visible, Role) {
+        let (visible, holdout, catcher) = shape.plate();
+        let key = if holdout { "holdout" } else { "shadow_catcher" };
+        if holdout && catcher {
+            let message = "found `shadow_catcher` with `holdout`, expected one of them: a holdout has no alpha";
+            self.problems.error(&format!("{pointer}/shadow_catcher"), message, None);
+        }
+        if (holdout || catcher) && !visible.camera {
+            let message = format!(
+                "found `{key}` with `visible.camera` false, expected a shape that camera rays hit"
+            );
+            let help = format!("leave out `{key}`, or set `visible.camera` to true");
+            self.problems.error(&format!("{pointer}/{key}"), message, Some(help));
+        }
+        if visible.kinds() == [false; 3] {
+            let message = "found a shape that no ray can hit: it has no effect";
+            self.problems.warn(&format!("{pointer}/visible"), message, None);
+        }
+        let role = match (holdout, catcher) {
+            (true, _) => Role::Holdout,
+            (false, true) => Role::ShadowCatcher,
+            (false, false) => Role::Surface,
+        };
+        (visible, role)
     }
 
     fn shape_kind(&mut self, pointer: &str, shape: &description::Shape) -> ShapeKind {

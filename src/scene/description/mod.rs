@@ -9,11 +9,13 @@ mod light;
 mod material;
 mod shape;
 mod values;
+mod visible;
 
 pub use light::*;
 pub use material::*;
 pub use shape::*;
 pub use values::*;
+pub use visible::*;
 
 use std::collections::BTreeMap;
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Angles, ColorSpace, MaterialUse, Name, Point};
+use super::{Angles, ColorSpace, MaterialUse, Name, Point, Visible};
 
 /// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -30,6 +30,26 @@ impl Shape {
         }
     }
 
+    /// Returns the kinds of rays that can hit the shape, `holdout` and `shadow_catcher`.
+    pub fn plate(&self) -> (Visible, bool, bool) {
+        match self {
+            Self::Sphere(s) => (s.visible, s.holdout, s.shadow_catcher),
+            Self::Plane(s) => (s.visible, s.holdout, s.shadow_catcher),
+            Self::Triangle(s) => (s.visible, s.holdout, s.shadow_catcher),
+            Self::TriMesh(s) => (s.visible, s.holdout, s.shadow_catcher),
+        }
+    }
+
+    /// Returns the class of the shape.
+    pub fn semantic(&self) -> u16 {
+        match self {
+            Self::Sphere(s) => s.semantic,
+            Self::Plane(s) => s.semantic,
+            Self::Triangle(s) => s.semantic,
+            Self::TriMesh(s) => s.semantic,
+        }
+    }
+
     /// Returns mutable references to the path of the mesh, if it is one, and to the material.
     pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
@@ -48,6 +68,20 @@ pub struct Sphere {
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
+    /// Kinds of rays that can hit the shape.
+    #[serde(default)]
+    pub visible: Visible,
+    /// Camera rays that hit the shape end without colour, alpha or layers.
+    #[serde(default)]
+    pub holdout: bool,
+    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
+    /// light that shadows take.
+    #[serde(default)]
+    pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// World position of the centre.
     pub center: Point,
     /// Radius in world units.
@@ -78,6 +112,20 @@ pub struct Plane {
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
+    /// Kinds of rays that can hit the shape.
+    #[serde(default)]
+    pub visible: Visible,
+    /// Camera rays that hit the shape end without colour, alpha or layers.
+    #[serde(default)]
+    pub holdout: bool,
+    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
+    /// light that shadows take.
+    #[serde(default)]
+    pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -95,6 +143,20 @@ pub struct Triangle {
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
+    /// Kinds of rays that can hit the shape.
+    #[serde(default)]
+    pub visible: Visible,
+    /// Camera rays that hit the shape end without colour, alpha or layers.
+    #[serde(default)]
+    pub holdout: bool,
+    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
+    /// light that shadows take.
+    #[serde(default)]
+    pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -110,6 +172,20 @@ pub struct TriMesh {
     pub name: Option<Name>,
     /// An inline material or the name of one.
     pub material: MaterialUse,
+    /// Kinds of rays that can hit the shape.
+    #[serde(default)]
+    pub visible: Visible,
+    /// Camera rays that hit the shape end without colour, alpha or layers.
+    #[serde(default)]
+    pub holdout: bool,
+    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
+    /// light that shadows take.
+    #[serde(default)]
+    pub shadow_catcher: bool,
+    /// Class of the shape in the picture of semantic ids; 0 for none.
+    #[serde(default)]
+    #[schemars(range(max = 65535))]
+    pub semantic: u16,
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to

@@ -338,6 +338,7 @@ fn both_files_appear_and_nothing_else() {
     let options = WriteOptions {
         tonemap: &CLAMP,
         transparent: false,
+        over: None,
         depth: Depth::Eight,
         fingerprint: None,
         exr,
@@ -358,6 +359,7 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let options = WriteOptions {
         tonemap: &CLAMP,
         transparent: false,
+        over: None,
         depth: Depth::Eight,
         fingerprint: None,
         exr: Default::default(),

@@ -84,15 +84,22 @@ fn a_scene_sets_the_crease_angle() {
     }
 }
 
+/// Returns the channels R and A of the picture.
+fn red_and_alpha(scratch: &Scratch) -> [Vec<f32>; 2] {
+    let channels = scratch.channels("o.exr");
+    ["R", "A"].map(|name| {
+        let words = &channels.iter().find(|(channel, _)| channel == name).unwrap().1;
+        words.iter().map(|&word| f32::from_bits(word)).collect()
+    })
+}
+
 /// Returns alpha of the lower left pixel, which shows the studio's ground.
 fn corner_alpha(scratch: &Scratch) -> f32 {
-    let channels = scratch.channels("o.exr");
-    let alpha = &channels.iter().find(|(name, _)| name == "A").unwrap().1;
-    f32::from_bits(alpha[47 * 48])
+    red_and_alpha(scratch)[1][47 * 48]
 }
 
 #[test]
-fn a_transparent_picture_has_no_ground() {
+fn a_transparent_picture_has_the_shadows_of_its_ground() {
     let scratch = Scratch::new();
     scratch.write("block.ply", &block(2.0, ""));
     let planes = |flags: &[&str]| {
@@ -103,7 +110,15 @@ fn a_transparent_picture_has_no_ground() {
         shapes.iter().filter(|shape| shape["type"] == "plane").count()
     };
     assert_eq!((planes(&[]), corner_alpha(&scratch)), (1, 1.0));
-    assert_eq!((planes(&["--transparent"]), corner_alpha(&scratch)), (0, 0.0));
+    assert_eq!((planes(&["--transparent"]), corner_alpha(&scratch)), (1, 0.0));
+    // Black pixels are the shadow of the block.
+    let [red, alpha] = red_and_alpha(&scratch);
+    let shadow = red.iter().zip(&alpha).filter(|(red, alpha)| **red == 0.0 && **alpha > 0.2);
+    assert!(shadow.count() > 10);
+    let cut_out = ["--transparent", "--no-ground"];
+    assert_eq!((planes(&cut_out), corner_alpha(&scratch)), (0, 0.0));
+    let [red, alpha] = red_and_alpha(&scratch);
+    assert!(red.iter().zip(&alpha).all(|(red, alpha)| *red > 0.0 || *alpha == 0.0));
     assert_eq!((planes(&["--no-ground"]), corner_alpha(&scratch)), (0, 1.0));
     // A user's template keeps its ground unless the flag is given.
     render(&scratch, "block.ply", &["--write-scene", "template.json"]).good();

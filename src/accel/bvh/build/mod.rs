@@ -16,7 +16,7 @@ use super::Bounds3;
 use super::node::{Block, Child, SphereLeaf};
 use crate::accel::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::reserve;
@@ -25,7 +25,7 @@ use crate::simd::{self, Isa, Kernel};
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
-/// Builds the tree on the current rayon pool. Also returns the most bytes that the build held at a
+/// Builds the tree without the primitives of `unseen`, on the current rayon pool. Also returns the most bytes that the build held at a
 /// time.
 ///
 /// # Errors
@@ -34,7 +34,7 @@ const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 ///   can address.
 /// - `Retry` if there is too little memory.
 pub fn build(
-    geometry: &Geometry,
+    (geometry, unseen): (&Geometry, &Unseen),
     isa: Isa,
     max_bytes: Option<u64>,
     monitor: &Monitor,
@@ -43,9 +43,9 @@ pub fn build(
         Some(limit) if bytes > limit => Err(over_limit(limit)),
         _ => Ok(bytes),
     };
-    within((reference::count(geometry) * size_of::<reference::Reference>()) as u64)?;
-    let count = reference::count(geometry);
-    let mut references = simd::dispatch(isa, References(geometry))?;
+    let count = reference::count(geometry, unseen);
+    within((count * size_of::<reference::Reference>()) as u64)?;
+    let mut references = simd::dispatch(isa, References(geometry, unseen))?;
     // The nodes are allocated in many small pieces, so the memory for all of them is probed in
     // advance.
     reserve::probe(binary::SCRATCH_BYTES * count as u64, "bvh")?;
@@ -93,12 +93,12 @@ pub fn build(
     Ok((tree, peak))
 }
 
-struct References<'g>(&'g Geometry);
+struct References<'g>(&'g Geometry, &'g Unseen);
 
 impl Kernel for References<'_> {
     type Output = Result<Vec<reference::Reference>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
-        reference::references(self.0)
+        reference::references(self.0, self.1)
     }
 }

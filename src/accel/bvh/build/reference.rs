@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use crate::error::Result;
-use crate::geometry::{Geometry, quad_halves};
+use crate::geometry::{Geometry, Unseen, quad_halves};
 use crate::reserve;
 
 const SECOND_HALF: u32 = 1 << 31;
@@ -57,31 +57,53 @@ impl Reference {
     }
 }
 
-/// Returns the number of references: one per triangle and sphere, two per quad.
-pub fn count(geometry: &Geometry) -> usize {
-    let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.triangles().len()).sum();
-    triangles + 2 * geometry.quads.len() + geometry.spheres.len()
+/// Returns the number of references: one per triangle and sphere, two per quad. Primitives of
+/// `unseen` have none.
+pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
+    let quads = geometry.quads_id() as usize;
+    let seen = geometry.bases().windows(2).enumerate().map(|(geom, ends)| {
+        let own = ends[0]..ends[1];
+        let seen = (own.end - own.start - unseen.count(&own)) as usize;
+        if geom == quads { 2 * seen } else { seen }
+    });
+    seen.sum()
 }
 
-/// Returns the references in the order of the geometry.
+/// Returns the references of all primitives that are not in `unseen`, in the order of the geometry.
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn references(geometry: &Geometry) -> Result<Vec<Reference>> {
+pub fn references(geometry: &Geometry, unseen: &Unseen) -> Result<Vec<Reference>> {
     let mut references = Vec::new();
-    reserve::exact(&mut references, count(geometry), "bvh")?;
+    reserve::exact(&mut references, count(geometry, unseen), "bvh")?;
+    let is_seen = |geom: u32, prim: u32| !unseen.has(geometry.primitive(geom, prim));
     for (geom, mesh) in geometry.meshes.iter().enumerate() {
-        references.par_extend((0..mesh.triangles().len() as u32).into_par_iter().map(|prim| {
+        let own = geometry.bases()[geom]..geometry.bases()[geom + 1];
+        let reference = |prim| {
             Reference::new(Bounds3::from_points(&mesh.corners(prim)), geom as u32, prim, false)
-        }));
+        };
+        match unseen.count(&own) {
+            0 => references.par_extend((0..own.end - own.start).into_par_iter().map(reference)),
+            count if count == own.end - own.start => {}
+            _ => {
+                let seen = (0..own.end - own.start).filter(|&prim| is_seen(geom as u32, prim));
+                references.extend(seen.map(reference));
+            }
+        }
     }
     for (prim, &quad) in geometry.quads.iter().enumerate() {
+        if !is_seen(geometry.quads_id(), prim as u32) {
+            continue;
+        }
         for (half, corners) in quad_halves(quad).iter().enumerate() {
             let (geom, prim) = (geometry.quads_id(), prim as u32);
             references.push(Reference::new(Bounds3::from_points(corners), geom, prim, half == 1));
         }
     }
     for (prim, sphere) in geometry.spheres.iter().enumerate() {
+        if !is_seen(geometry.spheres_id(), prim as u32) {
+            continue;
+        }
         let (lower, upper) = sphere.bounds();
         let bounds = Bounds3::new(lower, upper);
         references.push(Reference::new(bounds, geometry.spheres_id(), prim as u32, false));

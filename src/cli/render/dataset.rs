@@ -1,0 +1,190 @@
+//! Files for data sets: the faces that the camera sees, and ids as pictures.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{Args, ValueHint};
+
+use crate::{
+    error::{Error, Result},
+    film::{Film, Window},
+    layers::{FaceCounts, LayerPlan},
+    memory,
+    output::{atomic::Part, png},
+    paths,
+    scene::{Layer, Scene},
+    shading::Owner,
+    world::World,
+};
+
+/// Flags for data sets.
+#[derive(Debug, Args)]
+pub struct DatasetArgs {
+    /// Write which faces the camera sees, with their numbers of samples and pixels, as a NumPy array
+    #[arg(long, value_name = "FILE.npy", value_hint = ValueHint::FilePath)]
+    pub visible_faces: Option<PathBuf>,
+
+    /// Write the layer objectid as PREFIX.instance.png, and the shapes' `semantic` ids as
+    /// PREFIX.semantic.png, 16 bits each
+    #[arg(long)]
+    pub png_ids: bool,
+}
+
+/// Endings of the names of the id pictures.
+const ID_ENDINGS: [&str; 2] = [".instance.png", ".semantic.png"];
+
+impl DatasetArgs {
+    /// Returns the bytes that the counts of faces need.
+    ///
+    /// # Errors
+    /// Headers that cannot be read.
+    pub fn bytes(&self, scene: &Scene) -> Result<u64> {
+        let pixel = Window { x0: 0, y0: 0, x1: 1, y1: 1 };
+        match self.visible_faces {
+            Some(_) => {
+                let primitives = memory::predict(scene, pixel)?.primitives;
+                Ok(primitives.saturating_mul(FaceCounts::BYTES))
+            }
+            None => Ok(0),
+        }
+    }
+
+    /// Returns the files that the flags name, for a picture `prefix`.
+    ///
+    /// # Errors
+    /// Ids without the layer `objectid`, or with more shapes than 16 bits can number.
+    pub fn paths(&self, scene: &Scene, prefix: &Path) -> Result<DatasetPaths> {
+        if self.png_ids && !scene.layers.contains(&Layer::Object) {
+            let message = "found without the layer `objectid`";
+            return Err(Error::invalid("--png-ids", message).help("add it: --aov objectid"));
+        }
+        if self.png_ids && scene.shapes.len() > usize::from(u16::MAX) {
+            let count = scene.shapes.len();
+            let message = format!("found {count} shapes, expected at most {}", u16::MAX);
+            return Err(Error::invalid("--png-ids", message));
+        }
+        let ids = self.png_ids.then(|| ID_ENDINGS.map(|end| paths::with_ending(prefix, end)));
+        Ok(DatasetPaths { faces: self.visible_faces.clone(), ids })
+    }
+}
+
+/// Paths of the files for data sets.
+#[derive(Debug, Clone)]
+pub struct DatasetPaths {
+    faces: Option<PathBuf>,
+    ids: Option<[PathBuf; 2]>,
+}
+
+/// The same files while they are written.
+pub struct DatasetFiles {
+    faces: Option<Part>,
+    ids: Option<[Part; 2]>,
+}
+
+impl DatasetPaths {
+    /// Returns the paths of all files.
+    pub fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        self.faces.iter().chain(self.ids.iter().flatten())
+    }
+
+    /// Creates all part files.
+    ///
+    /// # Errors
+    /// As for [`Part::create`].
+    pub fn create(&self) -> Result<DatasetFiles> {
+        let faces = self.faces.as_deref().map(Part::create).transpose()?;
+        let ids = match &self.ids {
+            Some([instance, semantic]) => Some([Part::create(instance)?, Part::create(semantic)?]),
+            None => None,
+        };
+        Ok(DatasetFiles { faces, ids })
+    }
+
+    /// Returns the plan of layers that also counts faces; `None` if they are not written.
+    ///
+    /// # Errors
+    /// `Retry` if there is too little memory.
+    pub fn counting_plan(&self, plan: &LayerPlan, world: &World) -> Result<Option<LayerPlan>> {
+        if self.faces.is_none() {
+            return Ok(None);
+        }
+        let faces = Some(Arc::new(FaceCounts::new(world.geometry.count())?));
+        Ok(Some(LayerPlan { faces, ..plan.clone() }))
+    }
+}
+
+impl DatasetFiles {
+    /// Writes all files. `add` takes each for the final rename and returns its path.
+    ///
+    /// # Errors
+    /// `Retry` if the disk is full.
+    pub fn write(
+        self,
+        film: &Film,
+        (plan, world, scene): (&LayerPlan, &World, &Scene),
+        mut add: impl FnMut(Part) -> PathBuf,
+    ) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        if let (Some(mut part), Some(counts)) = (self.faces, &plan.faces) {
+            let bytes = visible_faces(counts, world);
+            let path = part.target().to_owned();
+            part.file().write_all(&bytes).map_err(|error| Error::io(&path, "write", &error))?;
+            part.sync()?;
+            written.push(add(part));
+        }
+        let objects = film.planes.index("objectid.id");
+        if let (Some(parts), Some(channel)) = (self.ids, objects) {
+            let semantic: Vec<u16> = scene.shapes.iter().map(|shape| shape.semantic).collect();
+            let object = |pixel: usize| film.planes.uint(channel, pixel);
+            let class = |object: u32| match object.checked_sub(1) {
+                Some(shape) => semantic.get(shape as usize).copied().unwrap_or(0),
+                None => 0,
+            };
+            let pixels = 0..film.pixels.len();
+            let instance: Vec<u16> = pixels.clone().map(|pixel| object(pixel) as u16).collect();
+            let semantic: Vec<u16> = pixels.map(|pixel| class(object(pixel))).collect();
+            for (mut part, values) in parts.into_iter().zip([instance, semantic]) {
+                let path = part.target().to_owned();
+                png::write_ids(film, &values, part.file(), &path)?;
+                part.sync()?;
+                written.push(add(part));
+            }
+        }
+        Ok(written)
+    }
+}
+
+/// Returns the bytes of the array: for each face that was seen, the number of its shape (from 1),
+/// its number in the shape (from 0), samples and pixels. Sorted by the first two.
+///
+/// Format: `numpy.lib.format`, version 1.0.
+fn visible_faces(counts: &FaceCounts, world: &World) -> Vec<u8> {
+    let mut rows: Vec<(u32, u32, u64, u32)> = counts
+        .seen()
+        .map(|(primitive, samples, pixels)| {
+            let (geom, prim) = world.geometry.place(primitive);
+            let face = match world.shapes.owners[geom as usize] {
+                Owner::One(_) => prim,
+                Owner::Each(_) => 0,
+            };
+            (world.shapes.shape(geom, prim) + 1, face, samples, pixels)
+        })
+        .collect();
+    rows.sort_unstable();
+    let types = "[('object', '<u4'), ('face', '<u4'), ('samples', '<u8'), ('pixels', '<u4')]";
+    let header =
+        format!("{{'descr': {types}, 'fortran_order': False, 'shape': ({},), }}", rows.len());
+    // Magic, version and length take 10 bytes; the data begin at a multiple of 64.
+    let length = (header.len() + 11).next_multiple_of(64) - 10;
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((length as u16).to_le_bytes());
+    bytes.extend(format!("{header:<width$}\n", width = length - 1).into_bytes());
+    for (object, face, samples, pixels) in rows {
+        bytes.extend(object.to_le_bytes());
+        bytes.extend(face.to_le_bytes());
+        bytes.extend(samples.to_le_bytes());
+        bytes.extend(pixels.to_le_bytes());
+    }
+    bytes
+}

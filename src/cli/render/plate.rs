@@ -1,0 +1,84 @@
+//! `--over`: the image behind the PNG.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueHint};
+
+use crate::{
+    error::{Error, Result},
+    film::Window,
+    scene::{Filter, Scene, Wrap},
+    shading::{DEFAULT_MAX_BYTES, Texture},
+};
+
+/// The flag `--over`.
+#[derive(Debug, Args)]
+pub struct OverArgs {
+    /// Show the PNG over this image of the frame's size (PNG, EXR...); the EXR stays the foreground
+    #[arg(long, value_name = "PLATE", value_hint = ValueHint::FilePath)]
+    pub over: Option<PathBuf>,
+}
+
+/// An image of the frame's size, as linear light.
+#[derive(Debug)]
+pub struct Plate(Texture);
+
+impl OverArgs {
+    /// Returns the bytes that the plate and the composite need.
+    ///
+    /// # Errors
+    /// An image whose header cannot be read.
+    pub fn bytes(&self, window: Window) -> Result<u64> {
+        let Some(path) = &self.over else { return Ok(0) };
+        let pixels = u64::from(window.width()) * u64::from(window.height());
+        // The plate's pixels in the window, and the pixels of the composite.
+        let composite =
+            pixels.saturating_mul((size_of::<[f32; 3]>() + size_of::<[f32; 4]>()) as u64);
+        Ok(Texture::size(path)?.decoding.saturating_add(composite))
+    }
+
+    /// Reads the plate.
+    ///
+    /// # Errors
+    /// A picture without alpha; an image that cannot be read, or is not of the frame's size.
+    pub fn plate(&self, scene: &Scene, max_memory: Option<u64>) -> Result<Option<Plate>> {
+        let Some(path) = &self.over else { return Ok(None) };
+        if !scene.has_alpha() {
+            let message = "found with a picture whose alpha is 1, expected one with alpha";
+            let help = "--transparent, or a shape with `shadow_catcher` or `holdout`";
+            return Err(Error::invalid("--over", message).help(help));
+        }
+        let limit = max_memory.unwrap_or(DEFAULT_MAX_BYTES);
+        let image = Texture::load_within(path, None, limit)?;
+        let (found, frame) =
+            ([image.width(), image.height()], [scene.camera.width, scene.camera.height]);
+        if found != frame {
+            return Err(wrong_size(path, found, frame));
+        }
+        Ok(Some(Plate(image)))
+    }
+}
+
+fn wrong_size(path: &Path, found: [u32; 2], frame: [u32; 2]) -> Error {
+    let [[width, height], [frame_width, frame_height]] = [found, frame];
+    let message = format!(
+        "found {}, an image of {width} x {height} pixels, expected the frame's {frame_width} x \
+         {frame_height}",
+        path.display()
+    );
+    Error::invalid("--over", message).help(format!("--size {width}x{height}, or scale the image"))
+}
+
+impl Plate {
+    /// Returns the colours at the pixels of a window of the frame, row by row.
+    pub fn pixels(&self, window: Window) -> Vec<[f32; 3]> {
+        let Self(image) = self;
+        let [width, height] = [image.width(), image.height()].map(f64::from);
+        let rows = (window.y0..window.y1).flat_map(|y| (window.x0..window.x1).map(move |x| [x, y]));
+        let color = |[x, y]: [u32; 2]| {
+            let [u, v] = [(f64::from(x) + 0.5) / width, (f64::from(y) + 0.5) / height];
+            image.lookup(u, v, Filter::Nearest, Wrap::Clamp, Wrap::Clamp).to_array()
+        };
+        rows.map(color).collect()
+    }
+}

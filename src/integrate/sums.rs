@@ -1,0 +1,83 @@
+//! Sums of light over the points of an area light.
+
+use super::adaptive_shadows::LightPoint;
+use super::record::Record;
+use super::sampled_light::SampledLight;
+use super::split::LightPartSums;
+use crate::ray::{LANES, Mask};
+use crate::shading::{Light, LightWeights};
+
+/// Light of one area light, by lane, before the base colour. In f64, because there may be many
+/// points.
+pub struct Sums {
+    /// By axis and lane.
+    pub light: [[f64; LANES]; 3],
+    /// The same light, separated for the layers.
+    pub split: LightPartSums,
+}
+
+impl Sums {
+    /// Sums before the first point.
+    pub const NONE: Self = Self { light: [[0.0; LANES]; 3], split: LightPartSums::NONE };
+
+    /// Adds one light point to each lane of `seen`.
+    #[inline(always)]
+    pub fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
+        let (d, s) = (light.diffuse, light.specular);
+        // Not a loop: the compiler would make vectors of axes instead of lanes.
+        let [x, y, z] = &mut self.light;
+        add_seen(x, (d.x, s.x), lit, seen);
+        add_seen(y, (d.y, s.y), lit, seen);
+        add_seen(z, (d.z, s.z), lit, seen);
+        if R::ON {
+            for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
+                self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
+            }
+        }
+    }
+
+    /// Adds one visible light point to its lane.
+    #[inline(always)]
+    pub fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
+        let LightPoint { lane, diffuse, specular, .. } = *point;
+        let light = lamp.light;
+        let sent = light.diffuse * diffuse + light.specular * specular;
+        for (sum, sent) in self.light.iter_mut().zip(sent.to_array()) {
+            sum[lane] += f64::from(sent);
+        }
+        if R::ON {
+            self.split.add(lane, light, diffuse, specular);
+        }
+    }
+
+    /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
+    /// for rounding, so results are clamped to 0.
+    #[inline(always)]
+    pub fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
+        if factor == 0.0 {
+            return;
+        }
+        for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
+            let whole = *sum + factor * part;
+            debug_assert!(whole >= -1e-9 * *sum, "{sum} {part} {factor}");
+            *sum = whole.max(0.0);
+        }
+        if R::ON {
+            self.split.add_part(&part.split, factor);
+        }
+    }
+}
+
+/// Adds the light that the lanes of `seen` receive along one colour axis.
+#[inline(always)]
+fn add_seen(
+    sum: &mut [f64; LANES],
+    (diffuse, specular): (f32, f32),
+    lit: &LightWeights,
+    seen: &Mask,
+) {
+    for i in 0..LANES {
+        let light = diffuse * lit.diffuse[i] + specular * lit.specular[i];
+        sum[i] += f64::from(if seen.0[i] != 0 { light } else { 0.0 });
+    }
+}

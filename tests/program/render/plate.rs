@@ -1,0 +1,187 @@
+//! Foregrounds for a plate through the program: parts, crops, `--over`, refusals.
+
+use std::io::Cursor;
+
+use crate::support::program::{Done, Refusals, Scratch};
+
+/// A ball and an invisible ball on a catcher, behind a holdout.
+const SCENE: &str = r#"{
+  "spp": 16,
+  "camera": { "type": "pinhole", "width": 40, "height": 30, "fov": 45,
+              "position": [0, 3, 4], "target": [0, 0, 0], "up": [0, 1, 0] },
+  "scene": {
+    "ambient": [0.1, 0.1, 0.2],
+    "lightsources": [
+      { "type": "arealight", "v0": [-2, 4, 0], "v1": [-1, 4, 0], "v2": [-2, 4, 1],
+        "id": [3, 3, 2], "samples": 20, "name": "key" },
+      { "type": "pointlight", "position": [3, 3, 2], "id": [1, 1, 1], "name": "fill" }],
+    "shapes": [
+      { "type": "plane", "v0": [-3, 0, 2], "v1": [3, 0, 2], "v2": [3, 0, -2], "v3": [-3, 0, -2],
+        "shadow_catcher": true, "material": { "ka": 1 } },
+      { "type": "sphere", "center": [0, 0.5, 0], "radius": 0.5, "material": { "kr": 0.3 } },
+      { "type": "sphere", "center": [1.3, 0.6, 0], "radius": 0.4, "material": {},
+        "visible": { "camera": false } },
+      { "type": "sphere", "center": [-0.4, 0.4, 1], "radius": 0.3, "material": {},
+        "holdout": true }]
+  },
+  "tonemap": { "operator": "clamp" }
+}"#;
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch
+}
+
+#[track_caller]
+fn render(scratch: &Scratch, name: &str, flags: &[&str]) -> Done {
+    scratch.run(&[&["render", "s.json", "--quiet", "-o", name], flags].concat()).good()
+}
+
+/// Decodes a PNG of 16 bits: colour type and samples.
+fn png(scratch: &Scratch, name: &str) -> (png::ColorType, Vec<u16>) {
+    let mut reader = png::Decoder::new(Cursor::new(scratch.read(name))).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!(info.bit_depth, png::BitDepth::Sixteen);
+    let pairs = bytes[..info.buffer_size()].chunks_exact(2);
+    (info.color_type, pairs.map(|two| u16::from_be_bytes([two[0], two[1]])).collect())
+}
+
+#[test]
+fn parts_threads_and_crops_give_the_same_bits() {
+    let scratch = scratch();
+    for shadows in [&[][..], &["--adaptive-shadows"]] {
+        let all = [&["--aov", "all"], shadows].concat();
+        render(&scratch, "whole", &[&all[..], &["--threads", "1", "--spp", "32"]].concat());
+        for (name, range) in [("a", "0..16"), ("b", "16..32")] {
+            let part = ["--samples", range, "--of", "32", "--threads", "2"];
+            render(&scratch, name, &[&all[..], &part].concat());
+        }
+        scratch.run(&["merge", "a.exr", "b.exr", "-o", "merged", "--quiet"]).good();
+        for end in ["exr", "png"] {
+            let [whole, merged] = ["whole", "merged"].map(|n| scratch.read(&format!("{n}.{end}")));
+            assert!(whole == merged, "{end} {shadows:?}");
+        }
+    }
+    let noise = ["--noise", "0.1", "--float", "--aov", "shadow,samples"];
+    render(&scratch, "noise", &[&noise[..], &["--threads", "1"]].concat());
+    render(&scratch, "again", &[&noise[..], &["--threads", "2"]].concat());
+    assert!(scratch.read("noise.exr") == scratch.read("again.exr"));
+    render(&scratch, "crop", &[&noise[..], &["--crop", "9", "5", "31", "22"]].concat());
+    let (whole, crop) = (scratch.floats("noise.exr"), scratch.floats("crop.exr"));
+    for (name, values) in &crop {
+        for (i, value) in values.iter().enumerate() {
+            let (x, y) = (9 + i % 22, 5 + i / 22);
+            assert_eq!(value.to_bits(), whole[name][40 * y + x].to_bits(), "{name} {x} {y}");
+        }
+    }
+    // Alpha is noise, too: penumbras get more samples than the lit ground.
+    let most = whole["samples.Y"].iter().copied().fold(0.0, f32::max);
+    let lit = whole["A"].iter().zip(&whole["samples.Y"]).filter(|(alpha, _)| **alpha == 0.0);
+    assert!(most > 16.0 && lit.clone().count() > 100);
+    // The darkest pixel of the ground: its alpha is the sum over the lights.
+    let ground = (0..40 * 30).filter(|&i| whole["R"][i] == 0.0);
+    let darkest = ground.max_by(|&a, &b| whole["A"][a].total_cmp(&whole["A"][b])).unwrap();
+    let parts = ["shadow_key.A", "shadow_fill.A"].map(|name| whole[name][darkest]);
+    assert!(parts[0] > 0.1 && (parts[0] + parts[1] - whole["A"][darkest]).abs() < 1e-5);
+}
+
+#[test]
+fn the_png_may_show_the_picture_over_a_plate() {
+    let scratch = scratch();
+    let texel = |i: usize| [i * 7 % 256, i * 3 % 256, 255 - i % 200].map(|v| v as u8);
+    let texels: Vec<[u8; 3]> = (0..40 * 30).map(texel).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 40, 30);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(texels.as_flattened()).unwrap();
+    std::fs::write(scratch.path("plate.png"), bytes).unwrap();
+
+    let common = ["--transparent", "--png-bits", "16", "--float"];
+    render(&scratch, "plain", &common);
+    render(&scratch, "over", &[&common[..], &["--over", "plate.png"]].concat());
+    assert!(scratch.read("plain.exr") == scratch.read("over.exr"), "the EXR is the foreground");
+    let (kind, samples) = png(&scratch, "over.png");
+    assert_eq!(kind, png::ColorType::Rgb);
+    let pixels = scratch.rgba("over.exr");
+    let decode = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    let encode = |x: f64| {
+        if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    };
+    let mut seen = [false; 2];
+    for (i, texel) in texels.iter().enumerate() {
+        let pixel = pixels[i / 40][i % 40].map(f64::from);
+        seen = [seen[0] || pixel[3] == 0.0, seen[1] || pixel[3] > 0.2 && pixel[0] == 0.0];
+        for axis in 0..3 {
+            let plate = decode(f64::from(texel[axis]) / 255.0);
+            let over = pixel[axis] + (1.0 - pixel[3]) * plate;
+            let expected = 65535.0 * encode(over.clamp(0.0, 1.0));
+            let found = f64::from(samples[3 * i + axis]);
+            assert!((found - expected).abs() < 1.0, "{i} {axis}: {found} {expected}");
+        }
+    }
+    assert_eq!(seen, [true; 2]);
+    // A crop shows its part of the plate. An EXR is a plate, too.
+    let crop = ["--crop", "3", "4", "20", "25", "--over", "plate.png"];
+    render(&scratch, "crop", &[&common[..], &crop].concat());
+    let (_, cropped) = png(&scratch, "crop.png");
+    for (i, three) in cropped.chunks_exact(3).enumerate() {
+        let at = 3 * (40 * (4 + i / 17) + 3 + i % 17);
+        assert_eq!(three, &samples[at..at + 3], "{i}");
+    }
+    let flags = [&common[..], &["--over", "plain.exr"]].concat();
+    render(&scratch, "twice", &flags);
+    // Alpha of the first one counts only once: the plate is opaque.
+    assert_eq!(png(&scratch, "twice.png").0, png::ColorType::Rgb);
+}
+
+#[test]
+fn contradictions_are_refused_before_anything_is_written() {
+    let refusals = Refusals::new();
+    let write = |name: &str, text: &str| refusals.scratch.write(name, text);
+    write("s.json", SCENE);
+    let opaque =
+        SCENE.replace("\"shadow_catcher\": true, ", "").replace(",\n        \"holdout\": true", "");
+    write("opaque.json", &opaque);
+    write("plate.ppm", "P3 2 1 255 0 0 0 9 9 9\n");
+    let refused = |file: &str, flags: &[&str], expected: &[&str]| {
+        let done = refusals.render(file, flags);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        for text in expected {
+            assert!(done.stderr().contains(text), "{text}: {}", done.stderr());
+        }
+    };
+    refused("s.json", &["--over", "plate.ppm"], &["--over: found plate.ppm", "2 x 1", "40 x 30"]);
+    refused("s.json", &["--over", "missing.png"], &["missing.png"]);
+    refused("opaque.json", &["--over", "plate.ppm"], &["--over: ", "alpha is 1", "--transparent"]);
+    let part = ["--over", "plate.ppm", "--tile", "1/2"];
+    refused("s.json", &part, &["--over: ", "part of a picture"]);
+    refused("s.json", &["--over", "plate.ppm", "--overscan", "4"], &["--over: ", "--overscan"]);
+    let set = |value: &str| format!("/scene/shapes/{value}");
+    for (value, expected) in [
+        ("0/holdout=true", &["/scene/shapes/0/shadow_catcher", "with `holdout`"][..]),
+        (
+            r#"0/visible={"camera":false}"#,
+            &["/scene/shapes/0/shadow_catcher", "`visible.camera` false"],
+        ),
+        (r#"3/visible={"camera":false}"#, &["/scene/shapes/3/holdout", "`visible.camera` false"]),
+        (r#"1/visible={"shadows":false}"#, &["unknown key \"shadows\"", "did you mean `shadow`?"]),
+        (r#"1/visible=false"#, &["/scene/shapes/1/visible", "expected an object"]),
+        (r#"1/holdout="yes""#, &["/scene/shapes/1/holdout", "expected true or false"]),
+        (
+            "1/shadowcatcher=true",
+            &["unknown key \"shadowcatcher\"", "did you mean `shadow_catcher`?"],
+        ),
+    ] {
+        refused("s.json", &["--set", &set(value)], expected);
+    }
+    // The plate is an input.
+    let scratch = &refusals.scratch;
+    std::fs::copy(scratch.path("plate.ppm"), scratch.path("o.png")).unwrap();
+    let done = scratch.run(&["render", "s.json", "-o", "o", "--size", "2x1", "--over", "o.png"]);
+    assert!(done.code() == 2 && done.stderr().contains("o.png"), "{}", done.stderr());
+    let none = set(r#"1/visible={"camera":false,"shadow":false,"reflection":false}"#);
+    let done = scratch.run(&["render", "s.json", "-o", "n", "--set", &none]).good();
+    assert!(done.stderr().contains("no ray can hit"), "{}", done.stderr());
+}
