@@ -49,6 +49,7 @@ mod output {
 }
 
 mod pictures {
+    mod cameras;
     mod closed_forms;
     mod layers;
     mod noise_bias;
