@@ -45,6 +45,8 @@ mod units;
 #[doc(hidden)]
 pub mod accel;
 #[doc(hidden)]
+pub mod calibration;
+#[doc(hidden)]
 pub mod camera;
 #[doc(hidden)]
 pub mod cli;

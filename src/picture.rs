@@ -175,6 +175,8 @@ pub fn write(
     let beside = manifests.collect::<Result<Vec<_>>>()?;
     let mut attributes = origin(scene, &says);
     attributes.extend(layers);
+    let camera = camera_attributes(scene, &attributes);
+    attributes.extend(camera);
     attributes.extend_from_slice(says.more);
     let options = WriteOptions {
         tonemap: &scene.tonemap,
@@ -258,13 +260,27 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     attributes
 }
 
+/// Header attributes of cameras that OpenEXR's own attributes do not describe. A text of the same
+/// name replaces the one before it.
+fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String, String)> {
+    let camera = camera::described(&scene.camera);
+    let camera = camera.map(|camera| ("lightpath:camera".to_string(), camera));
+    let z = "lightpath:Z".to_string();
+    let distance = camera::sees_behind(&scene.camera) && layers.iter().any(|(name, _)| *name == z);
+    let text = "distance from the camera; 1e30 where nothing is hit; nearest sample";
+    camera.into_iter().chain(distance.then(|| (z, text.to_string()))).collect()
+}
+
 /// The camera matrices of the picture.
 fn view(camera: &Camera) -> exr::View {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
+    let screen = camera::screen(camera);
     exr::View {
         world_to_camera: rounded(camera::world_to_camera(camera)),
-        world_to_ndc: rounded(camera::world_to_ndc(camera)),
-        screen_window_width: camera::screen_window_width(camera) as f32,
+        world_to_ndc: camera::world_to_ndc(camera).map(rounded),
+        screen_window_width: screen.width as f32,
+        screen_window_center: screen.center.map(|x| x as f32),
+        pixel_aspect: screen.pixel_aspect as f32,
     }
 }
 

@@ -123,7 +123,7 @@ pub fn read(
     }
     let mut warnings = Vec::new();
     let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
-    let target = loaded.description.camera.target.as_ref().map(|target| target.vec());
+    let target = loaded.description.camera.target().map(|target| target.vec());
     let pivot = match (job.pivot.or(target), job.frames()) {
         (Some(pivot), _) => pivot,
         (None, 1) => DVec3::ZERO,

@@ -186,6 +186,10 @@ impl CameraPacket {
             }
             return count;
         }
+        if let Some(curved) = world.camera.curved() {
+            curved.aim(&px, &py, &mut self.packet.rays);
+            return count;
+        }
         for i in 0..LANES {
             let (origin, direction) = world.camera.pinhole_ray(px[i], py[i]);
             set_lane(&mut self.packet.rays.org, i, origin);

@@ -43,8 +43,9 @@ impl<'a> EmptyBlocks<'a> {
             let rays = u64::from(side * side) * u64::from(samples);
             side >= block[0].max(block[1]) && rays >= MIN_RAYS
         };
-        // The rays of a lens have no common origin.
-        let levels = if world.camera.has_lens() { 0 } else { (0..LEVELS).filter(worth).count() };
+        // The rays of a lens have no common origin. Curved rays may leave the corners' frustum.
+        let cone = !world.camera.has_lens() && world.camera.curved().is_none();
+        let levels = if cone { (0..LEVELS).filter(worth).count() } else { 0 };
         // No query was made yet.
         let squares = [Square { corner: [u32::MAX; 2], empty: false }; LEVELS];
         Self { world, accelerator, levels, squares }

@@ -113,6 +113,11 @@ impl<'a> Layers<'a> {
             let depth = world.camera.depth(lane(&surfaces.position, i).as_dvec3()) as f32;
             depths[i] = if surfaces.hit.0[i] != 0 { depth } else { f32::INFINITY };
         }
+        if world.camera.sees_behind() {
+            for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
+                depths[i] = world.camera.distance(lane(&surfaces.position, i).as_dvec3()) as f32;
+            }
+        }
         let lanes = self.pattern.order.chunks_exact(self.pattern.samples as usize);
         for (nearest, lanes) in self.nearest.iter_mut().zip(lanes) {
             let (mut least, mut first) = (nearest.depth, LANES);

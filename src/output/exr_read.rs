@@ -14,6 +14,7 @@ use exr::{
         reader::{ChunksReader, Reader as Blocks},
     },
     compression::Compression,
+    math::Vec2,
     meta::{BlockDescription, attribute::AttributeValue, attribute::SampleType},
 };
 use half::f16;
@@ -146,13 +147,14 @@ impl Reader {
             }
         }
         attributes.sort();
-        let view = match (own.world_to_camera, own.world_to_normalized_device) {
-            (Some(world_to_camera), Some(world_to_ndc)) => {
-                let screen_window_width = own.screen_window_width;
-                Some(View { world_to_camera, world_to_ndc, screen_window_width })
-            }
-            _ => None,
-        };
+        let Vec2(x, y) = own.screen_window_center;
+        let view = own.world_to_camera.map(|world_to_camera| View {
+            world_to_camera,
+            world_to_ndc: own.world_to_normalized_device,
+            screen_window_width: own.screen_window_width,
+            screen_window_center: [x, y],
+            pixel_aspect: header.shared_attributes.pixel_aspect,
+        });
         let software = own.software_name.as_ref().map(ToString::to_string).unwrap_or_default();
         let path = path.to_owned();
         Ok(Self { path, stamp, frame, window, channels, attributes, software, view, sequence })

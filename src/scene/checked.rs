@@ -2,11 +2,14 @@
 //! relative to the working folder. No mesh and no image has been loaded yet.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
 pub use super::description::{ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
 pub use crate::sampler::Kind as SamplerKind;
+
+use crate::calibration::{Calibration, Distortion, Inverse};
 
 use super::{
     backend::Backend,
@@ -85,23 +88,59 @@ impl Scene {
     }
 }
 
-/// The camera as written. The formulas are in docs/guide/scene-format.md.
+/// The camera as written. The formulas are in docs/guide/cameras.md.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Width of the picture in pixels, >= 1.
     pub width: u32,
     /// Height of the picture in pixels, >= 1.
     pub height: u32,
-    /// Full vertical angle of view in degrees, in (0, 180).
-    pub fov_deg: f64,
     /// Position in world space.
     pub position: DVec3,
     /// View direction (not a point), of any length > 0.
     pub lookat: DVec3,
     /// Up direction, of any length > 0, not parallel to `lookat`.
     pub up: DVec3,
-    /// The lens; `None` for a pinhole.
-    pub lens: Option<Lens>,
+    /// How directions become pixels.
+    pub projection: Projection,
+}
+
+impl Camera {
+    /// Vertical angle of view in degrees and the lens of a `pinhole` or `thinlens`.
+    pub fn perspective(&self) -> Option<(f64, Option<Lens>)> {
+        match self.projection {
+            Projection::Perspective { fov_deg, lens } => Some((fov_deg, lens)),
+            _ => None,
+        }
+    }
+}
+
+/// How the directions of a camera become pixels.
+#[derive(Debug, Clone)]
+pub enum Projection {
+    /// A perspective view about the middle of the picture.
+    Perspective {
+        /// Full vertical angle of view in degrees, in (0, 180).
+        fov_deg: f64,
+        /// The lens; `None` for a pinhole.
+        lens: Option<Lens>,
+    },
+    /// A calibrated camera without distortion.
+    Calibrated(Calibration),
+    /// A calibrated camera with distortion, and the inverse of the distortion over the frame.
+    Distorted(Calibration, Distortion, Arc<Inverse>),
+    /// Parallel rays.
+    Orthographic {
+        /// Width of the view in world units, > 0.
+        width: f64,
+    },
+    /// Directions by angles.
+    Panorama {
+        /// Angles of the left and the right border in degrees.
+        longitude_deg: [f64; 2],
+        /// Angles of the lower and the upper border in degrees.
+        latitude_deg: [f64; 2],
+    },
 }
 
 /// A thin lens for depth of field.

@@ -78,6 +78,7 @@ fn array(root: &Value, schema: &Value) -> String {
     let what = match items["type"].as_str() {
         Some("number") => "numbers",
         Some("string") => "strings",
+        Some("array") => "arrays",
         _ => "objects",
     };
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {

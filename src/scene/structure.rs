@@ -51,7 +51,7 @@ impl<'a> Walk<'a, '_> {
         }
         match (schema["type"].as_str(), &node.kind) {
             (Some("object"), NodeKind::Object(members)) => {
-                self.object(schema, node, members, pointer)
+                self.object(schema, &[], node, members, pointer)
             }
             (Some("array"), NodeKind::List(items)) => self.list(schema, node, items, pointer),
             (Some("string"), NodeKind::String(text)) => {
@@ -100,7 +100,7 @@ impl<'a> Walk<'a, '_> {
         };
         let text = kind.text();
         if let Some(branch) = branches.iter().find(|b| text.is_some() && tag(b) == text) {
-            return self.object(branch, node, members, pointer);
+            return self.object(branch, branches, node, members, pointer);
         }
         let help = text.and_then(|text| did_you_mean(text, tags.iter().copied()));
         let message = format!("found {}, expected {}", found(kind), list(tags));
@@ -120,7 +120,15 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    fn object(&mut self, schema: &'a Value, node: &Node, members: &[Member], pointer: &str) {
+    /// Checks an object. `variants` are the schemas of all its possible types, if it has a `type`.
+    fn object(
+        &mut self,
+        schema: &'a Value,
+        variants: &[&Value],
+        node: &Node,
+        members: &[Member],
+        pointer: &str,
+    ) {
         let properties = &schema["properties"];
         let open = &schema["additionalProperties"];
         let mut seen: HashMap<&str, &Member> = HashMap::new();
@@ -138,7 +146,7 @@ impl<'a> Walk<'a, '_> {
                 Some(_) if key == "comment" => {}
                 Some(of_key) => self.node(of_key, &member.value, &below),
                 None if open.is_object() => self.node(open, &member.value, &below),
-                None => self.unknown(properties, member, &below),
+                None => self.unknown(schema, variants, member, &below),
             }
         }
         for key in schema["required"].as_array().into_iter().flatten() {
@@ -151,8 +159,19 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    fn unknown(&mut self, properties: &Value, member: &Member, pointer: &str) {
-        let known = properties.as_object().into_iter().flat_map(|p| p.keys());
+    fn unknown(&mut self, schema: &Value, variants: &[&Value], member: &Member, pointer: &str) {
+        let has = |variant: &&&Value| variant["properties"].get(&member.key).is_some();
+        let others: Vec<&str> = variants.iter().filter(has).filter_map(|v| tag(v)).collect();
+        if let (Some(own), false) = (tag(schema), others.is_empty()) {
+            let message = format!(
+                "found `{}` with type `{own}`, expected it with type {} only",
+                member.key,
+                list(others)
+            );
+            let help = "remove the key, or change the type".to_string();
+            return self.problems.error_at(&member.place, pointer, message, Some(help));
+        }
+        let known = schema["properties"].as_object().into_iter().flat_map(|p| p.keys());
         let known: Vec<&str> = known.map(String::as_str).collect();
         let help = did_you_mean(&member.key, known.iter().copied());
         let message =

@@ -83,7 +83,8 @@ fn json_and_text_round_trip() {
 #[test]
 fn errors_of_scenes_made_by_code_have_no_line() {
     let mut description = load_value(&minimal(), &[]).unwrap().description;
-    description.camera.fov = 200.0;
+    let written::Camera::Thinlens(camera) = &mut description.camera else { unreachable!() };
+    camera.fov = 200.0;
     let error = from_description("studio", &description, Path::new(""), &[]).unwrap_err();
     assert_eq!(error.problems[0].place, "studio (/camera/fov)");
 }
@@ -97,7 +98,7 @@ fn every_key_reaches_the_checked_scene() {
         (Falloff::Quadratic, Backend::Embree(EmbreeMode::Robust))
     );
     assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
-    assert_eq!(scene.camera.lens.unwrap().focal_distance, 5.0);
+    assert_eq!(scene.camera.perspective().unwrap().1.unwrap().focal_distance, 5.0);
     let LightKind::Area { edge, height, samples, lambertian, .. } = &scene.lights[1].kind else {
         panic!("an area light");
     };
@@ -138,7 +139,11 @@ fn defaults_match_the_documentation() {
     assert_eq!(scene.sampler, SamplerKind::Sobol);
     assert_eq!((scene.background, scene.ambient), (glam::Vec3::ZERO, glam::Vec3::ZERO));
     assert_eq!((scene.falloff, scene.backend.name()), (Falloff::Linear, "bvh"));
-    assert!(scene.camera.lens.is_none() && scene.layers.is_empty() && !scene.transparent);
+    assert!(
+        scene.camera.perspective().unwrap().1.is_none()
+            && scene.layers.is_empty()
+            && !scene.transparent
+    );
     assert_eq!(scene.lights[0].specular, scene.lights[0].diffuse);
     assert!(matches!(scene.lights[1].kind, LightKind::Area { samples: 16, lambertian: false, .. }));
     assert!(matches!(scene.shapes[0].kind, ShapeKind::Sphere { pole: 2, .. }));
@@ -216,7 +221,7 @@ fn overrides_apply_in_order_and_create() {
         "/comment=ignored",
     ];
     let loaded = load_value(&minimal(), &set).unwrap();
-    assert_eq!(loaded.scene.camera.fov_deg, 31.0);
+    assert_eq!(loaded.scene.camera.perspective().unwrap().0, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
     assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
     assert_eq!(loaded.scene.layers, [Layer::Depth]);
@@ -225,7 +230,12 @@ fn overrides_apply_in_order_and_create() {
 #[test]
 fn an_aperture_of_zero_is_a_pinhole() {
     assert!(
-        load_value(&everything(), &["/camera/aperture=0"]).unwrap().scene.camera.lens.is_none()
+        load_value(&everything(), &["/camera/aperture=0"])
+            .unwrap()
+            .scene
+            .camera
+            .perspective()
+            .is_some_and(|(_, lens)| lens.is_none())
     );
 }
 

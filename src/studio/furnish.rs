@@ -229,10 +229,15 @@ fn place(
     }
     let gap = up * GROUND_GAP * (high - low).max_element();
     center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + gap - lowest;
-    let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
+    let Some((fov_deg, _)) = camera.perspective() else {
+        let message =
+            "found a template whose camera cannot be framed, expected a `pinhole` or `thinlens`";
+        return Err(Error::invalid("/camera/type", message));
+    };
+    let aspect = f64::from(camera.width) / f64::from(camera.height);
     let placed = points.iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
-    let lens = FieldOfView { fov_deg: fov, aspect, margin: subject.margin };
+    let lens = FieldOfView { fov_deg, aspect, margin: subject.margin };
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),
         true => {
@@ -251,10 +256,10 @@ fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours:
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();
     ours.flag("FILE.ply", "/camera/position", list(position));
-    if loaded.description.camera.target.is_some() {
+    if loaded.description.camera.target().is_some() {
         ours.flag("FILE.ply", "/camera/target", list(position + z));
     }
-    if camera.lens.is_some() {
+    if camera.perspective().is_some_and(|(_, lens)| lens.is_some()) {
         let distance = (middle - position).dot(z);
         ours.flag("FILE.ply", "/camera/focaldistance", Some(distance));
     }

@@ -9,7 +9,10 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{Description, written::Light};
+use crate::scene::{
+    Description,
+    written::{Axes, Camera, Light, Matrix},
+};
 
 use super::furnish::main_axis;
 
@@ -67,16 +70,21 @@ impl Turntable {
         if degrees % 360.0 == 0.0 {
             return scene;
         }
-        let turn = turn(scene.camera.up.0.into(), degrees);
+        let turn = turn(up(&scene.camera), degrees);
         let direction = |v: &mut [f64; 3]| *v = (turn * DVec3::from(*v)).to_array();
         let point = |p: &mut [f64; 3]| {
             *p = (turn * (DVec3::from(*p) - pivot) + pivot).to_array();
         };
-        let camera = &mut scene.camera;
-        point(&mut camera.position.0);
-        camera.lookat.iter_mut().for_each(|v| direction(&mut v.0));
-        camera.target.iter_mut().for_each(|p| point(&mut p.0));
-        direction(&mut camera.up.0);
+        if let Some(camera) = scene.camera.stand() {
+            point(&mut camera.position.0);
+            camera.lookat.iter_mut().for_each(|v| direction(&mut v.0));
+            camera.target.iter_mut().for_each(|p| point(&mut p.0));
+            direction(&mut camera.up.0);
+        }
+        if let Camera::Intrinsics(camera) = &mut scene.camera {
+            camera.camera_to_world.iter_mut().for_each(|m| turn_to_world(m, turn, pivot));
+            camera.world_to_camera.iter_mut().for_each(|m| turn_to_camera(m, turn, pivot));
+        }
         if self.lights == LightsFollow::Camera {
             for light in &mut scene.scene.lightsources {
                 match light {
@@ -90,6 +98,39 @@ impl Turntable {
             }
         }
         scene
+    }
+}
+
+/// The up direction of a camera in world space.
+fn up(camera: &Camera) -> DVec3 {
+    let mut camera = camera.clone();
+    if let Some(stand) = camera.stand() {
+        return stand.up.0.into();
+    }
+    let Camera::Intrinsics(camera) = &camera else { return DVec3::Y };
+    let column = camera.camera_to_world.map(|Matrix(m)| DVec3::new(m[0][1], m[1][1], m[2][1]));
+    let row = camera.world_to_camera.map(|Matrix(m)| DVec3::new(m[1][0], m[1][1], m[1][2]));
+    let y = column.or(row).unwrap_or(DVec3::Y);
+    if camera.axes == Axes::OpenCv { -y } else { y }
+}
+
+/// Turns a pose that is a matrix to world coordinates.
+fn turn_to_world(Matrix(rows): &mut Matrix, turn: DMat3, pivot: DVec3) {
+    for k in 0..4 {
+        let column = DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+        let turned = if k < 3 { turn * column } else { turn * (column - pivot) + pivot };
+        (0..3).for_each(|row| rows[row][k] = turned[row]);
+    }
+}
+
+/// Turns a pose that is a matrix from world coordinates: q = R p + t becomes R T^-1 (p - pivot) +
+/// R pivot + t.
+fn turn_to_camera(Matrix(rows): &mut Matrix, turn: DMat3, pivot: DVec3) {
+    for row in rows.iter_mut().take(3) {
+        let [x, y, z, t] = *row;
+        let before = DVec3::new(x, y, z);
+        let after = turn * before;
+        *row = [after.x, after.y, after.z, t + before.dot(pivot) - after.dot(pivot)];
     }
 }
 
@@ -109,7 +150,7 @@ fn turn(up: DVec3, degrees: f64) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Source, load};
+    use crate::scene::{Source, from_description, load};
 
     fn scene() -> Description {
         let text = br#"{ "camera": { "type": "pinhole", "width": 4, "height": 4, "fov": 40,
@@ -121,20 +162,57 @@ mod tests {
         load(source, &[]).unwrap().description
     }
 
+    fn stand(scene: &Description) -> ([f64; 3], [f64; 3]) {
+        let mut camera = scene.camera.clone();
+        let stand = camera.stand().unwrap();
+        (stand.position.0, stand.lookat.unwrap().0)
+    }
+
+    #[test]
+    fn matrices_turn_as_position_and_direction_do() {
+        let (mut scene, pivot) = (scene(), DVec3::new(0.5, -1.0, 0.25));
+        let camera = Camera::Intrinsics(
+            serde_json::from_value(serde_json::json!({
+                "width": 4, "height": 4, "fx": 5.0,
+                "camera_to_world": [[1.0, 0.0, 0.0, 1.0], [0.0, -1.0, 0.0, 2.0],
+                                    [0.0, 0.0, -1.0, 5.0], [0.0, 0.0, 0.0, 1.0]]
+            }))
+            .unwrap(),
+        );
+        // The same pose, inverted by hand.
+        let mut inverted = camera.clone();
+        let Camera::Intrinsics(other) = &mut inverted else { unreachable!() };
+        other.camera_to_world = None;
+        let rows = [[1.0, 0.0, 0.0, -1.0], [0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 5.0]];
+        other.world_to_camera = Some(Matrix([rows[0], rows[1], rows[2], [0.0, 0.0, 0.0, 1.0]]));
+        let turning = Turntable { turn: Turning::Camera, ..Turntable::new(3) };
+        let seen = [camera, inverted].map(|camera| {
+            scene.camera = camera;
+            let frame = turning.frame(&scene, pivot, 1);
+            from_description("x", &frame, "".as_ref(), &[]).unwrap().scene.camera
+        });
+        let turn = DMat3::from_rotation_y(120f64.to_radians());
+        for camera in seen {
+            let position = turn * (DVec3::new(1.0, 2.0, 5.0) - pivot) + pivot;
+            assert!((camera.position - position).length() < 1e-14);
+            assert!((camera.lookat - turn * DVec3::NEG_Z).length() < 1e-14);
+            assert!((camera.up - DVec3::Y).length() < 1e-14);
+        }
+    }
+
     #[test]
     fn a_quarter_turn_of_object_and_camera_goes_opposite_ways() {
         let (scene, pivot) = (scene(), DVec3::X);
         let object = Turntable::new(4);
         let seen = object.frame(&scene, pivot, 1);
         // The object turns from +z to +x, so the camera at +z moves to -x.
-        assert_eq!(seen.camera.position.0, [-4.0, 2.0, 0.0]);
-        assert_eq!(seen.camera.lookat.unwrap().0, [1.0, -0.25, 0.0]);
+        assert_eq!(stand(&seen), ([-4.0, 2.0, 0.0], [1.0, -0.25, 0.0]));
         assert!(
             matches!(&seen.scene.lightsources[0], Light::PointLight(l) if l.position.0 == [-2.0, 7.0, 0.0])
         );
         let camera = Turntable { turn: Turning::Camera, lights: LightsFollow::Object, ..object };
         let seen = camera.frame(&scene, pivot, 1);
-        assert_eq!(seen.camera.position.0, [6.0, 2.0, 0.0]);
+        assert_eq!(stand(&seen).0, [6.0, 2.0, 0.0]);
         assert_eq!(seen.scene.lightsources, scene.scene.lightsources);
         assert_eq!(seen.scene.shapes, scene.scene.shapes);
     }

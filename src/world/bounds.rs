@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::camera::axes;
+use crate::camera::sides;
 use crate::scene::{Camera, ShapeKind};
 
 /// An axis-aligned box; empty where `min > max`.
@@ -86,12 +86,8 @@ impl Bounds {
         (self.max - self.min).max_element()
     }
 
-    /// Whether the whole box lies behind the camera or outside of one side of its frustum.
+    /// Whether the whole box lies behind the camera or outside of one side of its view.
     pub fn outside_view(self, camera: &Camera) -> bool {
-        let [x, y, z] = axes(camera);
-        let tan = (camera.fov_deg.to_radians() / 2.0).tan();
-        let wide = tan * f64::from(camera.width) / f64::from(camera.height);
-        let planes = [z, z * wide + x, z * wide - x, z * tan + y, z * tan - y];
         let corner = |i: usize| {
             let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
             DVec3::new(
@@ -100,7 +96,9 @@ impl Bounds {
                 pick(4, self.min.z, self.max.z),
             )
         };
-        planes.iter().any(|n| (0..8).all(|i| n.dot(corner(i) - camera.position) < 0.0))
+        let beyond =
+            |(n, d): &(DVec3, f64)| (0..8).all(|i| n.dot(corner(i) - camera.position) + d < 0.0);
+        sides(camera).iter().any(beyond)
     }
 }
 

@@ -10,8 +10,9 @@
 use glam::DVec3;
 
 use super::bounds::Bounds;
+use crate::camera::pixel_size;
 use crate::error::Problem;
-use crate::scene::{Camera, ShapeKind};
+use crate::scene::{Camera, Projection, ShapeKind};
 
 /// Largest ratio of half of the box's longest side to the camera's distance from the nearest shape,
 /// for an origin in the middle of the box. Positions are then off by at most 2^-16 of their
@@ -78,8 +79,11 @@ impl Origin {
         // The scene's numbers are doubles: camera and shape are each off by half an ulp.
         let written = 2.0 * DOUBLE * camera.position.abs().max_element();
         let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest + written;
-        let pixel = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan() / f64::from(camera.height);
-        let pixels = rounding / nearest / pixel;
+        let pixel = pixel_size(camera);
+        let pixels = match camera.projection {
+            Projection::Orthographic { .. } => rounding / pixel,
+            _ => rounding / nearest / pixel,
+        };
         Self { position, at_camera, extent, nearest, rounding, pixels }
     }
 
@@ -111,7 +115,8 @@ mod tests {
 
     fn camera(position: DVec3) -> Camera {
         let (lookat, up) = (DVec3::NEG_Z, DVec3::Y);
-        Camera { width: 160, height: 120, fov_deg: 60.0, position, lookat, up, lens: None }
+        let projection = Projection::Perspective { fov_deg: 60.0, lens: None };
+        Camera { width: 160, height: 120, position, lookat, up, projection }
     }
 
     fn sphere(radius: f64) -> ShapeKind {

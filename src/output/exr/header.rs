@@ -46,8 +46,10 @@ pub fn header(film: &Film, options: &Options, part: &ExrPart) -> Option<Header> 
     };
     if let Some(view) = options.view {
         own.world_to_camera = Some(view.world_to_camera);
-        own.world_to_normalized_device = Some(view.world_to_ndc);
+        own.world_to_normalized_device = view.world_to_ndc;
         own.screen_window_width = view.screen_window_width;
+        let [x, y] = view.screen_window_center;
+        own.screen_window_center = Vec2(x, y);
     }
     let selected = options.attributes.iter().filter(|(name, _)| belongs_to(name, part, options));
     for (name, value) in selected {
@@ -71,6 +73,7 @@ pub fn header(film: &Film, options: &Options, part: &ExrPart) -> Option<Header> 
     let channels: Option<_> = channels.collect();
     let shared = ImageAttributes {
         chromaticities: Some(BT709),
+        pixel_aspect: options.view.map_or(1.0, |view| view.pixel_aspect),
         ..ImageAttributes::new(IntegerBounds::from_dimensions(frame))
     };
     let method = match options.compression {

@@ -92,9 +92,14 @@ pub struct View {
     /// World to camera space: x right, y up, z forward.
     pub world_to_camera: [f32; 16],
     /// World to normalised device coordinates: (0, 0) top left, (1, 1) bottom right of the frame.
-    pub world_to_ndc: [f32; 16],
+    /// `None` for a camera that no matrix expresses.
+    pub world_to_ndc: Option<[f32; 16]>,
     /// Width of the frame at distance 1.
     pub screen_window_width: f32,
+    /// Middle of the frame at distance 1: x right, y up.
+    pub screen_window_center: [f32; 2],
+    /// Width of a pixel over its height.
+    pub pixel_aspect: f32,
 }
 
 /// The position of a picture in a sequence.

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Camera, Lens},
-    description::{self, CameraType, Direction},
+    checked::{Camera, Lens, Projection},
+    description::{self, Direction, Interval, Point},
 };
 
 use super::Check;
@@ -13,17 +13,63 @@ use super::Check;
 pub const MAX_PIXELS: u64 = 1 << 30;
 /// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
-/// Minimum |Z x up| / |up|, from docs/guide/scene-format.md.
+/// Minimum |Z x up| / |up|, from docs/guide/cameras.md.
 const MIN_SINE: f64 = 1e-6;
+
+/// Position, view direction and up direction of a camera.
+pub(super) struct Pose {
+    pub position: DVec3,
+    pub lookat: DVec3,
+    pub up: DVec3,
+}
 
 impl Check<'_, '_> {
     /// Checks `/camera` and makes the checked camera.
     pub(super) fn camera(&mut self) -> Option<Camera> {
-        let camera: description::Camera = self.part("/camera")?;
-        self.picture_size(&camera);
-        let lens = self.lens(&camera);
-        let lookat = self.view_direction(&camera);
-        let up = scaled_to_range(camera.up);
+        let mut camera: description::Camera = self.part("/camera")?;
+        let [width, height] = camera.size();
+        let sized = self.picture_size(width, height);
+        let projection = match &camera {
+            description::Camera::Pinhole(c) => {
+                Some(Projection::Perspective { fov_deg: c.fov, lens: None })
+            }
+            description::Camera::Thinlens(c) => {
+                // A lens of diameter 0 is a pinhole.
+                let lens = Lens { aperture: c.aperture, focal_distance: c.focaldistance };
+                let lens = Some(lens).filter(|lens| lens.aperture > 0.0);
+                Some(Projection::Perspective { fov_deg: c.fov, lens })
+            }
+            description::Camera::Intrinsics(c) => self.calibrated(c, sized),
+            description::Camera::Orthographic(c) => {
+                Some(Projection::Orthographic { width: c.viewwidth })
+            }
+            description::Camera::Panorama(c) => self.panorama(c),
+        };
+        let pose = match &camera {
+            description::Camera::Intrinsics(c) => self.matrix_pose(c),
+            _ => None,
+        };
+        let pose = match camera.stand() {
+            Some(stand) => {
+                self.stand_pose(*stand.position, *stand.lookat, *stand.target, *stand.up)
+            }
+            None => pose,
+        };
+        let Pose { position, lookat, up } = pose?;
+        Some(Camera { width, height, position, lookat, up, projection: projection? })
+    }
+
+    /// Checks position, view and up direction as keys of their own.
+    fn stand_pose(
+        &mut self,
+        position: Point,
+        lookat: Option<Direction>,
+        target: Option<Point>,
+        up: Direction,
+    ) -> Option<Pose> {
+        let position = position.vec();
+        let lookat = self.view_direction(position, lookat, target);
+        let up = scaled_to_range(up);
         if up == DVec3::ZERO {
             self.problems.error("/camera/up", "found a zero vector, expected a direction", None);
         } else if let Some(lookat) = lookat {
@@ -36,55 +82,50 @@ impl Check<'_, '_> {
                 self.problems.error("/camera/up", message, Some(help.into()));
             }
         }
-        Some(Camera {
-            width: camera.width,
-            height: camera.height,
-            fov_deg: camera.fov,
-            position: camera.position.vec(),
-            lookat: lookat?,
-            up,
-            lens,
-        })
+        Some(Pose { position, lookat: lookat?, up })
     }
 
-    fn picture_size(&mut self, camera: &description::Camera) {
-        let pixels = u64::from(camera.width) * u64::from(camera.height);
+    /// Checks the number of pixels. Returns false if there are too many.
+    fn picture_size(&mut self, width: u32, height: u32) -> bool {
+        let pixels = u64::from(width) * u64::from(height);
         if pixels > MAX_PIXELS {
             let gib = (u128::from(pixels) * u128::from(FILM_BYTES)) as f64 / (1u64 << 30) as f64;
             let message = format!(
-                "found a picture of {} x {} pixels, whose film alone takes {gib:.1} GiB, expected at most {MAX_PIXELS} pixels (32768 x 32768)",
-                camera.width, camera.height
+                "found a picture of {width} x {height} pixels, whose film alone takes {gib:.1} GiB, expected at most {MAX_PIXELS} pixels (32768 x 32768)",
             );
             self.problems.error("/camera/width", message, None);
         }
+        pixels <= MAX_PIXELS
     }
 
-    /// Returns the lens; `None` for a pinhole and for a lens of diameter 0.
-    fn lens(&mut self, camera: &description::Camera) -> Option<Lens> {
-        let keys = [("aperture", camera.aperture), ("focaldistance", camera.focaldistance)];
-        for (key, value) in keys {
-            match (camera.kind, value) {
-                (CameraType::Pinhole, Some(_)) => {
-                    let message = format!(
-                        "found `{key}` in a pinhole camera, expected it with type `thinlens` only"
-                    );
-                    let help = "remove the key, or set the camera's type to `thinlens`";
-                    self.problems.error(&format!("/camera/{key}"), message, Some(help.into()));
-                }
-                (CameraType::Thinlens, None) => {
-                    let message =
-                        format!("missing key `{key}`, expected a number: the type is `thinlens`");
-                    self.problems.error("/camera", message, None);
-                }
-                _ => {}
-            }
+    fn panorama(&mut self, camera: &description::Panorama) -> Option<Projection> {
+        let Interval(longitude_deg @ [left, right]) = camera.longitude;
+        let Interval(latitude_deg @ [low, high]) = camera.latitude;
+        let mut good = true;
+        if !(left < right && right - left <= 360.0) {
+            let message = format!(
+                "found the angles {left} to {right}, expected a left one below the right one, at most 360 degrees apart"
+            );
+            self.problems.error("/camera/longitude", message, None);
+            good = false;
         }
-        let aperture = camera.aperture.filter(|a| *a > 0.0)?;
-        Some(Lens { aperture, focal_distance: camera.focaldistance? })
+        if !(-90.0 <= low && low < high && high <= 90.0) {
+            let message = format!(
+                "found the angles {low} to {high}, expected a lower one below the upper one, both in [-90, 90]"
+            );
+            self.problems.error("/camera/latitude", message, None);
+            good = false;
+        }
+        good.then_some(Projection::Panorama { longitude_deg, latitude_deg })
     }
 
-    fn view_direction(&mut self, camera: &description::Camera) -> Option<DVec3> {
-        match (camera.lookat, camera.target) {
+    fn view_direction(
+        &mut self,
+        position: DVec3,
+        lookat: Option<Direction>,
+        target: Option<Point>,
+    ) -> Option<DVec3> {
+        match (lookat, target) {
             (None, None) => {
                 let message = "missing key `lookat` (a direction) or `target` (a point), expected exactly one";
                 self.problems.error("/camera", message, None);
@@ -110,7 +151,7 @@ impl Check<'_, '_> {
                 Some(lookat)
             }
             (None, Some(target)) => {
-                let lookat = target.vec() - camera.position.vec();
+                let lookat = target.vec() - position;
                 if lookat == DVec3::ZERO {
                     let message = "found a target equal to the position, expected another point";
                     self.problems.error("/camera/target", message, None);

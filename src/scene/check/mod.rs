@@ -4,6 +4,7 @@
 //! checked, so one run reports everything. No file is opened except to recognise a PLY mesh; named
 //! files must exist.
 
+mod calibrated;
 mod camera;
 mod files;
 mod geometry;

@@ -5,12 +5,14 @@
 //! direction or a missing file. `schema` adds the key `comment` to every object; it is dropped
 //! before these types are read. The structural checks refuse unknown keys, with places.
 
+mod camera;
 mod light;
 mod material;
 mod shape;
 mod values;
 mod visible;
 
+pub use camera::*;
 pub use light::*;
 pub use material::*;
 pub use shape::*;
@@ -73,53 +75,6 @@ impl Description {
         }
         paths
     }
-}
-
-/// The camera. It has exactly one of `lookat` and `target`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(extend(
-    "oneOf" = [{ "required": ["lookat"] }, { "required": ["target"] }],
-    "if" = { "properties": { "type": { "const": "thinlens" } } },
-    "then" = { "required": ["aperture", "focaldistance"] },
-    "else" = { "properties": { "aperture": false, "focaldistance": false } }
-))]
-pub struct Camera {
-    /// Type of camera: pinhole or thin lens.
-    #[serde(rename = "type")]
-    pub kind: CameraType,
-    /// Picture width in pixels.
-    #[schemars(range(min = 1, max = 2147483647))]
-    pub width: u32,
-    /// Picture height in pixels.
-    #[schemars(range(min = 1, max = 2147483647))]
-    pub height: u32,
-    /// Full vertical angle of view in degrees.
-    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 180))]
-    pub fov: f64,
-    /// Position in world units.
-    pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
-    /// `thinlens` only: diameter of the lens in world units; 0 is the same as `pinhole`.
-    #[schemars(range(min = 0.0, max = 1e18))]
-    pub aperture: Option<f64>,
-    /// `thinlens` only: distance of the plane in focus, along the view direction, in world units.
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
-    pub focaldistance: Option<f64>,
-}
-
-/// Type of the camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum CameraType {
-    /// Everything is in focus.
-    Pinhole,
-    /// `aperture` and `focaldistance` set the depth of field.
-    Thinlens,
 }
 
 /// Lights, shapes and materials of the scene.

@@ -32,6 +32,16 @@ pub struct Direction(pub [f64; 3]);
 #[serde(transparent)]
 pub struct Angles(pub [f64; 3]);
 
+/// Two bounds, the lower one first.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Interval(pub [f64; 2]);
+
+/// Rows of a 4 x 4 matrix for column vectors. The last row is 0, 0, 0, 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Matrix(pub [[f64; 4]; 4]);
+
 /// A text that is not empty.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -52,6 +62,10 @@ impl Point {
 }
 
 fn three(limit: Option<f64>, description: &str) -> Schema {
+    numbers(3, limit, description)
+}
+
+fn numbers(count: u32, limit: Option<f64>, description: &str) -> Schema {
     let mut item = serde_json::json!({ "type": "number" });
     if let Some(limit) = limit {
         item["minimum"] = (-limit).into();
@@ -61,8 +75,8 @@ fn three(limit: Option<f64>, description: &str) -> Schema {
         "description": description,
         "type": "array",
         "items": item,
-        "minItems": 3,
-        "maxItems": 3,
+        "minItems": count,
+        "maxItems": count,
     })
 }
 
@@ -87,4 +101,15 @@ inline_schema!(Color, three(Some(MAX_COLOR), "Linear RGB, may exceed 1."));
 inline_schema!(Point, three(Some(MAX_COORDINATE), "A point in world units."));
 inline_schema!(Direction, three(None, "A direction of any length."));
 inline_schema!(Angles, three(Some(1e6), "Degrees about the x, then y, then z axis."));
+inline_schema!(Interval, numbers(2, Some(360.0), "Two angles in degrees, the lower one first."));
+inline_schema!(
+    Matrix,
+    json_schema!({
+        "description": "Four rows of four numbers, for column vectors; the last row is 0, 0, 0, 1.",
+        "type": "array",
+        "items": numbers(4, Some(MAX_COORDINATE), "A row."),
+        "minItems": 4,
+        "maxItems": 4,
+    })
+);
 inline_schema!(Name, json_schema!({ "type": "string", "minLength": 1 }));

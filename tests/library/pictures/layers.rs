@@ -216,7 +216,7 @@ on_both! {
                 assert_eq!(words(&wide, to), words(&full, from));
             }
             // Points in the overscan project into their pixels, too.
-            let to_ndc = camera::world_to_ndc(&checked(&scene).camera);
+            let to_ndc = camera::world_to_ndc(&checked(&scene).camera).unwrap();
             let mut beside = 0;
             for pixel in (0..wide.pixels()).filter(|&pixel| wide.float("Z", pixel) < MISS_DEPTH) {
                 let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(wide.float(c, pixel)));
@@ -238,7 +238,8 @@ on_both! {
 fn points_project_into_their_pixels() {
     let all = all_of(&stage(16));
     let camera = checked(&stage(16)).camera;
-    let (to_camera, to_ndc) = (camera::world_to_camera(&camera), camera::world_to_ndc(&camera));
+    let (to_camera, to_ndc) =
+        (camera::world_to_camera(&camera), camera::world_to_ndc(&camera).unwrap());
     let times = |p: [f64; 4], m: &[[f64; 4]; 4]| -> [f64; 4] {
         std::array::from_fn(|c| (0..4).map(|r| p[r] * m[r][c]).sum())
     };

@@ -132,7 +132,7 @@ fn structure() {
     says(
         wrong("pinhole", "pinhol"),
         &[
-            "(/camera/type): found \"pinhol\", expected `pinhole` or `thinlens`",
+            "(/camera/type): found \"pinhol\", expected `pinhole`, `thinlens`, `intrinsics`, `orthographic` or `panorama`",
             "did you mean `pinhole`?",
         ],
     );
@@ -219,12 +219,83 @@ fn camera() {
     );
     let same = CAMERA.replace("\"lookat\": [0, 1, 0]", "\"target\": [0, -5, 0]");
     says(one(&with(&same, sphere())), &["found a target equal to the position"]);
-    says(set(&["/camera/aperture=1"]), &["found `aperture` in a pinhole camera"]);
+    says(
+        set(&["/camera/aperture=1"]),
+        &["found `aperture` with type `pinhole`, expected it with type `thinlens` only"],
+    );
     says(set(&["/camera/type=thinlens", "/camera/aperture=1"]), &["missing key `focaldistance`"]);
     says(
         set(&["/camera/width=1000000", "/camera/height=1000000"]),
         &["1000000 x 1000000 pixels, whose film alone takes 14901.2 GiB"],
     );
+}
+
+/// Returns a scene with a calibrated camera at (0, -5, 0).
+fn calibrated(more: &str) -> String {
+    let camera =
+        format!(r#"{{"type": "intrinsics", "width": 640, "height": 480, "fx": 500, {more}}}"#);
+    with(&camera, sphere())
+}
+
+const TO_CAMERA: &str = r#""world_to_camera": [[1,0,0,0], [0,0,-1,0], [0,1,0,5], [0,0,0,1]]"#;
+
+#[test]
+fn calibrated_cameras() {
+    let loaded = text(calibrated(TO_CAMERA).as_bytes(), &[]).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let wrong = |from: &str, to: &str| one(&calibrated(&TO_CAMERA.replace(from, to)));
+    let at = "(/camera/world_to_camera): ";
+    let skewed =
+        "found a matrix that is no rotation: R R^T differs from 1 by 1.0e-2, its rows have";
+    says(wrong("[1,0,0,0]", "[1,0.01,0,0]"), &[at, skewed, "expected at most 1e-4"]);
+    says(wrong("[1,0,0,0]", "[0,0,0,0]"), &["differs from 1 by 1.0e0"]);
+    let scaled = calibrated(r#""camera_to_world": [[2,0,0,0], [0,0,2,0], [0,-2,0,5], [0,0,0,1]]"#);
+    let parts = ["/camera_to_world)", "lengths 2.000000, 2.000000", "divide the rotation by"];
+    says(one(&scaled), &parts);
+    says(wrong("[1,0,0,0]", "[-1,0,0,0]"), &[at, "that mirrors (determinant -1)", "axes"]);
+    says(wrong("[0,0,0,1]]", "[0,0,0,2]]"), &[at, "last row [0.0, 0.0, 0.0, 2.0]"]);
+    let turned = r#""world_to_camera": [[1,0,0,0], [0,0,1,0], [0,-1,0,0], [0,0,5,1]]"#;
+    says(one(&calibrated(turned)), &["the matrix looks transposed"]);
+    says(wrong("[1,0,0,0]", "[1,0,0]"), &["/world_to_camera/0): found an array of 3, expected an"]);
+    says(wrong(", [0,0,0,1]]", "]"), &[at, "found an array of 3, expected an array of 4 arrays"]);
+    says(one(&calibrated(r#""cx": 3"#)), &["missing key `world_to_camera` or `camera_to_world`"]);
+    let both = format!("{TO_CAMERA}, {}", TO_CAMERA.replace("world_to_camera", "camera_to_world"));
+    says(one(&calibrated(&both)), &["found both `world_to_camera` and `camera_to_world`"]);
+    let more = |more: &str| one(&calibrated(&format!("{TO_CAMERA}, {more}")));
+    says(more(r#""fy": -500"#), &["(/camera/fy): found -500, expected a number in [0.001, 1e12]"]);
+    says(more(r#""axes": "opengk""#), &["(/camera/axes): found \"opengk\"", "`opengl`?"]);
+    says(more(r#""fov": 40"#), &["found `fov` with type `intrinsics`, expected it with type"]);
+    let lens = |lens: &str| more(&format!(r#""distortion": {{"type": {lens}}}"#));
+    says(lens(r#""fisheye", "p1": 0"#), &["found `p1` with type `fisheye`", "`brownconrady` only"]);
+    says(lens(r#""fov""#), &["(/camera/distortion/type)", "`brownconrady` or `fisheye`"]);
+    // r (1 - 0.9 r^2) is largest at r = 0.6086, where it is 0.4057: 203 pixels.
+    says(
+        lens(r#""brownconrady", "k1": -0.9, "k2": 1e-3"#),
+        &[
+            "(/camera/distortion/k1): found a distortion that folds inside the frame, at r = 0.608",
+            "pixel (",
+        ],
+    );
+    says(lens(r#""fisheye", "k2": -0.9"#), &["(/camera/distortion/k2): ", "theta = 39."]);
+    let far = format!(r#"{TO_CAMERA}, "cx": 900"#);
+    let warnings = text(calibrated(&far).as_bytes(), &[]).unwrap().warnings;
+    says(warnings[0].to_string(), &["(/camera/cx): found a principal point outside of the frame"]);
+    let resized = text(calibrated(TO_CAMERA).as_bytes(), &["/camera/width=320"]).unwrap_err();
+    says(resized.to_string(), &["--set /camera/width: found another width", "scale fx, fy"]);
+    let sets = ["/camera/width=320", "/camera/height=240", "/camera/fx=250"];
+    assert!(text(calibrated(TO_CAMERA).as_bytes(), &sets).is_ok());
+}
+
+#[test]
+fn panoramas() {
+    let panorama = |more: &str| {
+        let camera = CAMERA.replace("pinhole", "panorama").replace("\"fov\": 40", more);
+        text(with(&camera, sphere()).as_bytes(), &[]).map_err(|error| error.to_string())
+    };
+    assert!(panorama(r#""longitude": [90, 360]"#).is_ok());
+    says(panorama(r#""longitude": [-200, 170]"#).unwrap_err(), &["(/camera/longitude)", "360"]);
+    says(panorama(r#""latitude": [10, 10]"#).unwrap_err(), &["(/camera/latitude)", "10 to 10"]);
+    says(panorama(r#""latitude": [-91, 10]"#).unwrap_err(), &["(/camera/latitude)", "[-90, 90]"]);
 }
 
 #[test]

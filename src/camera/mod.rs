@@ -1,13 +1,24 @@
-//! The camera: rays from pixels and samples, exactly as docs/guide/scene-format.md defines them.
+//! The camera: rays from pixels and samples, exactly as docs/guide/cameras.md defines them.
+
+mod curved;
+mod header;
+
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::calibration::{Fold, Model};
 use crate::sampler::disk;
-use crate::scene;
+use crate::scene::{self, Projection};
+
+pub use self::curved::Curved;
+pub use self::header::{
+    Screen, described, pixel_size, screen, sides, world_to_camera, world_to_ndc,
+};
 
 /// A camera relative to the scene's origin. Computed in f64 and rounded once into each ray, so
 /// directions are right to half an ulp plus 2^-45.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Camera {
     /// Position relative to the scene's origin.
     position: DVec3,
@@ -20,6 +31,8 @@ pub struct Camera {
     /// Unit direction of view.
     forward: DVec3,
     lens: Option<Lens>,
+    /// Rays that are not those of a pinhole, in place of the four directions above.
+    curved: Option<Arc<Curved>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -38,32 +51,25 @@ pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
     [x, x.cross(z), z]
 }
 
-/// Width and height of the frame at distance 1 from the camera.
-fn frame_at_one(camera: &scene::Camera) -> [f64; 2] {
-    let height = 2.0 * (camera.fov_deg.to_radians() / 2.0).tan();
-    [f64::from(camera.width) / f64::from(camera.height) * height, height]
+/// Checks that a camera has rays in `overscan` more pixels on every side of its frame.
+///
+/// # Errors
+/// The fold of its distortion there.
+pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold> {
+    match &camera.projection {
+        Projection::Distorted(_, _, inverse) => inverse.check_overscan(overscan),
+        _ => Ok(()),
+    }
 }
 
-/// Width of the frame at distance 1: OpenEXR's `screenWindowWidth`.
-pub fn screen_window_width(camera: &scene::Camera) -> f64 {
-    frame_at_one(camera)[0]
-}
-
-/// OpenEXR's `worldToCamera`, for row vectors times matrix, row by row. x right, y up, z forward.
-pub fn world_to_camera(camera: &scene::Camera) -> [[f64; 4]; 4] {
-    let axes = axes(camera);
-    let at = |row: usize| [axes[0][row], axes[1][row], axes[2][row], 0.0];
-    let [x, y, z] = axes.map(|axis| -camera.position.dot(axis));
-    [at(0), at(1), at(2), [x, y, z, 1.0]]
-}
-
-/// OpenEXR's `worldToNDC`. After the division by w, x and y run from 0 at the top left to 1 at the
-/// bottom right of the frame. z is 0 at distance 1 and 1 at infinity, because there is no far
-/// plane.
-pub fn world_to_ndc(camera: &scene::Camera) -> [[f64; 4]; 4] {
-    let [width, height] = frame_at_one(camera);
-    world_to_camera(camera)
-        .map(|[x, y, z, w]| [x / width + 0.5 * z, -y / height + 0.5 * z, z - w, z])
+/// Whether the layer `Z` holds the distance, not the depth along the axis: the camera can see what
+/// lies beside it and behind it.
+pub fn sees_behind(camera: &scene::Camera) -> bool {
+    match &camera.projection {
+        Projection::Distorted(_, distortion, _) => distortion.model == Model::Fisheye,
+        Projection::Panorama { .. } => true,
+        _ => false,
+    }
 }
 
 /// Largest half side of the frame at distance 1. In wider frames all directions are scaled down by
@@ -74,11 +80,29 @@ impl Camera {
     /// The camera relative to `origin`, the world position of the scene's origin.
     pub fn new(camera: &scene::Camera, origin: DVec3) -> Self {
         let [x, y, z] = axes(camera);
+        let position = camera.position - origin;
+        let (fov_deg, lens) = match camera.projection {
+            Projection::Perspective { fov_deg, lens } => (fov_deg, lens),
+            Projection::Calibrated(calibration) => {
+                let [right, down] = [calibration.focal[0], calibration.focal[1]];
+                let right = x / right;
+                let down = (-y - right * calibration.skew) / down;
+                let [u, v] = calibration.principal;
+                let corner = z - right * u - down * v;
+                return Self::linear(position, z, [corner, right, down], camera);
+            }
+            _ => {
+                let curved = Some(Arc::new(Curved::new(camera, position, [x, y, z])));
+                let none = DVec3::ZERO;
+                let (corner, right, down) = (z, none, none);
+                return Self { position, corner, right, down, forward: z, lens: None, curved };
+            }
+        };
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let tan = (camera.fov_deg.to_radians() / 2.0).tan();
+        let tan = (fov_deg.to_radians() / 2.0).tan();
         let half_width = width / height * tan;
         // An aperture of 0 is a pinhole, bit for bit.
-        let lens = camera.lens.filter(|lens| lens.aperture > 0.0).map(|lens| Lens {
+        let lens = lens.filter(|lens| lens.aperture > 0.0).map(|lens| Lens {
             x: x * (lens.aperture / 2.0),
             y: y * (lens.aperture / 2.0),
             focal_distance: lens.focal_distance,
@@ -88,13 +112,30 @@ impl Camera {
         let scale = if far { 1.0 / FARTHEST } else { 1.0 };
         let lens = lens.map(|lens| Lens { focal_distance: lens.focal_distance / scale, ..lens });
         Self {
-            position: camera.position - origin,
+            position,
             corner: (z - x * half_width + y * tan) * scale,
             right: x * (2.0 * half_width / width) * scale,
             down: y * (-2.0 * tan / height) * scale,
             forward: z,
             lens,
+            curved: None,
         }
+    }
+
+    /// A pinhole by the direction to its corner and the steps per pixel.
+    fn linear(
+        position: DVec3,
+        forward: DVec3,
+        [corner, right, down]: [DVec3; 3],
+        camera: &scene::Camera,
+    ) -> Self {
+        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+        let ends = [corner, corner + right * width, corner + down * height];
+        let ends = ends.into_iter().chain([ends[1] + down * height]);
+        let far = ends.map(|end| end.abs().max_element()).fold(0.0, f64::max) > FARTHEST;
+        let scale = if far { 1.0 / FARTHEST } else { 1.0 };
+        let [corner, right, down] = [corner, right, down].map(|v| v * scale);
+        Self { position, corner, right, down, forward, lens: None, curved: None }
     }
 
     /// Distance of a point in front of the camera, along the camera's axis and not along the ray.
@@ -104,18 +145,36 @@ impl Camera {
         (point - self.position).dot(self.forward)
     }
 
+    /// Distance of a point from the camera's position. The point is relative to the scene's origin.
+    #[inline(always)]
+    pub fn distance(&self, point: DVec3) -> f64 {
+        (point - self.position).length()
+    }
+
+    /// As the function [`sees_behind`] of the checked camera.
+    pub fn sees_behind(&self) -> bool {
+        self.curved.as_ref().is_some_and(|curved| curved.sees_behind)
+    }
+
     /// Whether rays need lens samples, that is, whether the camera has a lens.
     pub fn has_lens(&self) -> bool {
         self.lens.is_some()
+    }
+
+    /// The rays of a camera that is neither a pinhole nor a thin lens.
+    #[inline(always)]
+    pub fn curved(&self) -> Option<&Curved> {
+        self.curved.as_deref()
     }
 
     /// Origin and unit direction of the ray through raster position (x, y), in pixels from the
     /// frame's top left corner. `lens` are lens coordinates in [0, 1)^2; a pinhole ignores them.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Vec3, Vec3) {
-        match &self.lens {
-            None => self.pinhole_ray(x, y),
-            Some(l) => {
+        match (&self.lens, &self.curved) {
+            (None, None) => self.pinhole_ray(x, y),
+            (None, Some(curved)) => curved.ray(x, y),
+            (Some(l), _) => {
                 let direction = self.towards(x, y);
                 let [lx, ly] = disk(lens);
                 let offset = l.x * f64::from(lx) + l.y * f64::from(ly);
@@ -127,7 +186,7 @@ impl Camera {
 }
 
 impl Camera {
-    /// [`Camera::ray`] for a camera without a lens.
+    /// [`Camera::ray`] for a camera without a lens and without curved rays.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
         (self.position.as_vec3(), unit_of_frame(self.towards(x, y)))
@@ -161,12 +220,16 @@ mod tests {
         scene::Camera {
             width: 400,
             height: 200,
-            fov_deg: 90.0,
+            projection: Projection::Perspective { fov_deg: 90.0, lens },
             position: DVec3::new(1.0, 2.0, 3.0),
             lookat: DVec3::new(0.0, 0.0, 5.0),
             up: DVec3::new(0.0, 3.0, 1.0),
-            lens,
         }
+    }
+
+    fn with_fov(fov_deg: f64, lens: Option<scene::Lens>) -> scene::Camera {
+        let projection = Projection::Perspective { fov_deg, lens };
+        scene::Camera { projection, ..camera(None) }
     }
 
     #[test]
@@ -183,7 +246,7 @@ mod tests {
 
     #[test]
     fn directions_of_a_telescope_are_rounded_once() {
-        let spec = scene::Camera { fov_deg: 1e-3, ..camera(None) };
+        let spec = with_fov(1e-3, None);
         let spec = scene::Camera { lookat: DVec3::new(0.3, -0.8, 0.5), ..spec };
         let c = Camera::new(&spec, DVec3::ZERO);
         let [x, y, z] = axes(&spec);
@@ -206,7 +269,7 @@ mod tests {
     fn directions_in_the_widest_frames_are_rounded_once() {
         for fov_deg in [179.0, 179.999_999_9, 180.0 - 3e-14] {
             let lens = Some(scene::Lens { aperture: 0.5, focal_distance: 4.0 });
-            let spec = scene::Camera { fov_deg, width: 65_536, height: 1, ..camera(lens) };
+            let spec = scene::Camera { width: 65_536, height: 1, ..with_fov(fov_deg, lens) };
             let c = Camera::new(&spec, DVec3::ZERO);
             let ([x, y, z], tan) = (axes(&spec), (fov_deg / 2.0).to_radians().tan());
             // The last two points lie in the overscan around the frame.

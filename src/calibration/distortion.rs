@@ -1,0 +1,133 @@
+//! The distortion models of OpenCV as one map of a plane, and its derivatives.
+
+use std::f64::consts::PI;
+
+/// What the points of the undistorted plane stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Model {
+    /// The point (x, y) is the direction (x, y, 1): OpenCV's `calib3d`.
+    BrownConrady,
+    /// The length of the point is the direction's angle to the axis, in radians: OpenCV's
+    /// `fisheye`.
+    Fisheye,
+}
+
+/// A distortion: the map of a point q with r = |q| to
+/// `q (1 + a1 r^2 + a2 r^4 + a3 r^6 + a4 r^8) / (1 + b1 r^2 + b2 r^4 + b3 r^6) + tangential`.
+///
+/// With x right and y down, the tangential part is
+/// `(2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distortion {
+    /// What points stand for.
+    pub model: Model,
+    /// Coefficients a1 to a4.
+    pub above: [f64; 4],
+    /// Coefficients b1 to b3.
+    pub below: [f64; 3],
+    /// Coefficients p1 and p2.
+    pub tangential: [f64; 2],
+}
+
+/// A point after distortion, and the derivatives there.
+#[derive(Debug, Clone, Copy)]
+pub struct Mapped {
+    /// The distorted point.
+    pub point: [f64; 2],
+    /// Derivatives dx/dx, dx/dy = dy/dx, dy/dy. The matrix is symmetric.
+    derivative: [f64; 3],
+}
+
+impl Mapped {
+    /// Determinant of the derivatives.
+    #[inline(always)]
+    fn determinant(&self) -> f64 {
+        let [xx, xy, yy] = self.derivative;
+        xx * yy - xy * xy
+    }
+
+    /// Returns the step of Newton's method towards the point that maps to `target`.
+    #[inline(always)]
+    pub fn step(&self, target: [f64; 2]) -> [f64; 2] {
+        let [xx, xy, yy] = self.derivative;
+        let [x, y] = [target[0] - self.point[0], target[1] - self.point[1]];
+        let inverse = 1.0 / self.determinant();
+        [(yy * x - xy * y) * inverse, (xx * y - xy * x) * inverse]
+    }
+}
+
+impl Distortion {
+    /// Distorts a point.
+    #[inline(always)]
+    pub fn map(&self, [x, y]: [f64; 2]) -> Mapped {
+        let ([a1, a2, a3, a4], [b1, b2, b3]) = (self.above, self.below);
+        let [p1, p2] = self.tangential;
+        let s = x * x + y * y;
+        let above = 1.0 + s * (a1 + s * (a2 + s * (a3 + s * a4)));
+        let below = 1.0 + s * (b1 + s * (b2 + s * b3));
+        // Derivatives by s = r^2.
+        let above_slope = a1 + s * (2.0 * a2 + s * (3.0 * a3 + s * 4.0 * a4));
+        let below_slope = b1 + s * (2.0 * b2 + s * 3.0 * b3);
+        let factor = above / below;
+        let slope = (above_slope - factor * below_slope) / below;
+        let cross = 2.0 * x * y;
+        Mapped {
+            point: [
+                x * factor + p1 * cross + p2 * (s + 2.0 * x * x),
+                y * factor + p1 * (s + 2.0 * y * y) + p2 * cross,
+            ],
+            derivative: [
+                factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
+                cross * slope + 2.0 * p1 * x + 2.0 * p2 * y,
+                factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+            ],
+        }
+    }
+
+    /// Returns true if the map is regular at a point and keeps its orientation there, and the
+    /// point stands for a direction.
+    pub fn is_regular(&self, q: [f64; 2]) -> bool {
+        let s = q[0] * q[0] + q[1] * q[1];
+        let [b1, b2, b3] = self.below;
+        let below = 1.0 + s * (b1 + s * (b2 + s * b3));
+        let mapped = self.map(q);
+        let [xx, _, yy] = mapped.derivative;
+        let direction = self.model == Model::BrownConrady || s < PI * PI;
+        below > 0.0 && mapped.determinant() > 0.0 && xx + yy > 0.0 && direction
+    }
+
+    /// Returns the direction that an undistorted point stands for: x right, y down, z forward, of
+    /// any length.
+    #[inline(always)]
+    pub fn direction(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        match self.model {
+            Model::BrownConrady => [x, y, 1.0],
+            Model::Fisheye => {
+                let angle = (x * x + y * y).sqrt();
+                let (sine, cosine) = angle.sin_cos();
+                let factor = if angle == 0.0 { 1.0 } else { sine / angle };
+                [x * factor, y * factor, cosine]
+            }
+        }
+    }
+
+    /// Name of the coefficient that bends the map back the most at radius `r`, of those in OpenCV's
+    /// order. `None` if there is no such coefficient.
+    pub fn culprit(&self, r: f64) -> Option<&'static str> {
+        let s = r * r;
+        // Terms of the derivative of r (above) and of -r (below), by r.
+        let above = (1..).zip(self.above).map(|(i, a)| f64::from(2 * i + 1) * a * s.powi(i));
+        let below = (1..).zip(self.below).map(|(i, b)| f64::from(1 - 2 * i) * b * s.powi(i));
+        let tangential = self.tangential.map(|p| -6.0 * p.abs() * r);
+        let terms: Vec<f64> = match self.model {
+            Model::Fisheye => above.collect(),
+            Model::BrownConrady => above.take(3).chain(below).chain(tangential).collect(),
+        };
+        let names = match self.model {
+            Model::Fisheye => &["k1", "k2", "k3", "k4"][..],
+            Model::BrownConrady => &["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"],
+        };
+        let worst = names.iter().zip(terms).min_by(|a, b| a.1.total_cmp(&b.1));
+        worst.filter(|(_, term)| *term < 0.0).map(|(name, _)| *name)
+    }
+}

@@ -1,0 +1,343 @@
+//! The inverse of a distortion over a frame: a table of first guesses, then Newton's method in f64.
+
+use super::{Calibration, Distortion};
+
+/// Cells of the table along each side of the frame.
+const CELLS: u32 = 64;
+
+/// Points of each side of the frame from which the check for folds starts.
+const BORDER_POINTS: u32 = 32;
+
+/// Steps from the principal point to the border, unless Newton's method needs shorter ones.
+const STEPS: f64 = 16.0;
+
+/// Points of a step at which the map must be regular.
+const CHORD_POINTS: u32 = 8;
+
+/// Largest error of the inverse inside the table's cells, in pixels.
+const TOLERANCE: f64 = 1e-10;
+
+/// Most steps of Newton's method per ray.
+const MAX_ITERATIONS: u32 = 12;
+
+/// Steps from the frame's border to a position in the overscan.
+const OVERSCAN_STEPS: u32 = 16;
+
+/// A place of the frame where a distortion cannot be inverted: it maps two directions to one
+/// pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Fold {
+    /// Raster position of the fold, or of the frame's point that cannot be inverted.
+    pub raster: [f64; 2],
+    /// Length of the undistorted point at the fold.
+    pub radius: f64,
+}
+
+/// A distortion that can be inverted over a whole frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inverse {
+    calibration: Calibration,
+    distortion: Distortion,
+    /// Right and bottom end of the frame in pixels.
+    end: [f64; 2],
+    /// Undistorted points at the corners of all cells, row by row.
+    nodes: Vec<[f64; 2]>,
+    /// Steps of Newton's method after which every guess within the frame is right.
+    iterations: u32,
+}
+
+impl Inverse {
+    /// Makes the table for a frame of `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// The fold nearest to the principal point, if the frame holds one.
+    pub fn new(
+        calibration: Calibration,
+        distortion: Distortion,
+        size: [u32; 2],
+    ) -> Result<Self, Fold> {
+        let end = size.map(f64::from);
+        let mut inverse =
+            Self { calibration, distortion, end, nodes: Vec::new(), iterations: MAX_ITERATIONS };
+        inverse.check([0.0, 0.0], end)?;
+        inverse.fill()?;
+        inverse.iterations = inverse.count_iterations()?;
+        Ok(inverse)
+    }
+
+    /// Checks a frame with `overscan` more pixels on every side.
+    ///
+    /// # Errors
+    /// As [`Inverse::new`].
+    pub fn check_overscan(&self, overscan: u32) -> Result<(), Fold> {
+        let more = f64::from(overscan);
+        self.check([-more; 2], self.end.map(|end| end + more))
+    }
+
+    /// Returns the direction of the ray through a raster position: x right, y down, z forward, of
+    /// any length. Right to 1e-9 pixel within the frame.
+    #[inline(always)]
+    pub fn direction(&self, raster: [f64; 2]) -> [f64; 3] {
+        self.distortion.direction(self.undistorted(raster))
+    }
+
+    /// Returns the point that the distortion maps to a raster position. The result depends on the
+    /// position alone, so that every crop has the same rays.
+    #[inline(always)]
+    fn undistorted(&self, raster: [f64; 2]) -> [f64; 2] {
+        let inside = [0, 1].map(|k| raster[k].max(0.0).min(self.end[k]));
+        let mut q = self.guess(inside);
+        let target = self.calibration.plane(inside);
+        for _ in 0..self.iterations {
+            let [x, y] = self.distortion.map(q).step(target);
+            q = [q[0] + x, q[1] + y];
+        }
+        if inside == raster { q } else { self.beyond(inside, raster, q) }
+    }
+
+    /// The same for a position in the overscan, by short steps from `q` at the border.
+    #[cold]
+    fn beyond(&self, border: [f64; 2], raster: [f64; 2], mut q: [f64; 2]) -> [f64; 2] {
+        for i in 1..=OVERSCAN_STEPS {
+            let t = f64::from(i) / f64::from(OVERSCAN_STEPS);
+            let at = [0, 1].map(|k| border[k] + (raster[k] - border[k]) * t);
+            let target = self.calibration.plane(at);
+            for _ in 0..self.iterations {
+                let [x, y] = self.distortion.map(q).step(target);
+                q = [q[0] + x, q[1] + y];
+            }
+        }
+        q
+    }
+
+    /// Interpolates the table at a position within the frame.
+    #[inline(always)]
+    fn guess(&self, raster: [f64; 2]) -> [f64; 2] {
+        let stride = CELLS as usize + 1;
+        let [x, y] = [0, 1].map(|k| raster[k] / self.end[k] * f64::from(CELLS));
+        let [i, j] = [x, y].map(|at| (at as u32).min(CELLS - 1));
+        let [s, t] = [x - f64::from(i), y - f64::from(j)];
+        let first = j as usize * stride + i as usize;
+        // Short only if the table is not filled yet.
+        let Some(cell) = self.nodes.get(first..first + stride + 2) else { return [0.0; 2] };
+        let ([a, b], [c, d]) = ([cell[0], cell[1]], [cell[stride], cell[stride + 1]]);
+        [0, 1].map(|k| {
+            let upper = a[k] + (b[k] - a[k]) * s;
+            let lower = c[k] + (d[k] - c[k]) * s;
+            upper + (lower - upper) * t
+        })
+    }
+
+    /// Raster position of a corner of a cell.
+    fn corner(&self, i: u32, j: u32) -> [f64; 2] {
+        [(i, 0), (j, 1)].map(|(at, k)| f64::from(at) / f64::from(CELLS) * self.end[k])
+    }
+
+    fn fill(&mut self) -> Result<(), Fold> {
+        let stride = CELLS + 1;
+        for index in 0..stride * stride {
+            let (i, j) = (index % stride, index / stride);
+            let raster = self.corner(i, j);
+            let known = match (i, j) {
+                (0, 0) => None,
+                (0, _) => self.nodes.get((index - stride) as usize),
+                _ => self.nodes.get(index as usize - 1),
+            };
+            let target = self.calibration.plane(raster);
+            let near = known.and_then(|&q| self.settle(q, target));
+            // A neighbour may be too far for Newton's method; the principal point is not.
+            let q = match near {
+                Some(q) => q,
+                None => self.walk(raster)?,
+            };
+            self.nodes.push(q);
+        }
+        Ok(())
+    }
+
+    /// Returns how many steps of Newton's method all positions within the frame need.
+    fn count_iterations(&self) -> Result<u32, Fold> {
+        let mut most = 1;
+        for cell in 0..CELLS * CELLS {
+            let [x, y] = self.corner(cell % CELLS, cell / CELLS);
+            for (s, t) in [(0.5, 0.5), (0.25, 0.25), (0.75, 0.5), (0.5, 0.02), (0.02, 0.5)] {
+                let step = |k: usize, at: f64| at / f64::from(CELLS) * self.end[k];
+                let raster = [x + step(0, s), y + step(1, t)];
+                let target = self.calibration.plane(raster);
+                let mut q = self.guess(raster);
+                let mut count = 0;
+                while self.error(q, raster) > TOLERANCE {
+                    if count == MAX_ITERATIONS {
+                        return Err(self.fold_at(raster, q));
+                    }
+                    let [x, y] = self.distortion.map(q).step(target);
+                    q = [q[0] + x, q[1] + y];
+                    count += 1;
+                }
+                most = most.max(count);
+            }
+        }
+        // One more halves no error that matters, but covers the positions between.
+        Ok((most + 1).min(MAX_ITERATIONS))
+    }
+
+    /// Distance in pixels between a raster position and the one that an undistorted point maps to,
+    /// less what the rounding of f64 explains.
+    fn error(&self, q: [f64; 2], raster: [f64; 2]) -> f64 {
+        let found = self.calibration.raster(self.distortion.map(q).point);
+        let away = |k: usize| (found[k] - raster[k]).abs();
+        let size = raster[0].abs().max(raster[1].abs()).max(self.calibration.principal[0].abs());
+        let size = size.max(self.calibration.principal[1].abs());
+        let error = away(0).max(away(1)) - 16.0 * f64::EPSILON * size;
+        // NaN is an error, too.
+        if error.is_nan() { f64::INFINITY } else { error }
+    }
+
+    /// Newton's method from a point near the solution. `None` if it does not converge or leaves
+    /// the part of the plane that is connected to `q` by regular points.
+    fn settle(&self, q: [f64; 2], target: [f64; 2]) -> Option<[f64; 2]> {
+        let mut found = q;
+        for _ in 0..MAX_ITERATIONS {
+            let [x, y] = self.distortion.map(found).step(target);
+            found = [found[0] + x, found[1] + y];
+            let done = 4.0 * f64::EPSILON * (found[0].abs() + found[1].abs()).max(1e-3);
+            if x.abs() + y.abs() <= done {
+                let regular = (1..=CHORD_POINTS).all(|i| {
+                    let t = f64::from(i) / f64::from(CHORD_POINTS);
+                    self.distortion.is_regular([0, 1].map(|k| q[k] + (found[k] - q[k]) * t))
+                });
+                return regular.then_some(found);
+            }
+        }
+        None
+    }
+
+    /// Follows the straight line from the principal point to a raster position.
+    ///
+    /// # Errors
+    /// The first fold on this line.
+    fn walk(&self, raster: [f64; 2]) -> Result<[f64; 2], Fold> {
+        let target = self.calibration.plane(raster);
+        let (mut q, mut t, mut step) = ([0.0; 2], 0.0, 1.0 / STEPS);
+        while t < 1.0 {
+            let next = f64::min(t + step, 1.0);
+            match self.settle(q, target.map(|x| x * next)) {
+                Some(found) => {
+                    (q, t) = (found, next);
+                    step = f64::min(2.0 * step, 1.0 / STEPS);
+                }
+                None if step < 1e-9 => {
+                    let [u, v] = self.calibration.principal;
+                    let at = [u + (raster[0] - u) * t, v + (raster[1] - v) * t];
+                    return Err(self.fold_at(at, q));
+                }
+                None => step /= 2.0,
+            }
+        }
+        Ok(q)
+    }
+
+    /// Checks that every point of a frame can be inverted, along lines to its border.
+    fn check(&self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) -> Result<(), Fold> {
+        let mut worst: Option<Fold> = None;
+        for i in 0..=BORDER_POINTS {
+            let t = f64::from(i) / f64::from(BORDER_POINTS);
+            let (x, y) = (x0 + (x1 - x0) * t, y0 + (y1 - y0) * t);
+            for raster in [[x, y0], [x, y1], [x0, y], [x1, y]] {
+                if let Err(fold) = self.walk(raster) {
+                    let nearer = worst.is_none_or(|worst| fold.radius < worst.radius);
+                    worst = if nearer { Some(fold) } else { worst };
+                }
+            }
+        }
+        worst.map_or(Ok(()), Err)
+    }
+
+    fn fold_at(&self, raster: [f64; 2], q: [f64; 2]) -> Fold {
+        Fold { raster, radius: (q[0] * q[0] + q[1] * q[1]).sqrt() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::Model;
+
+    fn calibration() -> Calibration {
+        Calibration { focal: [900.0, 850.0], principal: [640.5, 350.5], skew: 1.5 }
+    }
+
+    fn radial(model: Model, above: [f64; 4]) -> Distortion {
+        Distortion { model, above, below: [0.0; 3], tangential: [0.0; 2] }
+    }
+
+    fn lenses() -> [Distortion; 4] {
+        let brown = radial(Model::BrownConrady, [-0.28, 0.09, -0.01, 0.0]);
+        let rational = Distortion {
+            above: [0.8, 0.1, 0.02, 0.0],
+            below: [1.1, 0.3, 0.01],
+            tangential: [1e-3, -2e-3],
+            ..brown
+        };
+        let fisheye = radial(Model::Fisheye, [0.02, -0.01, 0.003, -4e-4]);
+        [radial(Model::BrownConrady, [0.0; 4]), brown, rational, fisheye]
+    }
+
+    #[test]
+    fn positions_are_inverted_to_a_billionth_of_a_pixel() {
+        for distortion in lenses() {
+            let inverse = Inverse::new(calibration(), distortion, [1280, 720]).unwrap();
+            assert!(inverse.iterations <= 5, "{distortion:?}: {}", inverse.iterations);
+            let mut worst = 0.0f64;
+            for index in 0..40_000u32 {
+                // Weyl sequences cover the frame and 100 pixels around it.
+                let at = |step: f64| (f64::from(index) * step).fract();
+                let raster =
+                    [at(0.754_877_666_2) * 1480.0 - 100.0, at(0.569_840_291) * 920.0 - 100.0];
+                let q = inverse.undistorted(raster);
+                let found = inverse.calibration.raster(distortion.map(q).point);
+                worst = worst.max((found[0] - raster[0]).abs()).max((found[1] - raster[1]).abs());
+            }
+            assert!(worst < 1e-9, "{distortion:?}: {worst:e}");
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_map() {
+        for distortion in lenses() {
+            for q in [[0.3, -0.2], [-0.5, 0.4], [0.01, 0.6]] {
+                let step = 1e-6;
+                let at = |x: f64, y: f64| distortion.map([q[0] + x, q[1] + y]).point;
+                let by = |a: [f64; 2], b: [f64; 2], k: usize| (a[k] - b[k]) / (2.0 * step);
+                let (right, left) = (at(step, 0.0), at(-step, 0.0));
+                let (down, up) = (at(0.0, step), at(0.0, -step));
+                let expected =
+                    [by(right, left, 0), by(down, up, 0), by(right, left, 1), by(down, up, 1)];
+                let [xx, xy, yy] = distortion.map(q).derivative;
+                for (found, expected) in [xx, xy, xy, yy].into_iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-8, "{distortion:?} {q:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_fold_is_found_at_the_radius_where_the_derivative_vanishes() {
+        // r + k1 r^3 has its maximum at r = 1 / sqrt(-3 k1).
+        for (model, k1) in [(Model::BrownConrady, -0.9), (Model::Fisheye, -0.5)] {
+            let distortion = radial(model, [k1, 0.0, 0.0, 0.0]);
+            let fold = Inverse::new(calibration(), distortion, [1280, 720]).unwrap_err();
+            let radius = (-3.0 * k1).sqrt().recip();
+            assert!((fold.radius - radius).abs() < 1e-3 * radius, "{fold:?}, {radius}");
+            assert_eq!(distortion.culprit(fold.radius), Some("k1"));
+            let [x, y] = calibration().plane(fold.raster);
+            let length = (x * x + y * y).sqrt();
+            assert!((length - radius * 2.0 / 3.0).abs() < 1e-6, "{fold:?}");
+            // A frame within that radius can be inverted.
+            let small = Calibration { principal: [100.0, 100.0], ..calibration() };
+            assert!(Inverse::new(small, distortion, [200, 200]).is_ok());
+            let inverse = Inverse::new(small, distortion, [200, 200]).unwrap();
+            assert!(inverse.check_overscan(100).is_ok() && inverse.check_overscan(900).is_err());
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Checks calibrated cameras: the pose is a rotation and a translation, the intrinsics belong to
+//! the frame, the distortion does not fold inside it.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
+use crate::scene::{
+    checked::Projection,
+    description::{self, Axes, Intrinsics, Matrix},
+    node::Place,
+};
+
+use super::{Check, camera::Pose};
+
+/// Largest entry of R R^T - 1 of a rotation R. Matrices with rounded digits pass; the nearest
+/// rotation is used.
+const MAX_DEVIATION: f64 = 1e-4;
+
+impl Check<'_, '_> {
+    /// Checks intrinsics and distortion. The distortion is checked only over a frame that is
+    /// `sized` well.
+    pub(super) fn calibrated(&mut self, camera: &Intrinsics, sized: bool) -> Option<Projection> {
+        self.size_of_intrinsics();
+        let size = [camera.width, camera.height].map(f64::from);
+        // OpenCV's pixel centres are whole numbers.
+        let principal = [(camera.cx, size[0]), (camera.cy, size[1])]
+            .map(|(c, side)| c.map_or(side / 2.0, |c| c + 0.5));
+        let focal = [camera.fx, camera.fy.unwrap_or(camera.fx)];
+        let calibration = Calibration { focal, principal, skew: camera.skew };
+        for (k, key) in ["cx", "cy"].into_iter().enumerate() {
+            if !(0.0..=size[k]).contains(&principal[k]) {
+                let message = format!(
+                    "found a principal point outside of the frame of {} x {} pixels",
+                    camera.width, camera.height
+                );
+                let help = "are these the intrinsics of a picture of another size?";
+                self.problems.warn(&format!("/camera/{key}"), message, Some(help.into()));
+            }
+        }
+        let Some(distortion) = camera.distortion.map(|d| distortion(&d)) else {
+            return Some(Projection::Calibrated(calibration));
+        };
+        if !sized {
+            return None;
+        }
+        match Inverse::new(calibration, distortion, [camera.width, camera.height]) {
+            Ok(inverse) => Some(Projection::Distorted(calibration, distortion, Arc::new(inverse))),
+            Err(fold) => {
+                let key = distortion.culprit(fold.radius).map(|key| format!("/{key}"));
+                let pointer = format!("/camera/distortion{}", key.unwrap_or_default());
+                let help =
+                    "calibrate with fewer coefficients, or render the part of the frame inside";
+                let message = fold_message(&distortion, &fold);
+                self.problems.error(&pointer, message, Some(help.into()));
+                None
+            }
+        }
+    }
+
+    /// Refuses an override of the frame's size alone: intrinsics belong to one size.
+    fn size_of_intrinsics(&mut self) {
+        let set = |key: &str| {
+            let node = self.document.get(&format!("/camera/{key}"));
+            node.is_some_and(|node| matches!(node.place, Place::Set(_)))
+        };
+        if set("fx") {
+            return;
+        }
+        for key in ["width", "height"].into_iter().filter(|key| set(key)) {
+            let message = format!(
+                "found another {key} for a camera of type `intrinsics`, expected the one of the calibration"
+            );
+            let help = "scale fx, fy, cx and cy, too: --set /camera/fx=...; or use --crop";
+            self.problems.error(&format!("/camera/{key}"), message, Some(help.into()));
+        }
+    }
+
+    /// Checks the matrix of the pose.
+    pub(super) fn matrix_pose(&mut self, camera: &Intrinsics) -> Option<Pose> {
+        let (key, matrix) = match (camera.world_to_camera, camera.camera_to_world) {
+            (Some(matrix), None) => ("world_to_camera", matrix),
+            (None, Some(matrix)) => ("camera_to_world", matrix),
+            (None, None) => {
+                let message =
+                    "missing key `world_to_camera` or `camera_to_world`, expected exactly one";
+                self.problems.error("/camera", message, None);
+                return None;
+            }
+            (Some(_), Some(_)) => {
+                let message =
+                    "found both `world_to_camera` and `camera_to_world`, expected exactly one";
+                let help = Some("remove one of them".into());
+                self.problems.error("/camera/camera_to_world", message, help);
+                return None;
+            }
+        };
+        match split(&matrix) {
+            Ok((rotation, translation)) => {
+                let (to_world, position) = match key {
+                    "camera_to_world" => (rotation, translation),
+                    _ => (rotation.transpose(), -(rotation.transpose() * translation)),
+                };
+                let flip = if camera.axes == Axes::OpenGl { -1.0 } else { 1.0 };
+                let (up, lookat) = (to_world.y_axis * -flip, to_world.z_axis * flip);
+                Some(Pose { position, lookat, up })
+            }
+            Err((message, help)) => {
+                let help = help.map(String::from);
+                self.problems.error(&format!("/camera/{key}"), message, help);
+                None
+            }
+        }
+    }
+}
+
+/// A message and a help text.
+type Refusal = (String, Option<&'static str>);
+
+/// Returns the rotation nearest to the upper left part of a matrix, and its last column.
+fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
+    let [r0, r1, r2, last] = *rows;
+    if last != [0.0, 0.0, 0.0, 1.0] {
+        let transposed = [r0[3], r1[3], r2[3], last[3]] == [0.0, 0.0, 0.0, 1.0];
+        let help = transposed.then_some("the matrix looks transposed: swap its rows and columns");
+        return Err((format!("found the last row {last:?}, expected [0, 0, 0, 1]"), help));
+    }
+    let column = |k: usize| DVec3::new(r0[k], r1[k], r2[k]);
+    let matrix = DMat3::from_cols(column(0), column(1), column(2));
+    let product = matrix * matrix.transpose() - DMat3::IDENTITY;
+    let deviation = product.to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    // NaN is a deviation, too.
+    if deviation.is_nan() || deviation > MAX_DEVIATION {
+        let lengths = [r0, r1, r2].map(|[x, y, z, _]| DVec3::new(x, y, z).length());
+        let [a, b, c] = lengths;
+        let message = format!(
+            "found a matrix that is no rotation: R R^T differs from 1 by {deviation:.1e}, its rows have the lengths {a:.6}, {b:.6} and {c:.6}, expected at most {MAX_DEVIATION:e}"
+        );
+        let scaled = lengths.iter().all(|x| (x / a - 1.0).abs() < MAX_DEVIATION);
+        let help = "the matrix scales: divide the rotation by that length";
+        return Err((message, (scaled && (a - 1.0).abs() > MAX_DEVIATION).then_some(help)));
+    }
+    if matrix.determinant() < 0.0 {
+        let message = "found a matrix that mirrors (determinant -1), expected a rotation";
+        let help = "`axes` turns two axes at once: a matrix with one axis turned is left-handed";
+        return Err((message.into(), Some(help)));
+    }
+    // Newton's iteration for the polar decomposition. An exact rotation keeps its bits.
+    let mut rotation = matrix;
+    for _ in 0..4 {
+        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
+    }
+    Ok((rotation, column(3)))
+}
+
+/// The distortion as one map.
+fn distortion(written: &description::Distortion) -> Distortion {
+    match *written {
+        description::Distortion::BrownConrady(d) => Distortion {
+            model: Model::BrownConrady,
+            above: [d.k1, d.k2, d.k3, 0.0],
+            below: [d.k4, d.k5, d.k6],
+            tangential: [d.p1, d.p2],
+        },
+        description::Distortion::Fisheye(d) => Distortion {
+            model: Model::Fisheye,
+            above: [d.k1, d.k2, d.k3, d.k4],
+            below: [0.0; 3],
+            tangential: [0.0; 2],
+        },
+    }
+}
+
+/// Says where a distortion folds.
+fn fold_message(distortion: &Distortion, fold: &Fold) -> String {
+    let [x, y] = fold.raster.map(f64::floor);
+    let radius = match distortion.model {
+        Model::BrownConrady => format!("r = {:.4}", fold.radius),
+        Model::Fisheye => format!("theta = {:.2} degrees", fold.radius.to_degrees()),
+    };
+    format!(
+        "found a distortion that folds inside the frame, at {radius}, pixel ({x}, {y}): pixels beyond have no direction, expected a fold outside"
+    )
+}
