@@ -11,7 +11,7 @@ use crate::{
     output::{ValueCounts, exr::Compression},
     scene::{SamplerKind, ToneOperator, written::Accelerator},
     simd::Isa,
-    studio::{Appearance, Axis, smooth},
+    studio::{Appearance, Axis, Quality, smooth},
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
 };
 
@@ -104,6 +104,10 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
+    /// Numbers of samples of the built-in studio; --spp and --light-samples win
+    #[arg(long, value_name = "NAME")]
+    pub quality: Option<Quality>,
+
     /// Remove the plane named `ground`; the studio's is always removed under --transparent
     #[arg(long)]
     pub no_ground: bool,
@@ -116,6 +120,7 @@ impl LookArgs {
             smooth: self.smooth.map(smooth),
             texture: self.texture.clone(),
             no_ground: self.no_ground,
+            quality: self.quality,
         }
     }
 }
