@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{
     output::exr::Compression,
     scene::written::{Angles, Name, Point, Smooth},
-    studio::{Axis, LightsFollow, Turning},
+    studio::{Axis, LightsFollow, Quality, Turning},
 };
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
@@ -42,6 +42,8 @@ pub struct JobFile {
     /// Path of the texture of all meshes, in place of those that the mesh files or the template
     /// name.
     pub texture: Option<Name>,
+    /// Numbers of samples of the built-in studio. Excludes `template`.
+    pub quality: Option<Quality>,
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,
     /// Picture width and height in pixels.

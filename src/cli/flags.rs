@@ -11,7 +11,7 @@ use crate::{
     output::{ValueCounts, exr::Compression},
     scene::{SamplerKind, ToneOperator, written::Accelerator},
     simd::Isa,
-    studio::{Appearance, Axis, smooth},
+    studio::{Appearance, Axis, Quality, smooth},
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
 };
 
@@ -105,6 +105,10 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
+    /// Numbers of samples of the built-in studio; --spp and --light-samples win
+    #[arg(long, value_name = "NAME")]
+    pub quality: Option<Quality>,
+
     /// Remove the plane named `ground`; under --transparent the studio's shows its shadows only
     #[arg(long)]
     pub no_ground: bool,
@@ -117,6 +121,7 @@ impl LookArgs {
             smooth: self.smooth.map(smooth),
             texture: self.texture.clone(),
             no_ground: self.no_ground,
+            quality: self.quality,
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use glam::{DVec2, Vec3};
 
-use super::points::{Points, lane, set_lane};
+use super::points::{Points, set_lane};
+use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
-use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
+use crate::geometry::{Geometry, GeometryKind, Surfaces};
 use crate::mesh::{Colors, Normals};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::scene::{ColorSpace, Filter, Role, Wrap};
@@ -112,9 +113,18 @@ impl Shapes {
         for axis in 0..3 {
             out.at.view[axis] = packet.rays.dir[axis].map(|d| -d);
         }
-        if let Some(material) = self.one_plain_material(packet, surfaces) {
-            return splat(material, out);
+        if let Some((material, normals)) = self.one_untextured_shape(packet, surfaces) {
+            splat(material, out);
+            if let Some(normals) = normals {
+                let mut smooth = SmoothTriangles::NONE;
+                for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
+                    gather(geometry, packet, surfaces, normals, i, &mut smooth);
+                }
+                smooth.interpolate(out);
+            }
+            return;
         }
+        let mut smooth = None;
         for i in 0..LANES {
             if surfaces.hit.0[i] == 0 {
                 continue;
@@ -123,9 +133,16 @@ impl Shapes {
             let shape = &self.shapes[self.owners[geom as usize].shape(prim) as usize];
             let material = &self.materials[shape.material as usize];
             set(material, i, out);
-            if material.texture.is_some() || shape.normals.is_some() || shape.colors.is_some() {
+            if material.texture.is_some() || shape.colors.is_some() {
                 self.details(geometry, packet, surfaces, shape, i, out);
             }
+            if let Some(normals) = &shape.normals {
+                let smooth = smooth.get_or_insert(SmoothTriangles::NONE);
+                gather(geometry, packet, surfaces, normals, i, smooth);
+            }
+        }
+        if let Some(smooth) = smooth {
+            smooth.interpolate(out);
         }
     }
 
@@ -200,16 +217,21 @@ impl Shapes {
         self.textures.iter().map(Texture::bytes).sum()
     }
 
-    /// The material of all lanes, if they hit the same shape and nothing varies over it.
+    /// The material and the normals of all lanes, if they hit the same shape and its colour does not
+    /// vary.
     #[inline(always)]
-    fn one_plain_material(&self, packet: &RayPacket, surfaces: &Surfaces) -> Option<&Material> {
+    fn one_untextured_shape(
+        &self,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+    ) -> Option<(&Material, Option<&Normals>)> {
         let shape = &self.shapes[self.one_shape(packet, &surfaces.hit)? as usize];
         let material = &self.materials[shape.material as usize];
-        let plain = material.texture.is_none() && shape.normals.is_none() && shape.colors.is_none();
-        plain.then_some(material)
+        let plain = material.texture.is_none() && shape.colors.is_none();
+        plain.then_some((material, shape.normals.as_ref()))
     }
 
-    /// Computes texture, vertex colours and shading normal of one lane.
+    /// Computes texture and vertex colours of one lane.
     #[inline(never)]
     fn details(
         &self,
@@ -221,8 +243,7 @@ impl Shapes {
         out: &mut Points,
     ) {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let (u, v) = (surfaces.u[i] as f32, surfaces.v[i] as f32);
-        let weights = [1.0 - u - v, u, v];
+        let weights = weights(surfaces, i);
         let corners = match geometry.kind(geom) {
             GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
             _ => None,
@@ -240,13 +261,31 @@ impl Shapes {
             let color = weighted(weights, corners.map(|c| colors.at(c)));
             set_lane(&mut out.base, i, material.base * color);
         }
-        if let (Some(normals), Some(corners), GeometryKind::Mesh(mesh)) =
-            (&shape.normals, corners, geometry.kind(geom))
-        {
-            let positions = geometry.meshes[mesh].corners(prim).map(Vec3::from);
-            smooth(positions, normals.of(prim, corners).map(Vec3::from), weights, i, out);
-        }
     }
+}
+
+/// Adds the triangle of lane `i`, which hit a mesh with these normals.
+#[inline(always)]
+fn gather(
+    geometry: &Geometry,
+    packet: &RayPacket,
+    surfaces: &Surfaces,
+    normals: &Normals,
+    i: usize,
+    smooth: &mut SmoothTriangles,
+) {
+    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+    let GeometryKind::Mesh(mesh) = geometry.kind(geom) else { return };
+    let mesh = &geometry.meshes[mesh];
+    let corners = mesh.triangles()[prim as usize];
+    smooth.set(i, mesh.corners(prim), normals.of(prim, corners), weights(surfaces, i));
+}
+
+/// Barycentric weights of the corners at the hit of lane `i`.
+#[inline(always)]
+fn weights(surfaces: &Surfaces, i: usize) -> [f32; 3] {
+    let (u, v) = (surfaces.u[i] as f32, surfaces.v[i] as f32);
+    [1.0 - u - v, u, v]
 }
 
 #[inline(always)]
@@ -272,39 +311,6 @@ fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
     values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
 }
 
-/// Sets the interpolated normal, and lifts the shadow origin off the facets.
-///
-/// Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II ch. 4: P' = P - sum w_i min(0,
-/// (P - V_i).N_i) N_i. Corner normals are negated if N is. A corner normal that then faces away
-/// from Ng would push the origin below the facet, so it lifts nothing. If the normals cancel or are
-/// missing, N = Ng and P' = P.
-fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, out: &mut Points) {
-    let ng = lane(&out.at.ng, i);
-    let Some(n) = weighted(weights, normals).try_normalize() else {
-        return;
-    };
-    let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-    set_lane(&mut out.at.n, i, n * side);
-    let point = |c: usize| {
-        // P - V_c from the edges, so that large coordinates do not cancel.
-        weighted(weights, corners.map(|corner| corner - corners[c]))
-    };
-    let lift = (0..3).fold(Vec3::ZERO, |lift, c| {
-        let normal = normals[c] * side;
-        let weight = if normal.dot(ng) > 0.0 { weights[c] } else { 0.0 };
-        lift - normal * (weight * point(c).dot(normal).min(0.0))
-    });
-    if lift != Vec3::ZERO {
-        let origin = lane(&out.at.origin, i).as_dvec3() + lift.as_dvec3();
-        for axis in 0..3 {
-            let rounded = origin[axis] as f32;
-            let outside = round_towards(origin[axis], rounded, f64::from(ng[axis]));
-            out.at.origin[axis][i] = outside;
-        }
-        out.at.lifted.0[i] = -1;
-    }
-}
-
 impl VertexColors {
     fn at(&self, vertex: u32) -> Vec3 {
         let i = vertex as usize;
@@ -317,52 +323,5 @@ impl VertexColors {
             ColorSpace::Linear => stored,
             ColorSpace::Srgb => stored.map(|c| super::texture::linear_from_srgb(c.into()) as f32),
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_convex_corner_lifts_the_shadow_origin() {
-        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        let out_and_up = |x: f32, y: f32| Vec3::new(x, y, 3.0).normalize();
-        let normals = [out_and_up(-1.0, -1.0), out_and_up(1.0, 0.0), out_and_up(0.0, 1.0)];
-        let mut points = Points::EMPTY;
-        set_lane(&mut points.at.ng, 0, Vec3::Z);
-        smooth(corners, normals, [1.0 / 3.0; 3], 0, &mut points);
-        assert!(lane(&points.at.origin, 0).z > 0.0);
-        assert_eq!(points.at.lifted.0[0], -1);
-        assert!(lane(&points.at.n, 0).z > 0.99);
-    }
-
-    #[test]
-    fn normals_facing_away_never_push_the_shadow_origin_below_the_facet() {
-        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        let away =
-            [Vec3::new(-1.0, -1.0, -0.5), Vec3::new(1.0, 0.0, 3.0), Vec3::new(0.0, 1.0, 3.0)];
-        let away = away.map(Vec3::normalize);
-        for (normals, turned) in [(away, 1.0), (away.map(|n| -n), -1.0)] {
-            let mut points = Points::EMPTY;
-            set_lane(&mut points.at.ng, 0, Vec3::Z);
-            smooth(corners, normals, [1.0 / 3.0; 3], 0, &mut points);
-            assert!(lane(&points.at.origin, 0).z >= 0.0);
-            let mean = (normals[0] + normals[1] + normals[2]).normalize() * turned;
-            assert!((lane(&points.at.n, 0) - mean).length() < 1e-6, "turned to the viewer's side");
-        }
-    }
-
-    #[test]
-    fn cancelling_or_missing_normals_leave_the_facet_flat() {
-        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        for normals in [[Vec3::ZERO; 3], [Vec3::Z, -Vec3::Z, Vec3::ZERO]] {
-            let mut points = Points::EMPTY;
-            set_lane(&mut points.at.ng, 0, Vec3::Z);
-            set_lane(&mut points.at.n, 0, Vec3::Z);
-            smooth(corners, normals, [0.5, 0.5, 0.0], 0, &mut points);
-            assert_eq!(lane(&points.at.n, 0), Vec3::Z);
-            assert_eq!(points.at.lifted.0[0], 0);
-        }
     }
 }

@@ -8,6 +8,7 @@ mod light_plane;
 mod look;
 mod pnm;
 mod points;
+mod smooth;
 mod texture;
 mod uv;
 

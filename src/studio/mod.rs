@@ -10,12 +10,14 @@
 mod framing;
 mod furnish;
 mod points;
+mod quality;
 mod template;
 mod turntable;
 
 pub use framing::{FieldOfView, frame, frame_turning};
 pub use furnish::with_default_placement;
 pub use points::{Points, is_mesh, read};
+pub use quality::Quality;
 pub use template::Template;
 pub use turntable::{LightsFollow, Turning, Turntable};
 
@@ -60,6 +62,8 @@ pub struct Appearance {
     pub texture: Option<PathBuf>,
     /// True to remove the template's plane named `ground`.
     pub no_ground: bool,
+    /// Numbers of samples of the built-in studio, in place of its own.
+    pub quality: Option<Quality>,
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
@@ -147,6 +151,9 @@ pub fn show_mesh(
     light_samples: Option<u32>,
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
+    if let Some(quality) = subject.looks.quality {
+        user.prepend(quality.overrides(template, light_samples.is_none())?);
+    }
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;

@@ -17,6 +17,7 @@ pub use self::ffi::{LAYOUTS, Layout};
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, HitValidator};
+use self::packet8::{HALVES, Mask8, RayPacket8, Rays8};
 use super::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby, Unseen};
@@ -97,12 +98,17 @@ impl<'g> Embree<'g> {
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
             let api = self.scene.api();
-            // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
-            return self.query(coherence, filter, |args| unsafe {
-                if self.halves {
-                    packet8::occluded(api, scene, active, rays, args);
-                } else {
-                    (api.occluded16)(active, scene, rays, args);
+            return self.query(coherence, filter, |args| {
+                if !self.halves {
+                    // SAFETY: rays and mask are aligned to 64 bytes and laid out as Embree's.
+                    return unsafe { (api.occluded16)(active, scene, rays, args) };
+                }
+                for first in HALVES {
+                    let Some(mask) = Mask8::half(active, first) else { continue };
+                    let mut half = Rays8::half(rays, first);
+                    // SAFETY: as above, aligned to 32 bytes.
+                    unsafe { (api.occluded8)(&raw const mask, scene, &raw mut half, args) };
+                    half.store_ends(rays, first);
                 }
             });
         }
@@ -192,12 +198,17 @@ impl Accelerator for Embree<'_> {
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
             let api = self.scene.api();
-            // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
-            return self.query(coherence, filter, |args| unsafe {
-                if self.halves {
-                    packet8::intersect(api, scene, active, packet, args);
-                } else {
-                    (api.intersect16)(active, scene, packet, args);
+            return self.query(coherence, filter, |args| {
+                if !self.halves {
+                    // SAFETY: packet and mask are aligned to 64 bytes and laid out as Embree's.
+                    return unsafe { (api.intersect16)(active, scene, packet, args) };
+                }
+                for first in HALVES {
+                    let Some(mask) = Mask8::half(active, first) else { continue };
+                    let mut half = RayPacket8::half(packet, first);
+                    // SAFETY: as above, aligned to 32 bytes.
+                    unsafe { (api.intersect8)(&raw const mask, scene, &raw mut half, args) };
+                    half.store(packet, first);
                 }
             });
         }

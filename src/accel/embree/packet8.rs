@@ -1,11 +1,13 @@
 //! Packets of 8 rays. On a processor without AVX-512, Embree traces a packet of 16 ray by ray, but
 //! has kernels for 8.
 
-use super::ffi::{Api, QueryArguments, SceneHandle};
 use crate::ray::{Hits, LANES, Mask, RayPacket, Rays};
 
 /// Number of rays.
 const WIDTH: usize = 8;
+
+/// First lane of each half of a packet of 16.
+pub const HALVES: [usize; 2] = [0, WIDTH];
 
 /// Embree's mask of 8 lanes: -1 for an active lane.
 #[repr(C, align(32))]
@@ -60,15 +62,16 @@ fn put<T: Copy>(lanes: &mut [T; LANES], first: usize, half: &[T; WIDTH]) {
 impl Mask8 {
     /// The half of `active` that begins at lane `first`; `None` if no lane of it is active.
     #[inline(always)]
-    fn half(active: &Mask, first: usize) -> Option<Self> {
+    pub fn half(active: &Mask, first: usize) -> Option<Self> {
         let lanes = half(&active.0, first);
         lanes.iter().any(|&lane| lane != 0).then_some(Self(lanes))
     }
 }
 
 impl Rays8 {
+    /// The rays from lane `first` on.
     #[inline(always)]
-    fn half(rays: &Rays, first: usize) -> Self {
+    pub fn half(rays: &Rays, first: usize) -> Self {
         Self {
             org: rays.org.each_ref().map(|axis| half(axis, first)),
             tnear: half(&rays.tnear, first),
@@ -79,6 +82,12 @@ impl Rays8 {
             leaving: half(&rays.leaving, first),
             flags: half(&rays.flags, first),
         }
+    }
+
+    /// Writes `tfar` to the lanes from `first` on.
+    #[inline(always)]
+    pub fn store_ends(&self, rays: &mut Rays, first: usize) {
+        put(&mut rays.tfar, first, &self.tfar);
     }
 }
 
@@ -97,51 +106,24 @@ impl Hits8 {
     }
 }
 
-/// `rtcIntersect16` by `rtcIntersect8`.
-///
-/// # Safety
-/// The scene is committed, `args` is valid, and both belong to the library of `api`.
-pub unsafe fn intersect(
-    api: &Api,
-    scene: *mut SceneHandle,
-    active: &Mask,
-    packet: &mut RayPacket,
-    args: *mut QueryArguments,
-) {
-    for first in [0, WIDTH] {
-        let Some(mask) = Mask8::half(active, first) else { continue };
-        let (rays, hits) = (Rays8::half(&packet.rays, first), Hits8::half(&packet.hits, first));
-        let mut part = RayPacket8 { rays, hits };
-        // SAFETY: as the caller promises; aligned to 32 bytes and laid out as Embree's.
-        unsafe { (api.intersect8)(&raw const mask, scene, &raw mut part, args) };
-        let (hits, rays) = (&mut packet.hits, &mut packet.rays);
-        put(&mut rays.tfar, first, &part.rays.tfar);
-        for (axis, found) in hits.ng.iter_mut().zip(&part.hits.ng) {
-            put(axis, first, found);
-        }
-        put(&mut hits.u, first, &part.hits.u);
-        put(&mut hits.v, first, &part.hits.v);
-        put(&mut hits.prim, first, &part.hits.prim);
-        put(&mut hits.geom, first, &part.hits.geom);
+impl RayPacket8 {
+    /// The rays and hits from lane `first` on.
+    #[inline(always)]
+    pub fn half(packet: &RayPacket, first: usize) -> Self {
+        Self { rays: Rays8::half(&packet.rays, first), hits: Hits8::half(&packet.hits, first) }
     }
-}
 
-/// `rtcOccluded16` by `rtcOccluded8`.
-///
-/// # Safety
-/// As for [`intersect`].
-pub unsafe fn occluded(
-    api: &Api,
-    scene: *mut SceneHandle,
-    active: &Mask,
-    rays: &mut Rays,
-    args: *mut QueryArguments,
-) {
-    for first in [0, WIDTH] {
-        let Some(mask) = Mask8::half(active, first) else { continue };
-        let mut part = Rays8::half(rays, first);
-        // SAFETY: as the caller promises; aligned to 32 bytes and laid out as Embree's.
-        unsafe { (api.occluded8)(&raw const mask, scene, &raw mut part, args) };
-        put(&mut rays.tfar, first, &part.tfar);
+    /// Writes `tfar` and the hits to the lanes from `first` on.
+    #[inline(always)]
+    pub fn store(&self, packet: &mut RayPacket, first: usize) {
+        let (hits, found) = (&mut packet.hits, &self.hits);
+        for (axis, ng) in hits.ng.iter_mut().zip(&found.ng) {
+            put(axis, first, ng);
+        }
+        put(&mut hits.u, first, &found.u);
+        put(&mut hits.v, first, &found.v);
+        put(&mut hits.prim, first, &found.prim);
+        put(&mut hits.geom, first, &found.geom);
+        self.rays.store_ends(&mut packet.rays, first);
     }
 }

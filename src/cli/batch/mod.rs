@@ -237,11 +237,12 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = place.rotate.map(Angles);
     }
     file.margin = place.margin.or(file.margin);
-    let Appearance { smooth, texture, no_ground } = mesh.looks.appearance();
+    let Appearance { smooth, texture, no_ground, quality } = mesh.looks.appearance();
     file.smooth = smooth.or(file.smooth.take());
     if let Some(texture) = &texture {
         file.texture = Some(from_here(texture)?);
     }
+    file.quality = quality.or(file.quality);
     file.ground = if no_ground { Some(false) } else { file.ground };
     set_output(file, args.output.as_deref())?;
     if let Some(name) = &args.name {

@@ -60,6 +60,7 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
         ("--smooth", mesh.looks.smooth.is_some()),
         ("--texture", mesh.looks.texture.is_some()),
         ("--no-ground", mesh.looks.no_ground),
+        ("--quality", mesh.looks.quality.is_some()),
     ];
     let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
         return Ok(());

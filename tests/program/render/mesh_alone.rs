@@ -127,6 +127,30 @@ fn a_transparent_picture_has_the_shadows_of_its_ground() {
 }
 
 #[test]
+fn quality_sets_the_samples_of_the_studio_only() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let samples = |flags: &[&str]| {
+        let flags = [flags, &["--write-scene", "s.json"]].concat();
+        render(&scratch, "block.ply", &flags).good();
+        let scene: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+        let lights = scene["scene"]["lightsources"].as_array().unwrap();
+        let lights = lights.iter().map(|light| light["samples"].as_u64().unwrap());
+        (scene["spp"].as_u64().unwrap_or(1), lights.collect::<Vec<_>>())
+    };
+    assert_eq!(samples(&["--quality", "normal"]), samples(&[]));
+    assert!(samples(&["--quality", "draft"]).0 < samples(&[]).0);
+    assert_eq!(samples(&["--quality", "final", "--light-samples", "3"]), (16, vec![3, 3]));
+    assert_eq!(samples(&["--quality", "final", "--spp", "2"]).0, 2);
+    let refused = |input: &str, flags: &[&str]| {
+        let done = render(&scratch, input, &[&["--quality", "draft"], flags].concat());
+        assert!(done.code() == 2 && done.stderr().contains("--quality"), "{}", done.stderr());
+    };
+    refused("block.ply", &["--template", "s.json"]);
+    refused("s.json", &[]);
+}
+
+#[test]
 fn a_texture_by_flag_and_notes_without_one() {
     let scratch = Scratch::new();
     scratch.write("a.ply", &square(""));
@@ -197,11 +221,12 @@ fn a_job_sets_the_look_of_meshes() {
     scratch.write("a.ply", &square(""));
     scratch.write("i.ppm", IMAGE);
     let job = r#"{ "inputs": ["a.ply"], "size": [48, 48], "texture": "i.ppm", "smooth": false, "ground": false,
+                   "quality": "draft",
                    "output": { "folder": "out", "name": "{stem}" } }"#;
     scratch.write("job.json", job);
     scratch.run(&["batch", "job.json", "--quiet"]).good();
     let found = scratch.channels("out/a.exr");
-    let flags = ["--texture", "i.ppm", "--smooth", "off", "--no-ground"];
+    let flags = ["--texture", "i.ppm", "--smooth", "off", "--no-ground", "--quality", "draft"];
     assert!(found == picture(&scratch, "a.ply", &flags));
     scratch
         .run(
