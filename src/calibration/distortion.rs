@@ -35,7 +35,7 @@ pub struct Mapped {
     /// The distorted point.
     pub point: [f64; 2],
     /// Derivatives dx/dx, dx/dy = dy/dx, dy/dy. The matrix is symmetric.
-    derivative: [f64; 3],
+    pub(super) derivative: [f64; 3],
 }
 
 impl Mapped {
