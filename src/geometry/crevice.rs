@@ -128,8 +128,8 @@ impl Crevice {
     }
 
     /// Whether `primitive` is a wall and the ray leads away from it. A test from the rounded point
-    /// may still hit that wall; such a hit is false. A wall that the ray leads to but passes is not
-    /// excluded: at the edge where the next wall begins, only the test that both share has no gaps.
+    /// may still hit that wall; such a hit is false. Other walls are not excluded, even if the ray
+    /// passes them: at the edge of two walls, only the test that both share has no gap.
     pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
         let mut own = self.walls.iter().filter(|wall| wall.primitive == primitive);
         own.any(|wall| wall.distance(self.point, direction) < 0.0)
@@ -285,7 +285,8 @@ mod tests {
         assert!(crevice.is_clear);
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0, |_| true).unwrap();
         assert!((hit.t - 1e-7).abs() < 1e-10);
-        assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
+        let nearer = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8, |_| true);
+        assert!(nearer.is_none(), "the light is nearer");
     }
 
     /// Two faces that hang from one edge, both on the viewer's side of it. The one in front hides

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
+use crate::film::{Channel, ChannelKind, Dropped, SumNode, Sums};
 
 use super::recipe::{NearestHit, PixelLayout, count};
 
@@ -15,7 +15,7 @@ pub const BEAUTY: usize = 4;
 #[derive(Debug, Clone)]
 pub struct RawLayout {
     samples: Range<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<SumNode>,
     summed: usize,
     has_nearest: bool,
     /// Number of ids of each kind of mattes.
@@ -66,7 +66,7 @@ impl RawLayout {
     pub fn new(recipe: &PixelLayout, samples: Range<u32>) -> Self {
         let capacity = samples.len();
         Self {
-            nodes: Node::cover(samples.clone()),
+            nodes: SumNode::cover(samples.clone()),
             samples,
             summed: recipe.summed(),
             has_nearest: recipe.has_nearest(),

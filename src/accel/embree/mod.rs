@@ -17,7 +17,7 @@ pub use self::ffi::{LAYOUTS, Layout};
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, HitValidator};
-use super::{Accelerator, BuildInfo, BuildOptions};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby};
 use crate::monitor::Monitor;
