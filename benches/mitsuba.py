@@ -34,7 +34,8 @@ sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 SPP = [1, 16, 64]
 CURVE = [1, 4, 16, 64]
 SAMPLERS = ['independent', 'multijitter']
-# Targets of `--noise T --noise-of picture`. Their errors span the errors at these numbers of samples.
+# Targets of `--noise T --noise-of picture`. Their errors span the errors at these numbers of
+# samples.
 TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
 ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']

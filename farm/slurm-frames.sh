@@ -1,11 +1,11 @@
 #!/bin/bash
-# A task of `lightpath submit slurm`: the frames FIRST to LAST of a batch, by the number of the task.
+# A task of `lightpath submit slurm`: the frames FIRST to LAST of a batch, by the task's number.
 #
 #   sbatch --array=0-N slurm-frames.sh PROGRAM JOB FOLDER FRAMES FRAMES_PER_TASK
 #
 # Names are arguments and never part of this text, so no name is read as a command.
-# A task may run twice, also at the same time. Every frame gets its name when it is complete, and --resume
-# keeps those that are there.
+# A task may run twice, also at the same time. Every frame gets its name when it is complete, and
+# --resume keeps those that are there.
 set -u
 program=$1 job=$2 folder=$3 frames=$4 per_task=$5
 first=$((SLURM_ARRAY_TASK_ID * per_task))
@@ -24,7 +24,7 @@ done
 case $status in
     # Some inputs are bad: another try would not help. The last job lists them and fails.
     1) exit 0 ;;
-    # Disk full, out of memory, stopped by a signal, killed by the kernel for its memory: three more tries.
+    # Disk full, out of memory, a signal, killed by the kernel for its memory: three more tries.
     3 | 129 | 130 | 131 | 137 | 143)
         if [ "${SLURM_RESTART_COUNT:-0}" -lt 3 ]; then
             scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID" && sleep 60

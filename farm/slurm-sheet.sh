@@ -1,6 +1,6 @@
 #!/bin/bash
-# The job after all tasks of `lightpath submit slurm`, however these ended: writes the contact sheet, lists
-# the frames that are missing with the reason, and fails if there are any.
+# The job after all tasks of `lightpath submit slurm`, however these ended: writes the contact
+# sheet, lists the frames that are missing with the reason, and fails if there are any.
 #
 #   sbatch --dependency=afterany:ARRAY slurm-sheet.sh PROGRAM JOB FOLDER
 #

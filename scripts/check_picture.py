@@ -121,7 +121,8 @@ def check(prefix):
     if colours < 256:
         raise Wrong(f"{prefix}.png has only {colours} colours: that is no rendered still life")
 
-    # The PNG is the EXR through one increasing curve per channel, so both order the pixels in the same way.
+    # The PNG is the EXR through one increasing curve per channel, so both order the pixels in the
+    # same way.
     ups = downs = 0
     for place in range(0, width * height - 997, 997):
         for channel, name in enumerate("RGB"):

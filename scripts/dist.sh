@@ -1,12 +1,14 @@
 #!/bin/sh
 # Packages what `make build` compiled, into target/dist/:
 #
-#   lightpath_VERSION_ARCH.deb             depends on libembree4-4 where the distribution has it (Debian 13);
-#                                          else contains the Embree of vendor/embree in /usr/lib/lightpath
-#   lightpath-VERSION-ARCH-linux.tar.xz    a folder that runs anywhere, with Embree if that is in vendor/
+#   lightpath_VERSION_ARCH.deb
+#       depends on libembree4-4 where the distribution has it (Debian 13); else contains the Embree
+#       of vendor/embree in /usr/lib/lightpath
+#   lightpath-VERSION-ARCH-linux.tar.xz
+#       a folder that runs anywhere, with Embree if that is in vendor/
 #
-# With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made with
-# `make install`; the same program gives the same bytes. Needs dpkg-deb and xz.
+# With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made
+# with `make install`; the same program gives the same bytes. Needs dpkg-deb and xz.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -28,7 +30,7 @@ install_to() {
 }
 same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # The package
 
 deb=$stage/deb
@@ -73,7 +75,7 @@ package=$dist/lightpath_${version}_$architecture.deb
 dpkg-deb --root-owner-group -Zxz --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # The folder
 
 name=lightpath-$version-$machine-linux

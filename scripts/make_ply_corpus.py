@@ -17,7 +17,7 @@ import subprocess
 import sys
 
 
-# --- shapes: lists of points and of faces ---------------------------------------------------------------
+# --- shapes: lists of points and of faces ---------------------------------------------------------
 
 def ball(rings=5, sectors=8):
     """A lumpy ball of triangles."""
@@ -71,7 +71,7 @@ def shades(points):
     return [[(40 * i) % 256, (7 * i) % 256, 255 - i % 256] for i in range(len(points))]
 
 
-# --- what is expected -----------------------------------------------------------------------------------
+# --- what is expected -----------------------------------------------------------------------------
 
 def cross(a, b):
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -105,7 +105,7 @@ def write(name, writer, shape, **more):
         out.write('\n')
 
 
-# --- writers --------------------------------------------------------------------------------------------
+# --- writers --------------------------------------------------------------------------------------
 
 def with_trimesh():
     import numpy as np

@@ -19,8 +19,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 OUT = os.path.join(ROOT, 'docs', 'reports')
 MARKS = ['<!-- report: begin -->', '<!-- report: end -->']
 BENCHED = ['scenes/still-life.json', 'scenes/spot.json']
-# Figure 16 is the soft shadow of the coursework's report. Only the number of light samples varies, so that
-# nothing but the light is sampled.
+# Figure 16 is the soft shadow of the coursework's report. Only the number of light samples varies,
+# so that nothing but the light is sampled.
 STUDIES = {
     'fig16-area-light-shadow': ['--size', '180x120', '--spp', '1', '--light-samples', '4,16,64,256,1024'],
     'still-life': ['--size', '240x180', '--spp', '1,4,16,64', '--light-samples', '1,4'],
@@ -157,7 +157,8 @@ def converge_lines(name):
             value, error = ratio['rmse']['value'], ratio['rmse']['standard_error']
             lines.append((f'{scene}: RMSE of independent samples / RMSE of `sobol`, 64 a pixel',
                           f'{value:.2f} ± {error:.2f}'))
-    # Slopes of one kind, as in the text of `converge`: the kind with most samplers, then with most points.
+    # Slopes of one kind, as in the text of `converge`: the kind with most samplers, then with most
+    # points.
     kinds = {}
     for series in report['series']:
         if series['slope']:

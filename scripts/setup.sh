@@ -1,13 +1,13 @@
 #!/bin/sh
-# Installs what lightpath needs to be built and run, and announces each step. Running it again is quick
-# and changes nothing.
+# Installs what lightpath needs to be built and run, and announces each step. Running it again is
+# quick and changes nothing.
 #
 #   scripts/setup.sh         a Rust compiler, a linker, Embree 4
 #   scripts/setup.sh lint    the same, and what `make lint` needs: rustfmt, clippy, shellcheck
 #
-# Packages come from apt (as root, or with sudo). If the distribution's Rust or Embree is too old, Rust
-# comes from rustup, and Embree from a checksummed Python wheel into vendor/embree/. The wheel changes
-# nothing outside this folder. EMBREE_DIR=/folder names an Embree 4 of your own.
+# Packages come from apt (as root, or with sudo). If the distribution's Rust or Embree is too old,
+# Rust comes from rustup, and Embree from a checksummed Python wheel into vendor/embree/. The wheel
+# changes nothing outside this folder. EMBREE_DIR=/folder names an Embree 4 of your own.
 set -eu
 
 rust_needed=1.85
@@ -15,8 +15,8 @@ rust_needed=1.85
 rustup_script=https://static.rust-lang.org/rustup/rustup-init.sh
 embree_needed=4.3
 
-# The wheel that contains RenderKit's own build of Embree 4.4.0 with its oneTBB, for any x86-64 Linux with
-# glibc 2.28. Its Python version does not matter: only these two files are extracted.
+# The wheel that contains RenderKit's own build of Embree 4.4.0 with its oneTBB, for any x86-64
+# Linux with glibc 2.28. Its Python version does not matter: only these two files are extracted.
 wheel=embreex==4.4.0.post1
 wheel_sha256=2cd0f7d5c6342e6247e31f700761689cae7829454d8c6de0c41e62124a023e1f
 embree_file=libembree4-4aef3270.so.4
@@ -46,7 +46,7 @@ at_least() {
     [ "$(printf '%s\n%s\n' "$2" "$1" | sort -V | head -n 1)" = "$2" ]
 }
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Packages
 
 can_be_root() {
@@ -85,8 +85,8 @@ apt_install() {
         die "apt-get could not install: $*" "Install that by hand, and run this again."
 }
 
-# Sets `candidate` to the version of a package that apt would install, without epoch; empty if there is
-# none. A fresh container has no package lists, so they are read first.
+# Sets `candidate` to the version of a package that apt would install, without epoch; empty if there
+# is none. A fresh container has no package lists, so they are read first.
 apt_candidate() {
     candidate=
     have apt-get && have apt-cache || return 0
@@ -101,7 +101,7 @@ candidate_in_lists() {
     LC_ALL=C apt-cache policy "$1" 2>/dev/null | sed -n 's/^ *Candidate: *//p' | sed 's/(none)//; s/^[0-9]*://'
 }
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Rust
 
 rust_version() {
@@ -176,7 +176,7 @@ set_up_lint() {
     have shellcheck || apt_install "checks the scripts" shellcheck
 }
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Embree 4
 
 embree_in() {
@@ -196,7 +196,8 @@ checksums_are_right() {
         sha256sum --check --status -
 }
 
-# Sets `embree` to the folder of a usable Embree 4; fails if there is none. Searches in build.rs's order.
+# Sets `embree` to the folder of a usable Embree 4; fails if there is none. Searches in build.rs's
+# order.
 embree_is_here() {
     if [ -n "${EMBREE_DIR:-}" ]; then
         for folder in "$EMBREE_DIR/lib" "$EMBREE_DIR/lib64" "$EMBREE_DIR"; do
@@ -280,7 +281,7 @@ set_up_embree() {
     touch build.rs
 }
 
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 case ${1:-} in
     "" | lint) ;;

@@ -3,14 +3,14 @@
 #
 #   scripts/slurm_cluster.sh up [NODES] [CPUS]      start it (as root); 3 nodes of 2 CPUs by default
 #   eval "$(scripts/slurm_cluster.sh env)"          SLURM_CONF for sbatch, squeue, scontrol
-#   scripts/slurm_cluster.sh kill-node N            node and its tasks die at once, as in a power failure
+#   scripts/slurm_cluster.sh kill-node N            node and its tasks die at once: a power failure
 #   scripts/slurm_cluster.sh kill-slurmd N          only its daemon dies; the tasks continue
 #   scripts/slurm_cluster.sh start-node N           bring it back
 #   scripts/slurm_cluster.sh wait [SECONDS]         wait until no job is left
 #   scripts/slurm_cluster.sh down                   stop all that it started, remove its folder
 #
-# Needs Debian's slurmctld, slurmd, slurm-client and munge. State is in $SLURM_CLUSTER (required), ports are
-# $SLURM_CLUSTER_PORT (16817) and those after it. Every node is a PID namespace of its own.
+# Needs Debian's slurmctld, slurmd, slurm-client and munge. State is in $SLURM_CLUSTER (required).
+# Ports start at $SLURM_CLUSTER_PORT (16817). Every node is a PID namespace of its own.
 set -euo pipefail
 
 folder=${SLURM_CLUSTER:?names the folder for the state of the cluster}

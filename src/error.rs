@@ -95,6 +95,16 @@ impl Error {
         }
     }
 
+    /// Returns an error (exit code 1) that lists all failures of `check`, or `Ok` if there are
+    /// none.
+    ///
+    /// # Errors
+    /// Of the kind [`Kind::Check`].
+    pub fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()> {
+        let problems = failures.into_iter().map(|failure| Problem::new(check, failure));
+        Self::check(Kind::Check, problems.collect())
+    }
+
     /// Makes an error about invalid input at `place`.
     #[doc(hidden)]
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {

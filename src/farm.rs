@@ -14,7 +14,7 @@ impl Chunks {
     /// Makes tasks that take about `seconds`, if a frame takes `frame_seconds`, and at most `most`
     /// tasks.
     ///
-    /// Tasks end where meshes (of `per_mesh` frames) end, or divide a mesh evenly, so that no task
+    /// A mesh has `per_mesh` frames. Tasks take whole meshes, or divide a mesh evenly. So no task
     /// reads two meshes to render the frames of one.
     pub fn new(frames: u64, per_mesh: u64, frame_seconds: f64, seconds: f64, most: u64) -> Self {
         let frames = frames.max(1);

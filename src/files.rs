@@ -54,14 +54,14 @@ fn node(_: &Metadata) -> Option<Node> {
 
 /// A set of files, identified by their paths without links, and by device and inode.
 #[derive(Debug, Default)]
-pub struct Files {
+pub struct FileSet {
     paths: HashSet<PathBuf>,
     /// Last components of the paths.
     names: HashSet<OsString>,
     nodes: HashSet<Node>,
 }
 
-impl Files {
+impl FileSet {
     /// Adds a file, which need not exist yet.
     pub fn add(&mut self, path: &Path) {
         let real = real(path);
@@ -89,7 +89,7 @@ impl Files {
     }
 }
 
-impl<P: AsRef<Path>> FromIterator<P> for Files {
+impl<P: AsRef<Path>> FromIterator<P> for FileSet {
     fn from_iter<I: IntoIterator<Item = P>>(paths: I) -> Self {
         let mut all = Self::default();
         paths.into_iter().for_each(|path| all.add(path.as_ref()));
@@ -106,7 +106,7 @@ pub fn refuse_overwrites<P: AsRef<Path>, Q: AsRef<Path>>(
     outputs: impl IntoIterator<Item = Q>,
     help: &str,
 ) -> Result<()> {
-    let mut taken: Files = inputs.into_iter().collect();
+    let mut taken: FileSet = inputs.into_iter().collect();
     for output in outputs {
         let output = output.as_ref();
         if std::fs::metadata(output).is_ok_and(|data| !data.is_file()) {
@@ -170,7 +170,7 @@ mod tests {
         std::fs::create_dir(path("sub")).unwrap();
         std::fs::write(path("a"), "1").unwrap();
         std::fs::write(path("other"), "1").unwrap();
-        let files: Files = [path("a"), path("new"), path("later/x")].into_iter().collect();
+        let files: FileSet = [path("a"), path("new"), path("later/x")].into_iter().collect();
         for same in ["a", "sub/../a", "new", "sub/../new", "./new", "later/x", "no/../later/x"] {
             assert!(files.has(&path(same)), "{same}");
         }

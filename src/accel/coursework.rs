@@ -19,8 +19,8 @@
 
 use glam::{BVec3, DVec3};
 
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
 use crate::error::Result;
 use crate::geometry::{
     Box3, Geometry, GeometryKind, Nearby, Sphere, Unseen, doubles, quad_halves, slabs_meet,

@@ -5,7 +5,7 @@
 //! Bytes per triangle vary little from mesh to mesh: 65 to 71 for bunny, spot and generated meshes
 //! of 16 thousand to 18 million triangles.
 
-use super::{BuildInfo, BuildOptions};
+use super::accelerator::{BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;

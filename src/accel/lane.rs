@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::ray::{LANES, Mask, RayPacket, Rays, lane};
 
-/// The ray `origin + t direction`, t in (`tnear`, `tfar`). All values are f32 values of a packet.
+/// The ray `origin + t direction`, t in (`tnear`, `tfar`). All values come from a packet, so each
+/// is an f32 value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Relative to the scene's origin.

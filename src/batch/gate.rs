@@ -10,7 +10,7 @@ use crate::threads::lock;
 
 /// Admits meshes into memory one after the other, within a limit.
 #[derive(Debug)]
-pub struct Memory {
+pub struct MemoryGate {
     limit: u64,
     state: Mutex<Admitted>,
     changed: Condvar,
@@ -27,13 +27,13 @@ struct Admitted {
 /// Memory reserved for a mesh until this guard is dropped.
 #[derive(Debug)]
 pub struct Reservation<'a> {
-    memory: &'a Memory,
+    memory: &'a MemoryGate,
     bytes: u64,
     /// Bytes of the limit that were free for this mesh when it entered.
     pub share: u64,
 }
 
-impl Memory {
+impl MemoryGate {
     /// Creates a gate for `limit` bytes. A mesh that is alone may exceed the limit.
     pub fn new(limit: u64) -> Self {
         Self { limit, state: Mutex::default(), changed: Condvar::new() }
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn only_a_mesh_that_is_alone_may_exceed_the_limit() {
-        let memory = Memory::new(10);
+        let memory = MemoryGate::new(10);
         let (held, most) = (AtomicU64::new(0), AtomicU64::new(0));
         let sizes = [4, 6, 3, 12, 5, 5, 0, 10, 1];
         std::thread::scope(|scope| {

@@ -69,8 +69,8 @@ fn once(paths: impl Iterator<Item = PathBuf>) -> Vec<PathBuf> {
 
 /// Returns all paths that match a pattern, each once.
 ///
-/// `**` matches folders at any depth, but follows no links: a link may lead to a parent folder, and
-/// then the paths through it have no end. At the end of a pattern it matches no file.
+/// `**` matches folders at any depth, but follows no links: a link to a parent folder would give
+/// paths without end. At the end of a pattern, `**` matches no file.
 fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::PatternError> {
     if pattern == "**" || pattern.ends_with("/**") {
         return Ok(BTreeSet::new());

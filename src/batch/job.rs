@@ -21,8 +21,7 @@ use crate::{
 use super::{
     description::{Input as Written, JobFile, TurntableKeys},
     inputs,
-    names::Pattern,
-    outputs,
+    names::{self, NamePattern},
 };
 
 /// Output folder if none is given.
@@ -56,7 +55,7 @@ pub struct Job {
     /// Output folder, relative to the working folder.
     pub folder: PathBuf,
     /// Name pattern of the frames within the output folder.
-    pub name: Pattern,
+    pub name: NamePattern,
     /// The job file itself and the file of its template.
     pub files: Vec<PathBuf>,
 }
@@ -77,7 +76,7 @@ pub struct Input {
 /// Settings that only the command line has, and overrides that win over the job file.
 #[derive(Debug, Default)]
 pub struct Flags {
-    /// Overrides that are applied after those of the job file.
+    /// Overrides that are applied after the overrides of the job file.
     pub overrides: Overrides,
     /// Samples of every area light.
     pub light_samples: Option<u32>,
@@ -111,15 +110,16 @@ impl Job {
         let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
         let pattern = match (&file.output.name, frames) {
             (Some(name), _) => name.0.as_str(),
-            (None, 1) => Pattern::STILL,
-            (None, _) => Pattern::FRAMES,
+            (None, 1) => NamePattern::STILL,
+            (None, _) => NamePattern::FRAMES,
         };
-        let name = failures.keep(Pattern::parse("output name", pattern));
+        let name = failures.keep(NamePattern::parse("output name", pattern));
         if let Some(name) = &name {
             for (number, input) in found.iter().enumerate() {
                 failures.keep(name.check(&input.path, number));
             }
-            failures.keep(outputs::distinct(name, &found, frames, pattern));
+            let paths: Vec<&Path> = found.iter().map(|input| input.path.as_path()).collect();
+            failures.keep(names::distinct(name, &paths, frames, pattern));
         }
         let both = file.up.is_some() && file.rotate.is_some();
         if both {

@@ -25,7 +25,7 @@ use crate::{
 /// One line of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "lowercase")]
-pub enum Record {
+pub enum JournalRecord {
     /// Start of a run.
     Start {
         /// Time in seconds since 1970.
@@ -96,7 +96,7 @@ pub struct FrameRecord {
     pub index: u64,
     /// Path of the input.
     pub input: String,
-    /// Number of the frame among those of its input.
+    /// Number of the frame, counted within its input.
     pub frame: u32,
     /// Paths of its files, relative to the journal.
     pub outputs: Vec<PathBuf>,
@@ -154,7 +154,7 @@ impl Journal {
     ///
     /// # Errors
     /// `Retry` if the disk is full.
-    pub fn add(&self, record: &Record) -> Result<()> {
+    pub fn add(&self, record: &JournalRecord) -> Result<()> {
         let mut line = serde_json::to_string(record).unwrap_or_default();
         line.push('\n');
         let mut file = lock(&self.file);
@@ -191,7 +191,7 @@ fn open(path: &Path) -> Result<File> {
 
 /// Returns all records of all journals in a folder, journal after journal in the order of their
 /// names. Lines that cannot be parsed are skipped.
-pub fn read(folder: &Path) -> Vec<Record> {
+pub fn read(folder: &Path) -> Vec<JournalRecord> {
     let mut all = Vec::new();
     each(folder, |record| all.push(record));
     all
@@ -203,7 +203,7 @@ pub fn seen_from<'p>(path: &'p Path, folder: &Path) -> &'p Path {
 }
 
 /// Calls `take` for every record that [`read`] returns.
-pub fn each(folder: &Path, mut take: impl FnMut(Record)) {
+pub fn each(folder: &Path, mut take: impl FnMut(JournalRecord)) {
     let ours = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         name.starts_with("batch") && name.ends_with(".jsonl")
@@ -232,7 +232,7 @@ mod tests {
     fn a_cut_off_line_loses_only_its_own_record() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("batch.jsonl");
-        let kept = Record::Kept { input: "a.ply".into(), frames: vec![1, 3] };
+        let kept = JournalRecord::Kept { input: "a.ply".into(), frames: vec![1, 3] };
         Journal::open(&path).unwrap().add(&kept).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         let half = text[..text.len() / 2].to_owned();

@@ -17,17 +17,17 @@ use crate::{
     memory::{self, Budget, Prediction},
     picture::{self, Files, PictureHeader, Storage},
     render::{RayCounts, render_layers},
-    world::{Contents, LoadOptions, World},
+    world::{ContentHashes, LoadOptions, World},
 };
 
 use super::{
-    journal::{FrameRecord, MeshRecord, Record, seen_from},
-    pipeline::{Run, guarded, together},
-    plan::Task,
+    file_hashes::sum,
+    journal::{FrameRecord, JournalRecord, MeshRecord, seen_from},
     resume::Resume,
     scene::{self, Frame, Ready},
     status::Event,
-    sums::sum,
+    tasks::Task,
+    workers::{Run, guarded, together},
 };
 
 /// A built mesh, shared by all its frames.
@@ -60,7 +60,7 @@ impl Run<'_> {
         let room = self.options.max_memory.map(|_| memory::room(share)).or_else(machine);
         let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
         let ready = self.loading.install(reading)?;
-        let mut contents = Contents::default();
+        let mut contents = ContentHashes::default();
         let resume = match self.options.resume {
             true => Resume::Keep(self.sums.as_ref()),
             false => Resume::Nothing,
@@ -96,7 +96,7 @@ impl Run<'_> {
         let (world, warnings) = self.loading.install(loading)?;
         self.refuse_if_output(&world.read)?;
         if frames.iter().all(|frame| frame.hash.is_some()) {
-            world.read.check(&contents)?;
+            contents.check(&world.read)?;
         }
         messages.extend(self.warn(input, &warnings));
         let load_s = began.elapsed().as_secs_f64();
@@ -117,7 +117,7 @@ impl Run<'_> {
             camera,
             warnings: messages,
         };
-        let noted = self.journal.add(&Record::Mesh(record));
+        let noted = self.journal.add(&JournalRecord::Mesh(record));
         noted.inspect_err(|error| self.end(error.clone()))?;
         let accelerator = accelerator.as_ref();
         self.frames(&Built { number, input, world: &world, accelerator, info }, &frames);
@@ -215,7 +215,7 @@ impl Run<'_> {
             peak_bytes: memory::peak_bytes(),
             warnings,
         };
-        let noted = self.journal.add(&Record::Frame(record));
+        let noted = self.journal.add(&JournalRecord::Frame(record));
         noted.inspect_err(|error| self.end(error.clone()))?;
         (self.tell)(Event::Frame { outputs: &paths });
         Ok(())

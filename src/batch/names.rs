@@ -1,16 +1,21 @@
-//! Name patterns of frames, such as `{stem}/{stem}.{frame:04}`.
+//! Names of the files of a batch: frames by a pattern such as `{stem}/{stem}.{frame:04}`, and
+//! contact sheets.
 
-use std::path::{Component, Path, PathBuf};
+use std::{
+    hash::{DefaultHasher, Hash, Hasher},
+    path::{Component, Path, PathBuf},
+};
 
 use crate::{
     error::{Error, Problem, Result},
+    output::Outputs,
     paths,
     scene::did_you_mean,
 };
 
 /// Pattern for the path of a frame's files within the output folder, without the ending.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pattern(Vec<Piece>);
+pub struct NamePattern(Vec<Piece>);
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Piece {
@@ -27,7 +32,7 @@ enum Piece {
 
 const FIELDS: [&str; 4] = ["stem", "parent", "input", "frame"];
 
-impl Pattern {
+impl NamePattern {
     /// Default for one frame per input.
     pub const STILL: &str = "{stem}";
     /// Default for several frames per input: each input has its own folder.
@@ -146,6 +151,72 @@ fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
     }
 }
 
+/// Number of pictures on one PNG of the contact sheet.
+pub const PICTURES_PER_SHEET: usize = 300;
+
+/// Returns the file names of the contact sheet's PNGs for a job with this many inputs.
+pub fn sheets(inputs: usize) -> Vec<String> {
+    let name = |number: usize| match number {
+        1 => "sheet.png".to_string(),
+        n => format!("sheet.{n}.png"),
+    };
+    (1..=inputs.div_ceil(PICTURES_PER_SHEET).max(1)).map(name).collect()
+}
+
+/// Hash of a frame's name, number of its input, and number of the frame.
+type HashedName = (u64, u32, u32);
+
+/// Refuses two frames with the same name, and a frame with the name of a contact sheet. `text` is
+/// the pattern for messages.
+///
+/// # Errors
+/// The first such pair in the order of the job.
+pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -> Result<()> {
+    if frames > 1 && !name.has_frame_number() {
+        let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
+        return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
+    }
+    let of =
+        |&(_, input, frame): &HashedName| name.of(inputs[input as usize], input as usize, frame);
+    let mut all: Vec<HashedName> = Vec::new();
+    let (sheets, mut first) = (sheets(inputs.len()), None);
+    for input in 0..inputs.len() as u32 {
+        for frame in 0..frames {
+            let path = of(&(0, input, frame));
+            let mut hasher = DefaultHasher::new();
+            path.hash(&mut hasher);
+            let named = (hasher.finish(), input, frame);
+            let [_, png] = Outputs::names(&path);
+            let png = png.strip_prefix(".").unwrap_or(&png);
+            if first.is_none() && sheets.iter().any(|sheet| Path::new(sheet) == png) {
+                first = Some((named, None));
+            }
+            all.push(named);
+        }
+    }
+    all.sort_unstable();
+    // Equal names have equal hashes. Only names with equal hashes are compared.
+    for alike in all.chunk_by(|a, b| a.0 == b.0).filter(|alike| alike.len() > 1) {
+        let same = |(i, a): (usize, &HashedName)| {
+            let b = alike[i + 1..].iter().find(|b| of(a) == of(b))?;
+            Some((*a, Some(*b)))
+        };
+        let pair = alike.iter().enumerate().find_map(same);
+        first = [first, pair].into_iter().flatten().min_by_key(|((_, i, frame), _)| (*i, *frame));
+    }
+    let Some((one, other)) = first else { return Ok(()) };
+    let called = |&(_, input, frame): &HashedName| {
+        let path = inputs[input as usize].display();
+        if frames > 1 { format!("frame {frame} of {path}") } else { path.to_string() }
+    };
+    let other = other.as_ref().map_or("the contact sheet".to_string(), called);
+    let path = of(&one);
+    let message =
+        format!("{} and {other} would both be written to {:?}", called(&one), path.display());
+    Err(Error::invalid("output name", message)
+        .help("tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,14 +224,14 @@ mod tests {
     #[test]
     fn fields_are_filled_in() {
         let of = |text: &str| {
-            let pattern = Pattern::parse("--name", text).unwrap();
+            let pattern = NamePattern::parse("--name", text).unwrap();
             pattern.of(Path::new("/scans/red/a.ply.gz"), 7, 12).to_str().unwrap().to_string()
         };
         assert_eq!(of("{stem}/{stem}.{frame:04}.exr"), "a/a.0012");
         assert_eq!(of("{parent}-{input:03}_{frame}"), "red-007_12");
-        assert_eq!(of(Pattern::STILL), "a");
-        assert!(Pattern::parse("", Pattern::FRAMES).unwrap().has_frame_number());
-        assert!(!Pattern::parse("", Pattern::STILL).unwrap().has_frame_number());
+        assert_eq!(of(NamePattern::STILL), "a");
+        assert!(NamePattern::parse("", NamePattern::FRAMES).unwrap().has_frame_number());
+        assert!(!NamePattern::parse("", NamePattern::STILL).unwrap().has_frame_number());
     }
 
     #[test]
@@ -179,9 +250,9 @@ mod tests {
             "{}",
         ];
         for text in bad {
-            assert!(Pattern::parse("--name", text).is_err(), "{text}");
+            assert!(NamePattern::parse("--name", text).is_err(), "{text}");
         }
-        let error = Pattern::parse("--name", "{frmae:04}").unwrap_err();
+        let error = NamePattern::parse("--name", "{frmae:04}").unwrap_err();
         assert!(error.to_string().contains("frame"), "{error}");
     }
 }

@@ -4,7 +4,7 @@ use std::{ffi::OsStr, path::PathBuf};
 
 use crate::output::finished::{self, FileState};
 
-use super::{fingerprint::difference, sums::Sums};
+use super::{file_hashes::FileHashes, fingerprint::difference};
 
 /// Which existing frames may stay.
 #[derive(Debug, Clone, Copy)]
@@ -13,12 +13,12 @@ pub enum Resume<'a> {
     Nothing,
     /// Frames with the expected fingerprint may stay. With hashes, their bytes must match these,
     /// too.
-    Keep(Option<&'a Sums>),
+    Keep(Option<&'a FileHashes>),
 }
 
 /// Decision about one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Decision {
     /// All files are complete and have the expected fingerprint.
     Keep,
     /// No file exists yet.
@@ -27,9 +27,9 @@ pub enum Verdict {
     Again(String),
 }
 
-/// Decides about a frame by its files (those of [`Files::names`](crate::picture::Files::names)).
-/// With `sums`, all their bytes are read.
-pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdict {
+/// Decides about a frame by its files: see [`Files::names`](crate::picture::Files::names). With
+/// `sums`, all their bytes are read.
+pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&FileHashes>) -> Decision {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
@@ -39,11 +39,11 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdic
     });
     let found: Vec<(&PathBuf, FileState)> = found.collect();
     if found.iter().all(|(_, state)| *state == FileState::Missing) {
-        return Verdict::Render;
+        return Decision::Render;
     }
     for (path, state) in found {
         let name = path.display();
-        return Verdict::Again(match state {
+        return Decision::Again(match state {
             FileState::Whole(Some(there)) if there == fingerprint => continue,
             FileState::Whole(Some(there)) => {
                 format!("{name}: {}", difference(&there, fingerprint))
@@ -54,5 +54,5 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&Sums>) -> Verdic
         });
     }
     let doubt = sums.and_then(|sums| files.iter().find_map(|path| sums.doubt(path)));
-    doubt.map_or(Verdict::Keep, Verdict::Again)
+    doubt.map_or(Decision::Keep, Decision::Again)
 }

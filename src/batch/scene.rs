@@ -16,14 +16,14 @@ use crate::{
     reserve::MemoryLimit,
     scene::{self, Loaded, Scene, Source},
     studio::{self, MeshScene, Subject},
-    world::{self, Contents},
+    world::{self, ContentHashes},
 };
 
 use super::{
     fingerprint::{Settings, fingerprint},
     job::{Input, Job},
-    plan::{self, Task},
-    resume::{self, Resume, Verdict},
+    resume::{self, Decision, Resume},
+    tasks::{self, Task},
 };
 
 /// Number of frames whose files are checked in one parallel pass.
@@ -49,7 +49,7 @@ pub struct Ready {
 pub struct Frame {
     /// Number of the frame among all frames of the job.
     pub index: u64,
-    /// Number of the frame among those of its input.
+    /// Number of the frame, counted within its input.
     pub number: u32,
     pub loaded: Loaded,
     /// Path of its files without the ending.
@@ -152,7 +152,7 @@ impl Ready {
         task: &Task,
         resume: Resume,
         settings: &Settings,
-        contents: &mut Contents,
+        contents: &mut ContentHashes,
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
         let plan = LayerPlan::new(&self.loaded.scene);
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
@@ -166,7 +166,7 @@ impl Ready {
                     let hash = world::fingerprint(&loaded, settings.repair, contents)?;
                     let fingerprint =
                         hash.as_ref().map(|hash| fingerprint(&loaded, settings, hash));
-                    let index = plan::index(job.frames(), task.input, number);
+                    let index = tasks::index(job.frames(), task.input, number);
                     Ok(Frame { index, number, loaded, prefix, hash, fingerprint, again: None })
                 })
                 .collect::<Result<_>>()?;
@@ -175,14 +175,14 @@ impl Ready {
                     let files = Files::names(&frame.prefix, &plan, job.storage);
                     resume::look(&files, fingerprint, sums)
                 }
-                _ => Verdict::Render,
+                _ => Decision::Render,
             };
-            let verdicts: Vec<Verdict> = some.par_iter().map(look).collect();
+            let verdicts: Vec<Decision> = some.par_iter().map(look).collect();
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
-                    Verdict::Keep => kept.push(frame.number),
-                    Verdict::Render => frames.push(frame),
-                    Verdict::Again(reason) => frames.push(Frame { again: Some(reason), ..frame }),
+                    Decision::Keep => kept.push(frame.number),
+                    Decision::Render => frames.push(frame),
+                    Decision::Again(reason) => frames.push(Frame { again: Some(reason), ..frame }),
                 }
             }
         }

@@ -15,7 +15,7 @@ use crate::{
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]
-pub struct Job {
+pub struct SceneJob {
     /// The scene with all overrides applied.
     pub loaded: Loaded,
     /// Folder that the scene's paths are relative to.
@@ -26,7 +26,7 @@ pub struct Job {
     pub ready: Vec<(PathBuf, Mesh)>,
 }
 
-impl Job {
+impl SceneJob {
     /// Returns the paths of all files that the render reads, `input` first.
     pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
         let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
@@ -84,7 +84,7 @@ impl<'a> SceneRequest<'a> {
 ///
 /// # Errors
 /// All problems of the scene and its overrides; a mesh that does not fit the memory limit.
-pub fn load(request: SceneRequest) -> Result<Job> {
+pub fn load(request: SceneRequest) -> Result<SceneJob> {
     let input = request.subject.path;
     if studio::is_mesh(input) {
         return load_mesh(request);
@@ -98,11 +98,11 @@ pub fn load(request: SceneRequest) -> Result<Job> {
         let folder = input.parent().unwrap_or(Path::new("")).to_owned();
         (load(Source::File(input))?, folder)
     };
-    Ok(Job { loaded, folder, warnings, ready: Vec::new() })
+    Ok(SceneJob { loaded, folder, warnings, ready: Vec::new() })
 }
 
 /// Reads a mesh and frames it in the template.
-fn load_mesh(request: SceneRequest) -> Result<Job> {
+fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
     let template = match template {
         Some(template) => Template::file(template)?,
@@ -117,14 +117,14 @@ fn load_mesh(request: SceneRequest) -> Result<Job> {
     let monitor = Monitor::default();
     let shown = studio::show(&subject, &template, overrides, light_samples, &monitor)?;
     let MeshScene { loaded, warnings, mesh, .. } = shown;
-    Ok(Job { loaded, folder: template.folder, warnings, ready: vec![mesh] })
+    Ok(SceneJob { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
 
 /// Returns the text of the scene for the file `target`, with paths relative to its folder.
 ///
 /// # Errors
 /// A path that is not UTF-8.
-pub fn saved(job: &Job, target: &Path) -> Result<String> {
+pub fn saved(job: &SceneJob, target: &Path) -> Result<String> {
     let to = target.parent().unwrap_or(Path::new(""));
     let mut description = job.loaded.description.clone();
     for path in description.paths_mut() {

@@ -8,10 +8,10 @@ use crate::{
     simd::Isa,
 };
 
-use super::about;
+use super::version;
 
-/// Returns the number of threads: `--threads`, else the batch system's grant, else what the process
-/// may use.
+/// Returns the number of threads: `--threads`, else `SLURM_CPUS_PER_TASK`, else the processors that
+/// the process may use.
 pub fn threads(asked: Option<u16>) -> usize {
     let granted = || {
         let text = std::env::var("SLURM_CPUS_PER_TASK").ok()?;
@@ -23,7 +23,7 @@ pub fn threads(asked: Option<u16>) -> usize {
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
-/// Starts a pool of worker threads; their number as for [`threads`].
+/// Starts a pool of [`threads`] worker threads.
 ///
 /// # Errors
 /// `Retry` if the system cannot start that many.
@@ -62,7 +62,7 @@ pub fn versions(machine: &Machine) -> String {
 
 /// Describes this machine for a report. `isa` is the instruction set in use.
 pub fn describe(isa: Isa) -> Machine {
-    let mut versions = about::versions("");
+    let mut versions = version::versions("");
     versions.remove("backend");
     Machine {
         cpu: cpu(),

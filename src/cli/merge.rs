@@ -15,9 +15,8 @@ use crate::{
 
 use super::{
     flags::{MessageArgs, PrefixArgs, WorkerArgs},
-    names::ProgressMode,
     outputs, print,
-    progress::Progress,
+    progress::{Progress, ProgressMode},
     render::{layers, progress as render_progress},
     signals,
 };

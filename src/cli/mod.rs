@@ -25,6 +25,7 @@ mod progress;
 mod render;
 mod signals;
 mod submit;
+mod version;
 
 pub use args::{Arguments, Command};
 pub use print::note;
@@ -36,7 +37,7 @@ use clap::{
     error::{ContextKind, ContextValue},
 };
 
-use crate::error::{Error, Kind, Problem, Result, printable};
+use crate::error::{Error, Result, printable};
 
 /// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
@@ -62,12 +63,6 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns an error (exit code 1) that lists all failures of a check, if there are any.
-fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()> {
-    let problems = failures.into_iter().map(|failure| Problem::new(check, failure));
-    Error::check(Kind::Check, problems.collect())
-}
-
 /// Runs one command.
 ///
 /// # Errors
@@ -75,7 +70,7 @@ fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()>
 pub fn run(arguments: &Arguments) -> Result<()> {
     signals::ignore_size_limit_signal();
     if arguments.version {
-        return print::text(&about::version(arguments.verbose));
+        return about::version(arguments.verbose);
     }
     use Command::{Bench, Converge, Info, Submit};
     if let Some(Info(_) | Bench(_) | Converge(_) | Submit(_)) = &arguments.command {

@@ -94,23 +94,6 @@ names! { LightsFollow:
     Object = "object", "The lit side turns with the object";
 }
 
-/// Names of the ways to show progress.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ProgressMode {
-    /// A bar on a terminal, else plain
-    Auto,
-    /// A line every 3 seconds
-    Plain,
-    /// One JSON object per line
-    Json,
-    /// Open Job Description, on stdout
-    Openjd,
-    /// `ALF_PROGRESS 50%` on stdout: Tractor, Deadline
-    Alf,
-    /// Nothing
-    Off,
-}
-
 /// Kinds of files that have a schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SchemaName {

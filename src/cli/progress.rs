@@ -12,10 +12,11 @@ use std::{
     time::{Duration, Instant},
 };
 
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
-use super::{names::ProgressMode, print};
+use super::print;
 
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
@@ -23,6 +24,23 @@ const BAR_EVERY: Duration = Duration::from_millis(100);
 /// Interval between readings of the counters. It is short, so that a phase's rate starts with the
 /// phase.
 const POLL_EVERY: Duration = BAR_EVERY;
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProgressMode {
+    /// A bar on a terminal, else plain
+    Auto,
+    /// A line every 3 seconds
+    Plain,
+    /// One JSON object per line
+    Json,
+    /// Open Job Description, on stdout
+    Openjd,
+    /// `ALF_PROGRESS 50%` on stdout: Tractor, Deadline
+    Alf,
+    /// Nothing
+    Off,
+}
 
 /// A display that runs until it is dropped.
 #[derive(Debug)]

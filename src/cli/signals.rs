@@ -18,7 +18,8 @@ use crate::{
     output::atomic::remove_parts,
 };
 
-/// Handles signals until the process ends, for a job that polls the monitor.
+/// Handles signals until the process ends, for a job that polls the monitor. The first signal is
+/// stored in the monitor; the second ends the process.
 ///
 /// # Errors
 /// A handler or thread that the system refuses.

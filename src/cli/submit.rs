@@ -11,7 +11,7 @@ use clap::{Args, Subcommand, ValueHint};
 
 use crate::{
     accel::Footprint,
-    batch::{self, Job, Record},
+    batch::{self, Job, JournalRecord},
     error::{Error, Kind, Problem, Result},
     farm::{self, Chunks, Slurm},
     output::atomic::Part,
@@ -262,7 +262,7 @@ fn median(folder: &Path) -> Option<f64> {
     let mut seconds: Vec<f64> = batch::journal(folder)
         .into_iter()
         .filter_map(|record| match record {
-            Record::Frame(frame) => Some(frame.render_s + frame.write_s),
+            JournalRecord::Frame(frame) => Some(frame.render_s + frame.write_s),
             _ => None,
         })
         .collect();

@@ -6,14 +6,14 @@ use std::ops::Range;
 /// A node of the binary tree over all sample numbers: samples `first .. first + 2^level`, where
 /// `first` is a multiple of `2^level`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Node {
+pub struct SumNode {
     /// First sample number of the node.
     pub first: u32,
     /// Binary logarithm of the number of samples.
     pub level: u32,
 }
 
-impl Node {
+impl SumNode {
     /// Splits a run of samples into as few nodes as possible, from first to last.
     pub fn cover(samples: Range<u32>) -> Vec<Self> {
         let mut nodes = Vec::new();
@@ -44,7 +44,7 @@ pub struct Sums {
     width: usize,
     /// The sums of all nodes, `width` values per node.
     values: Vec<f64>,
-    nodes: Vec<Node>,
+    nodes: Vec<SumNode>,
 }
 
 impl Sums {
@@ -62,7 +62,7 @@ impl Sums {
 
     /// Adds a node, which must begin where the last one ends.
     #[inline]
-    pub fn push(&mut self, mut node: Node, values: &[f64]) {
+    pub fn push(&mut self, mut node: SumNode, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);
         self.values.extend_from_slice(values);
         while self.nodes.last().is_some_and(|before| before.precedes(node)) {
@@ -72,7 +72,7 @@ impl Sums {
                 *sum += *value;
             }
             self.values.truncate(last);
-            node = Node { first: node.first - (1 << node.level), level: node.level + 1 };
+            node = SumNode { first: node.first - (1 << node.level), level: node.level + 1 };
             self.nodes.pop();
         }
         self.nodes.push(node);
@@ -125,7 +125,7 @@ mod tests {
     fn sums_of(samples: Range<u32>) -> Sums {
         let mut sums = Sums::new(2);
         for first in samples {
-            sums.push(Node { first, level: 0 }, &[value(first), -value(first)]);
+            sums.push(SumNode { first, level: 0 }, &[value(first), -value(first)]);
         }
         sums
     }
@@ -144,7 +144,7 @@ mod tests {
                     let mut merged = Sums::new(2);
                     for part in [0..a, a..b, b..n] {
                         let sums = sums_of(part.clone());
-                        let nodes = Node::cover(part);
+                        let nodes = SumNode::cover(part);
                         assert_eq!(sums.nodes, nodes);
                         for (i, node) in nodes.iter().enumerate() {
                             merged.push(*node, &[sums.value(i, 0), sums.value(i, 1)]);
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn there_may_be_no_quantities() {
         let mut sums = Sums::new(0);
-        sums.push(Node { first: 0, level: 4 }, &[]);
+        sums.push(SumNode { first: 0, level: 4 }, &[]);
         let mut totals = vec![1.0];
         sums.totals(0..0, &mut totals);
         assert!(totals.is_empty());
@@ -174,11 +174,11 @@ mod tests {
 
     #[test]
     fn a_run_of_samples_has_few_nodes() {
-        assert_eq!(Node::cover(0..64), [Node { first: 0, level: 6 }]);
-        assert_eq!(Node::cover(64..96), [Node { first: 64, level: 5 }]);
-        let levels = |range| Node::cover(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
+        assert_eq!(SumNode::cover(0..64), [SumNode { first: 0, level: 6 }]);
+        assert_eq!(SumNode::cover(64..96), [SumNode { first: 64, level: 5 }]);
+        let levels = |range| SumNode::cover(range).into_iter().map(|n| n.level).collect::<Vec<_>>();
         assert_eq!(levels(3..13), [0, 2, 2, 0]);
         assert!(levels(0..0).is_empty());
-        assert!(Node::cover(1..u32::MAX).len() <= 62);
+        assert!(SumNode::cover(1..u32::MAX).len() <= 62);
     }
 }

@@ -128,8 +128,8 @@ impl Crevice {
     }
 
     /// Whether `primitive` is a wall and the ray leads away from it. A test from the rounded point
-    /// may still hit that wall; such a hit is false. A wall that the ray leads to but passes is not
-    /// excluded: at the edge where the next wall begins, only the test that both share has no gaps.
+    /// may still hit that wall; such a hit is false. Other walls are not excluded, even if the ray
+    /// passes them: at the edge of two walls, only the test that both share has no gap.
     pub fn leaves(&self, primitive: u32, direction: DVec3) -> bool {
         let mut own = self.walls.iter().filter(|wall| wall.primitive == primitive);
         own.any(|wall| wall.distance(self.point, direction) < 0.0)

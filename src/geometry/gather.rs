@@ -32,7 +32,7 @@ pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<u
 }
 
 /// Fetches the corners of the triangles and the scene-wide primitive numbers, for the lanes in
-/// `hit`. The `weights` of a quad become those of its half. Returns the lanes that hit spheres;
+/// `hit`. The `weights` of a quad are converted to its half. Returns the lanes that hit spheres;
 /// their corners stay unchanged.
 #[inline(always)]
 pub fn gather(

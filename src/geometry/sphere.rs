@@ -28,11 +28,11 @@ impl Sphere {
     /// magnitude is at its origin and does not count.
     ///
     /// The quadratic of Haines et al. 2019, Ray Tracing Gems ch. 7 (eqs. 5 to 10). The discriminant
-    /// comes from the vector between the centre and the ray's closest point, and the roots have no
-    /// cancellation. f64 loses too many digits for a ray near the outline, an origin near the
-    /// surface of a large sphere, or a tiny sphere far away. There the roots are computed again
-    /// with twice the bits. Hit and miss are then separated up to some 2^-98 of the squared
-    /// distance, and roots are right to single precision. A zero or non-finite direction misses.
+    /// comes from the vector between the centre and the ray's closest point. The roots have no
+    /// cancellation. f64 loses too many digits near the outline, for an origin near the surface of
+    /// a large sphere, and for a tiny sphere far away. There the roots are computed again with
+    /// twice the bits. Hit and miss are then separated up to some 2^-98 of the squared distance,
+    /// and roots are right to single precision. A zero or non-finite direction misses.
     #[inline(always)]
     pub fn intersect(
         &self,

@@ -15,8 +15,8 @@ use super::{Geometry, GeometryKind, TriangleMesh, doubles};
 use crate::ray::{LANES, Mask, RayPacket, lane};
 
 impl TriangleMesh {
-    /// Appends those `candidates` that lie along an edge of a triangle of the mesh. Indices must be
-    /// below the number of vertices.
+    /// Appends the `candidates` that lie along an edge of a triangle of the mesh. Their indices
+    /// must be below the number of vertices.
     #[must_use]
     pub fn with_stitches(mut self, candidates: &[[u32; 3]]) -> Self {
         if candidates.is_empty() {
@@ -49,7 +49,7 @@ impl TriangleMesh {
     fn beside(&self, stitches: &[[u32; 3]]) -> Vec<Option<u32>> {
         let longest: Vec<[u32; 2]> = stitches.iter().map(|&stitch| self.longest(stitch)).collect();
         let mut marked = vec![false; self.vertices.len()];
-        // For each edge, the first stitch that has a longer one.
+        // For each edge of a stitch, the first stitch that has this edge and a longer one.
         let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
         for (index, &stitch) in stitches.iter().enumerate() {
             stitch.iter().for_each(|&v| marked[v as usize] = true);
@@ -83,8 +83,8 @@ impl TriangleMesh {
     }
 }
 
-/// For each of `count` indices, the first `found` value along the chain of `next`. Each index is
-/// visited once.
+/// Follows the chain of `next` from each of `count` indices. Returns for each the first `found`
+/// value. Each index is visited once.
 fn follow(
     count: usize,
     found: impl Fn(usize) -> Option<u32>,

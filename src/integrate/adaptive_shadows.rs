@@ -11,7 +11,7 @@
 //! it is visible, all are traced, and the visible light is added, divided by the same probability.
 //!
 //! The estimator is unbiased: its mean over the draws is the result of tracing all points, for any
-//! scene. In full light it never falls below black: P is at least the hidden share of a lane's
+//! scene. In full light the result is never negative. P is at least the hidden share of a lane's
 //! light, so no more is subtracted than there is. Diffuse and specular light have a draw each, so
 //! that this holds for every colour. In the umbra the added light has a limit: all points, each as
 //! bright as the mean of the visible ones.

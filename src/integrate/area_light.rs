@@ -1,11 +1,11 @@
 //! Area lights of several points: which shadow rays are traced, and the sum of their light.
 
-use super::RayCounts;
 use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
 use super::camera_packet::CameraPacket;
 use super::light_batch::{POINTS, grid};
 use super::light_shafts::View;
 use super::record::Record;
+use super::render_context::RayCounts;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
 use super::sums::Sums;

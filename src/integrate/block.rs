@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::film::{Node, Sums};
+use crate::film::{SumNode, Sums};
 use crate::ray::LANES;
 use crate::shading::Lanes;
 
@@ -65,11 +65,11 @@ impl BlockSums {
                 4 => self.fold::<4>(lanes, filled),
                 _ => self.fold::<16>(lanes, filled),
             }
-            return self.sums.push(Node { first, level: stride.ilog2() }, &self.node);
+            return self.sums.push(SumNode { first, level: stride.ilog2() }, &self.node);
         }
         for sample in samples.start.max(first)..samples.end.min(first.saturating_add(stride)) {
             self.take(pattern, sample - first, lanes, filled);
-            self.sums.push(Node { first: sample, level: 0 }, &self.node);
+            self.sums.push(SumNode { first: sample, level: 0 }, &self.node);
         }
     }
 
@@ -102,7 +102,7 @@ impl BlockSums {
         }
         let samples = (PACKETS * LANES) as u32;
         self.sums
-            .push(Node { first: first / samples * samples, level: samples.ilog2() }, &self.node);
+            .push(SumNode { first: first / samples * samples, level: samples.ilog2() }, &self.node);
     }
 
     /// Computes the node of a packet of `PIXELS` pixels, over all its samples.

@@ -5,7 +5,7 @@ use crate::ray::{Mask, Rays};
 use crate::shading::set_lane;
 use crate::world::World;
 
-use super::TILE;
+use super::tile_grid::TILE;
 
 /// Fewest camera rays in a square for which a query pays off.
 const MIN_RAYS: u64 = 1024;

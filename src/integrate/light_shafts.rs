@@ -40,7 +40,7 @@ struct Skips {
 }
 
 impl LightShafts {
-    /// For `lights` lights.
+    /// Creates the state for this many lights.
     pub fn new(lights: usize) -> Self {
         Self { by_light: vec![Skips::default(); lights] }
     }

@@ -20,20 +20,19 @@ mod plan;
 mod plate;
 mod quarters;
 mod record;
+mod render_context;
 mod sampled_light;
 mod shadows;
 mod split;
 mod sums;
+mod tile_grid;
 mod whitted;
 
 use std::ops::Range;
 
-use crate::accel::Accelerator;
 use crate::film::{Dropped, Window};
-use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::simd::Kernel;
-use crate::world::World;
 
 use self::block::{BlockSums, Values};
 pub use self::camera_packet::Pattern;
@@ -43,49 +42,14 @@ pub use self::noise::{Goal, PixelSamples, Relative, rate};
 pub use self::passes::{MIN_PASS_SAMPLES, PassKernel, Passes};
 use self::pipeline::{ShadePacket, pipeline};
 pub use self::record::{Beauty, Record};
+pub use self::render_context::{RayCounts, RenderContext};
 pub use self::shadows::{OWN_LANES, ShadowRays};
+pub use self::tile_grid::{TILE, limit};
 use self::whitted::WhittedIntegrator;
 
 use self::camera_packet::CameraPacket;
 use self::empty_blocks::EmptyBlocks;
-
-/// Side of a tile in pixels; a multiple of every packet's block.
-pub const TILE: u32 = 32;
-
-/// Number of rays traced, by class.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct RayCounts {
-    /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
-    /// [`Accelerator::is_cone_empty`].
-    pub primary: u64,
-    /// Shadow rays, from surfaces to lights, including the rays of empty shafts, which are not
-    /// traced: see [`Accelerator::is_shaft_empty`].
-    pub shadow: u64,
-    /// Rays of mirror bounces.
-    pub reflection: u64,
-}
-
-impl std::ops::Add for RayCounts {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self {
-            primary: self.primary + other.primary,
-            shadow: self.shadow + other.shadow,
-            reflection: self.reflection + other.reflection,
-        }
-    }
-}
-
-/// The parts of a render that are the same for all tiles.
-#[derive(Clone, Copy)]
-pub struct RenderContext<'a> {
-    /// The scene that is rendered.
-    pub world: &'a World,
-    /// Backend that finds the hits.
-    pub accelerator: &'a dyn Accelerator,
-    /// Progress and the request to stop.
-    pub monitor: &'a Monitor,
-}
+use self::tile_grid::corners;
 
 /// Renders one tile into its rows.
 pub struct TileKernel<'a, 'r, 'f, R> {
@@ -279,65 +243,5 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
                 *kept = pixel((first + i) % LANES);
             }
         }
-    }
-}
-
-/// Right and bottom end (exclusive) of the pixels that may share packets with the pixels of
-/// `window`. That is the end of the camera's frame if the window begins within it, else the end of
-/// all pixels. So overscan changes no packet of the frame.
-pub fn limit(world: &World, window: Window) -> [u32; 2] {
-    let [right, bottom] = world.frame_end();
-    let [width, height] = world.frame;
-    [
-        if window.x0 < right { right } else { width },
-        if window.y0 < bottom { bottom } else { height },
-    ]
-}
-
-/// Corners of the blocks that overlap the window, in Z-order over the window's tile.
-#[inline(always)]
-fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> + use<> {
-    let [bw, bh] = pattern.block;
-    let (x0, y0) = (w.x0 / TILE * TILE, w.y0 / TILE * TILE);
-    (0..(TILE / bw) * (TILE / bh)).map(morton).filter_map(move |[bx, by]| {
-        let (x, y) = (x0 + bx * bw, y0 + by * bh);
-        let reaches = x + bw > w.x0 && x < w.x1 && y + bh > w.y0 && y < w.y1;
-        reaches.then_some([x, y])
-    })
-}
-
-/// Position of an index on the Z-order curve of a tile.
-#[inline(always)]
-fn morton(index: u32) -> [u32; 2] {
-    let even = |mut bits: u32| {
-        bits &= 0x5555_5555;
-        bits = (bits | (bits >> 1)) & 0x3333_3333;
-        bits = (bits | (bits >> 2)) & 0x0f0f_0f0f;
-        (bits | (bits >> 4)) & 0x00ff_00ff
-    };
-    [even(index), even(index >> 1)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn z_order_visits_every_block_once() {
-        let mut seen = [[false; 8]; 8];
-        for index in 0..64 {
-            let [x, y] = morton(index);
-            assert!(!std::mem::replace(&mut seen[y as usize][x as usize], true));
-        }
-        assert_eq!([morton(1), morton(2), morton(3)], [[1, 0], [0, 1], [1, 1]]);
-    }
-
-    #[test]
-    fn a_crop_has_the_blocks_of_the_frame_that_overlap_it() {
-        let pattern = Pattern::for_spp(1);
-        let crop = Window { x0: 35, y0: 3, x1: 41, y1: 5 };
-        let mut blocks: Vec<_> = corners(&pattern, crop).collect();
-        blocks.sort_unstable();
-        assert_eq!(blocks, [[32, 0], [32, 4], [36, 0], [36, 4], [40, 0], [40, 4]]);
     }
 }

@@ -11,14 +11,16 @@ use crate::film::Window;
 use crate::ray::LANES;
 use crate::simd::Kernel;
 
+use super::alpha;
 use super::block::{BlockSums, Values};
 use super::camera_packet::{CameraPacket, Pattern};
 use super::noise::{Goal, PixelSamples};
 use super::pipeline::{ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
+use super::render_context::{RayCounts, RenderContext};
+use super::tile_grid::{limit, morton};
 use super::whitted::WhittedIntegrator;
-use super::{RayCounts, RenderContext, limit, morton};
 
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
 pub const MIN_PASS_SAMPLES: u32 = LANES as u32;

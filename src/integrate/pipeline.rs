@@ -9,8 +9,8 @@ use crate::sampler::Sampler;
 use super::camera_packet::{CameraPacket, Pattern};
 use super::joint::joint_light;
 use super::quarters::Quarters;
+use super::render_context::{RayCounts, RenderContext};
 use super::whitted::WhittedIntegrator;
-use super::{RayCounts, RenderContext};
 
 /// Shades the packets whose camera rays are traced.
 pub trait ShadePacket {
@@ -27,9 +27,9 @@ pub trait ShadePacket {
     );
 }
 
-/// Traces packet k, then finishes packet k - 1, for all units: while one packet is traced,
-/// prefetches load the memory that shading of the other needs. A unit is the corner of a block and
-/// the first sample of a packet. Lanes are active left of and above `limit`.
+/// Traces and finishes the packets of all units: traces packet k, then finishes packet k - 1. While
+/// one packet is traced, prefetches load the memory that shading of the other needs. A unit is the
+/// corner of a block and the first sample of a packet. Lanes are active left of and above `limit`.
 #[inline(always)]
 pub fn pipeline<F: ShadePacket>(
     integrator: RenderContext,

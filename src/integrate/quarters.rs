@@ -1,10 +1,10 @@
 //! Reorders 64 samples of a pixel into four packets, each with the points of one quarter of a
 //! light. So the shadow rays of a packet stay coherent.
 //!
-//! It applies to the light that shares the camera's sequence. The first binary digits of Sobol's
-//! third and fourth dimension are sums modulo 2 of index bits, by the matrices in
-//! [`crate::sampler`]: of j0, j1, j3, j4 and of j0, j1, j4. Scrambling only changes which quarter
-//! is which.
+//! It applies to the light that shares the camera's sequence: Sobol's third and fourth dimension.
+//! The first binary digit of each decides the quarter. It is a sum modulo 2 of index bits: of j0,
+//! j1, j3, j4 in the third dimension, of j0, j1, j4 in the fourth (see the matrices in
+//! [`crate::sampler`]). Scrambling only changes which quarter is which.
 
 use std::ops::Range;
 

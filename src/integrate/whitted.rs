@@ -3,13 +3,13 @@
 
 use glam::Vec3;
 
-use super::RayCounts;
 use super::camera_packet::CameraPacket;
 use super::crevices::Crevices;
 use super::light_batch::LightBatch;
 use super::light_shafts::LightShafts;
 use super::plate::Plate;
 use super::record::Record;
+use super::render_context::RayCounts;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
 use super::split::LightParts;

@@ -7,7 +7,7 @@ use crate::ray::{Coherence, Hits, Mask, NONE, RayPacket, Rays};
 
 /// Fault of a backend.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Fault {
+pub enum BackendFault {
     /// All answers are right.
     None,
     /// Never hits one primitive of one geometry.
@@ -29,20 +29,20 @@ pub enum Fault {
 }
 
 /// The oracle with a fault.
-pub struct Faulty<'a>(pub &'a Brute<'a>, pub Fault);
+pub struct Faulty<'a>(pub &'a Brute<'a>, pub BackendFault);
 
 impl Faulty<'_> {
     /// Returns what a closest-hit query of one ray reports, before the faults of single lanes.
     fn hit(&self, ray: &Ray) -> Option<Hit> {
         let Self(oracle, fault) = *self;
-        if fault == Fault::MissesTiny && ray.direction.length() < 1e-29 {
+        if fault == BackendFault::MissesTiny && ray.direction.length() < 1e-29 {
             return None;
         }
-        let missed = |hit: &Hit| fault == Fault::Misses(hit.geom, hit.prim);
+        let missed = |hit: &Hit| fault == BackendFault::Misses(hit.geom, hit.prim);
         let mut hit = oracle.all_hits(ray).into_iter().find(|hit| !missed(hit))?;
         match fault {
-            Fault::OtherPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
-            Fault::ScalesT(factor) => hit.t *= factor,
+            BackendFault::OtherPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
+            BackendFault::ScalesT(factor) => hit.t *= factor,
             _ => {}
         }
         Some(hit)
@@ -59,7 +59,7 @@ impl Accelerator for Faulty<'_> {
         for i in lanes(active) {
             match self.hit(&Ray::of(&packet.rays, i)) {
                 Some(hit) => hit.store(packet, i),
-                None if self.1 == Fault::HitsNothing => {
+                None if self.1 == BackendFault::HitsNothing => {
                     (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);
                     packet.rays.tfar[i] = 1.0;
                 }
@@ -67,9 +67,11 @@ impl Accelerator for Faulty<'_> {
             }
         }
         match self.1 {
-            Fault::MissesLane3 => (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3]),
-            Fault::FirstPrimitiveInLane5 => packet.hits.prim[5] = 0,
-            Fault::WritesLane7 => packet.rays.tfar[7] = 1.0,
+            BackendFault::MissesLane3 => {
+                (packet.hits.geom[3], packet.rays.tfar[3]) = (NONE, before[3])
+            }
+            BackendFault::FirstPrimitiveInLane5 => packet.hits.prim[5] = 0,
+            BackendFault::WritesLane7 => packet.rays.tfar[7] = 1.0,
             _ => {}
         }
     }

@@ -1,4 +1,4 @@
-//! Packets of rays with their queries, and how a backend is asked.
+//! Packets of rays with their queries, and how a backend answers them.
 
 use std::time::{Duration, Instant};
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::film::{Channel, ChannelKind, Dropped, Node, Sums};
+use crate::film::{Channel, ChannelKind, Dropped, SumNode, Sums};
 
 use super::MISS_DEPTH;
 use super::recipe::{NearestHit, PixelLayout, count};
@@ -16,7 +16,7 @@ pub const BEAUTY: usize = 4;
 #[derive(Debug, Clone)]
 pub struct RawLayout {
     samples: Range<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<SumNode>,
     summed: usize,
     /// Number of words of the nearest hit: 0 without, 6, or 7 with its distance.
     nearest: usize,
@@ -68,7 +68,7 @@ impl RawLayout {
     pub fn new(recipe: &PixelLayout, samples: Range<u32>) -> Self {
         let capacity = samples.len();
         Self {
-            nodes: Node::cover(samples.clone()),
+            nodes: SumNode::cover(samples.clone()),
             samples,
             summed: recipe.summed(),
             nearest: match (recipe.has_nearest(), recipe.distance) {

@@ -1,5 +1,5 @@
-//! The memory that this process can still get: the minimum of what the machine, its control groups
-//! and its own limits leave.
+//! The memory that this process can still get. Machine, control groups and the limits of the
+//! process each leave some; the minimum counts.
 
 use std::{
     fs::read_to_string,

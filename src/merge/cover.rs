@@ -13,7 +13,7 @@ pub struct CoveredRegion {
 
 /// A region that is not covered exactly once.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct CoverFault {
     pub window: Window,
     /// Samples concerned, in each of these pixels.
     pub samples: Range<u32>,
@@ -23,11 +23,11 @@ pub struct Fault {
 
 /// Returns everything in `whole` and `0..of` that the pieces do not cover exactly once, from top to
 /// bottom.
-pub fn faults(pieces: &[CoveredRegion], whole: Window, of: u32) -> Vec<Fault> {
+pub fn faults(pieces: &[CoveredRegion], whole: Window, of: u32) -> Vec<CoverFault> {
     let mut rows: Vec<u32> = pieces.iter().flat_map(|p| [p.window.y0, p.window.y1]).collect();
     rows.extend([whole.y0, whole.y1]);
     let rows = cuts(rows, whole.y0, whole.y1);
-    let mut faults: Vec<Fault> = Vec::new();
+    let mut faults: Vec<CoverFault> = Vec::new();
     for two in rows.windows(2) {
         let (y0, y1) = (two[0], two[1]);
         let here = |p: &CoveredRegion| p.window.y0 <= y0 && p.window.y1 > y0;
@@ -47,18 +47,18 @@ pub fn faults(pieces: &[CoveredRegion], whole: Window, of: u32) -> Vec<Fault> {
             for i in found {
                 let Range { start, end } = pieces[i].samples;
                 if start > done {
-                    add(&mut faults, Fault { window, samples: done..start, twice: None });
+                    add(&mut faults, CoverFault { window, samples: done..start, twice: None });
                 }
                 if start < done {
                     let samples = start..end.min(done);
-                    add(&mut faults, Fault { window, samples, twice: Some([last, i]) });
+                    add(&mut faults, CoverFault { window, samples, twice: Some([last, i]) });
                 }
                 if end > done {
                     (done, last) = (end, i);
                 }
             }
             if done < of {
-                add(&mut faults, Fault { window, samples: done..of, twice: None });
+                add(&mut faults, CoverFault { window, samples: done..of, twice: None });
             }
         }
     }
@@ -73,8 +73,8 @@ fn cuts(mut at: Vec<u32>, from: u32, to: u32) -> Vec<u32> {
 }
 
 /// Adds a fault, or extends one that is equal and adjacent to it.
-fn add(faults: &mut Vec<Fault>, new: Fault) {
-    let same = |old: &&mut Fault| old.samples == new.samples && old.twice == new.twice;
+fn add(faults: &mut Vec<CoverFault>, new: CoverFault) {
+    let same = |old: &&mut CoverFault| old.samples == new.samples && old.twice == new.twice;
     for old in faults.iter_mut().rev().filter(same) {
         let (a, b) = (&mut old.window, new.window);
         if a.x0 == b.x0 && a.x1 == b.x1 && a.y1 == b.y0 {
@@ -124,11 +124,14 @@ mod tests {
             piece(window(0, 8, 10, 10), 1..2),
         ];
         let expected = [
-            Fault { window: window(0, 3, 10, 4), samples: 0..2, twice: Some([1, 0]) },
-            Fault { window: window(0, 4, 10, 6), samples: 2..4, twice: None },
-            Fault { window: window(0, 8, 10, 10), samples: 1..2, twice: Some([2, 3]) },
+            CoverFault { window: window(0, 3, 10, 4), samples: 0..2, twice: Some([1, 0]) },
+            CoverFault { window: window(0, 4, 10, 6), samples: 2..4, twice: None },
+            CoverFault { window: window(0, 8, 10, 10), samples: 1..2, twice: Some([2, 3]) },
         ];
         assert_eq!(faults(&pieces, whole, 4), expected);
-        assert_eq!(faults(&[], whole, 4), [Fault { window: whole, samples: 0..4, twice: None }]);
+        assert_eq!(
+            faults(&[], whole, 4),
+            [CoverFault { window: whole, samples: 0..4, twice: None }]
+        );
     }
 }

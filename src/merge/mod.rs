@@ -16,9 +16,9 @@ use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
 use crate::layers::{BEAUTY, Pixel, RawLayout};
 use crate::monitor::Monitor;
 use crate::output::exr::{Sequence, View};
-use crate::output::exr_read::{Reader, Rows};
+use crate::output::exr_read::{ExrReader, Rows};
 
-use self::cover::{CoveredRegion, Fault};
+use self::cover::{CoverFault, CoveredRegion};
 pub use self::part::{PictureFormat, PictureTile};
 
 /// Approximate number of bytes of the parts' rows that are held at a time.
@@ -42,7 +42,7 @@ pub struct Parts {
 #[derive(Debug)]
 struct Open {
     name: String,
-    reader: Reader,
+    reader: ExrReader,
     part: PictureTile,
     raw: Option<RawLayout>,
     /// Indices of R, G, B, A among the file's channels.
@@ -215,7 +215,7 @@ impl Parts {
 impl Open {
     fn new(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        let reader = Reader::open(path)?;
+        let reader = ExrReader::open(path)?;
         let Some(text) = reader.attribute(part::ATTRIBUTE) else {
             let message =
                 format!("found no attribute {}, expected a part of a picture", part::ATTRIBUTE);
@@ -319,7 +319,7 @@ impl Open {
     }
 }
 
-fn describe(fault: &Fault, open: &[Open], part: &PictureTile) -> Problem {
+fn describe(fault: &CoverFault, open: &[Open], part: &PictureTile) -> Problem {
     let Window { x0, y0, x1, y1 } = fault.window;
     let samples = match fault.samples.clone() {
         all if all == (0..part.of) => String::new(),

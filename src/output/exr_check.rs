@@ -19,9 +19,9 @@ use exr::{
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Number of 64-bit integers at the start of a DWAA or DWAB chunk: the version, the packed and
-/// unpacked sizes of its sections, the counts of their values, and how they are packed (OpenEXR,
-/// `internal_dwa_compressor.h`).
+/// Number of 64-bit integers at the start of a DWAA or DWAB chunk (OpenEXR,
+/// `internal_dwa_compressor.h`). They hold the version, then size, count and packing of each
+/// section.
 const COUNTERS: usize = 11;
 
 /// The integers that state sizes.

@@ -34,7 +34,7 @@ const MAX_RATIO: usize = 1100;
 
 /// An open EXR with one part, in scanlines, whose data window is inside its display window.
 #[derive(Debug)]
-pub struct Reader {
+pub struct ExrReader {
     path: PathBuf,
     stamp: Option<Stamp>,
     /// Width and height of the display window in pixels.
@@ -73,7 +73,7 @@ impl Rows {
     }
 }
 
-impl Reader {
+impl ExrReader {
     /// Opens a file and reads its header.
     ///
     /// # Errors

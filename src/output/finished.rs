@@ -8,7 +8,11 @@ use std::{
 
 use ::exr::meta::{MetaData, attribute::AttributeValue};
 
-use super::{FINGERPRINT, exr::read_sorted};
+use super::exr::read_sorted;
+
+/// Name of the EXR attribute and PNG text that hold the fingerprint: a line that identifies the
+/// inputs of the render.
+pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
 /// The state of an output file.
 #[derive(Debug, Clone, PartialEq, Eq)]

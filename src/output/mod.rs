@@ -14,140 +14,22 @@ pub mod png;
 pub mod preview;
 pub mod srgb;
 pub mod tonemap;
+mod value_counts;
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::{
     error::Result,
-    film::{ChannelKind, Dropped, Film},
+    film::Film,
     monitor::{Monitor, Phase},
     paths,
     scene::Tonemap,
 };
 
+pub use finished::FINGERPRINT;
+pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};
+
 use atomic::Part;
-
-/// Largest finite value of a half-float.
-pub const HALF_MAX: f32 = 65504.0;
-
-/// Name of the EXR attribute and PNG text that hold the fingerprint: a line that identifies the
-/// inputs of the render.
-pub const FINGERPRINT: &str = "lightpath:fingerprint";
-
-/// The location of a value in a film.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ValueLocation {
-    /// Pixel of the frame, `[x, y]` from the top left.
-    pub pixel: [i32; 2],
-    /// Name of the channel.
-    pub channel: String,
-}
-
-impl std::fmt::Display for ValueLocation {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [x, y] = self.pixel;
-        write!(f, "x {x}, y {y} in {}", self.channel)
-    }
-}
-
-/// Counts of values that the files cannot hold.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct ValueCounts {
-    /// Number of pixels with a NaN or infinite channel. NaN becomes 0, infinities the largest half.
-    pub non_finite: u64,
-    /// Location of the first such value.
-    pub first_non_finite: Option<ValueLocation>,
-    /// Number of pixels whose values are all finite, but some beyond the range of the half that is
-    /// written.
-    pub clamped: u64,
-    /// Location of the first such value.
-    pub first_clamped: Option<ValueLocation>,
-    /// Coverage that the mattes cannot hold.
-    pub dropped: Dropped,
-}
-
-impl ValueCounts {
-    /// Counts the values in all pixels of a film, on the threads of the caller's rayon pool. With
-    /// `float`, no value is written as half.
-    pub fn count(film: &Film, float: bool) -> Self {
-        let width = film.window.width().max(1) as usize;
-        let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
-        let largest = |kind| match kind {
-            ChannelKind::Half if !float => HALF_MAX,
-            _ => f32::MAX,
-        };
-        let beauty = largest(ChannelKind::Half);
-        let kinds = film.planes.channels.iter().enumerate();
-        let floats: Vec<(usize, f32)> = kinds
-            .filter(|(_, channel)| channel.kind != ChannelKind::Uint)
-            .map(|(i, channel)| (i, largest(channel.kind)))
-            .collect();
-        let found = rows.map(|(row, pixels)| {
-            let mut found = Self::default();
-            for (column, pixel) in pixels.iter().enumerate() {
-                let index = row * width + column;
-                // NaN fails the comparison, so the common case is one test per channel.
-                if pixel.iter().all(|c| c.abs() <= beauty)
-                    && floats.iter().all(|&(i, limit)| film.planes.float(i, index).abs() <= limit)
-                {
-                    continue;
-                }
-                let names = ["R", "G", "B", "A"].into_iter().zip(*pixel).zip([beauty; 4]);
-                let planes = floats.iter().map(|&(i, limit)| {
-                    let name = film.planes.channels[i].name.as_str();
-                    ((name, film.planes.float(i, index)), limit)
-                });
-                let [left, top] = film.origin();
-                let pixel = [left + column as i32, top + row as i32];
-                found.add(pixel, names.chain(planes));
-            }
-            found
-        });
-        Self { dropped: film.dropped, ..found.reduce(Self::default, Self::then) }
-    }
-
-    /// Counts one pixel. Each value has a channel name and a maximum absolute value.
-    fn add<'a>(
-        &mut self,
-        pixel: [i32; 2],
-        values: impl Iterator<Item = ((&'a str, f32), f32)> + Clone,
-    ) {
-        let spot = |name: &str| ValueLocation { pixel, channel: name.to_string() };
-        let infinite = values.clone().find(|((_, value), _)| !value.is_finite());
-        if let Some(((name, _), _)) = infinite {
-            self.non_finite += 1;
-            self.first_non_finite.get_or_insert_with(|| spot(name));
-        } else if let Some(((name, _), _)) = values.clone().find(|((_, v), max)| v.abs() > *max) {
-            self.clamped += 1;
-            self.first_clamped.get_or_insert_with(|| spot(name));
-        }
-    }
-
-    /// Combines the counts of these pixels and of later ones.
-    fn then(self, next: Self) -> Self {
-        Self {
-            non_finite: self.non_finite + next.non_finite,
-            first_non_finite: self.first_non_finite.or(next.first_non_finite),
-            clamped: self.clamped + next.clamped,
-            first_clamped: self.first_clamped.or(next.first_clamped),
-            dropped: self.dropped.and(next.dropped),
-        }
-    }
-}
-
-/// Returns a value that every format can hold: NaN becomes 0, infinities the largest half.
-#[inline(always)]
-pub(crate) fn finite(value: f32) -> f32 {
-    if value.is_nan() {
-        0.0
-    } else if value.is_infinite() {
-        HALF_MAX.copysign(value)
-    } else {
-        value
-    }
-}
 
 /// The files `PREFIX.exr` and `PREFIX.png` while they are written.
 #[derive(Debug)]

@@ -99,7 +99,7 @@ pub fn encode(
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),
     }
     if let Some(fingerprint) = fingerprint {
-        let text = encoder.add_text_chunk(super::FINGERPRINT.into(), fingerprint.into());
+        let text = encoder.add_text_chunk(super::finished::FINGERPRINT.into(), fingerprint.into());
         text.map_err(|error| png_error(path, error))?;
     }
     let written = encoder.write_header().and_then(|mut writer| {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{ToneOperator, Tonemap};
 
-use super::{finite, srgb};
+use super::{srgb, value_counts::finite};
 
 /// Number of bits of a channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

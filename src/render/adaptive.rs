@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Tile, pixels, tiles};
+use super::tiles::{Tile, pixels, tiles};
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};

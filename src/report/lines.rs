@@ -4,7 +4,7 @@ use super::svg::{Anchor, COLORS, GRID, Svg, decades, prefixed};
 
 /// A line chart with two logarithmic axes.
 #[derive(Debug, Clone, Default)]
-pub struct Lines {
+pub struct LineChart {
     /// Heading of the chart.
     pub title: String,
     /// Quantity and unit of the vertical axis.
@@ -12,7 +12,7 @@ pub struct Lines {
     /// Quantity and unit of the horizontal axis.
     pub across: String,
     /// The lines, one for each name in the legend.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ChartLine>,
     /// Single points for each line, drawn in its colour. Both coordinates > 0.
     pub dots: Vec<Vec<[f64; 2]>>,
     /// A marked height > 0 with its label.
@@ -21,7 +21,7 @@ pub struct Lines {
 
 /// One line of the chart.
 #[derive(Debug, Clone)]
-pub struct Line {
+pub struct ChartLine {
     /// Its name in the legend.
     pub name: String,
     /// Points (x, y) from left to right, both coordinates > 0.
@@ -31,7 +31,7 @@ pub struct Line {
 const WIDTH: f64 = 550.0;
 const HEIGHT: f64 = 300.0;
 
-impl Lines {
+impl LineChart {
     /// Returns the chart as SVG, or an empty string if no line has two points.
     pub fn svg(&self) -> String {
         if self.lines.iter().all(|line| line.points.len() < 2) {
@@ -97,8 +97,8 @@ mod tests {
 
     #[test]
     fn a_line_needs_two_points() {
-        let line = |points: &[[f64; 2]]| Line { name: "a".into(), points: points.to_vec() };
-        let chart = |points| Lines { lines: vec![line(points)], ..Lines::default() };
+        let line = |points: &[[f64; 2]]| ChartLine { name: "a".into(), points: points.to_vec() };
+        let chart = |points| LineChart { lines: vec![line(points)], ..LineChart::default() };
         assert_eq!(chart(&[[1e3, 0.1]]).svg(), "");
         let svg = chart(&[[1e3, 0.1], [1e6, 20.0]]).svg();
         assert_eq!(svg.matches("<circle").count(), 2);
@@ -107,8 +107,8 @@ mod tests {
 
     #[test]
     fn dots_and_the_level_lie_within_the_axes() {
-        let line = Line { name: "a".into(), points: vec![[1.0, 1.0], [10.0, 0.1]] };
-        let mut chart = Lines { lines: vec![line], ..Lines::default() };
+        let line = ChartLine { name: "a".into(), points: vec![[1.0, 1.0], [10.0, 0.1]] };
+        let mut chart = LineChart { lines: vec![line], ..LineChart::default() };
         chart.dots = vec![vec![[100.0, 50.0]]];
         chart.level = Some((1e-6, "noise < floor".into()));
         let svg = chart.svg();

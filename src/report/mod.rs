@@ -9,7 +9,7 @@ mod scale;
 mod svg;
 
 pub use bars::{Bar, Bars, Group};
-pub use lines::{Line, Lines};
+pub use lines::{ChartLine, LineChart};
 pub use page::{Cell, Page, Section};
 pub use picture::{picture, picture_of_width};
 pub use ratios::{Ratio, Ratios};

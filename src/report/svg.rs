@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 /// Colours of the backends in order.
 ///
-/// They are distinguishable with most kinds of colour blindness: the palette of Okabe and Ito 2008,
-/// without its red, which marks wrong values, and with a darker yellow.
+/// They are distinguishable with most kinds of colour blindness. The palette is that of Okabe and
+/// Ito 2008 with a darker yellow, and without its red, which marks wrong values.
 pub const COLORS: [&str; 8] =
     ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", INK, "#d6c400"];
 

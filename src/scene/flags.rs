@@ -5,8 +5,9 @@ use serde_json::Value;
 use crate::error::{Error, Problem, Result};
 
 use super::{
-    BackendFlags, Loaded, Source,
+    backend::BackendFlags,
     description::{Description, Light},
+    load_scene::{self, Loaded, Source},
 };
 
 /// Overrides in the order of their application, with the flags they come from.
@@ -73,7 +74,7 @@ impl Overrides {
     /// The errors of [`load`](super::load) and of [`BackendFlags::on`].
     pub fn load(&self, source: Source) -> Result<Loaded> {
         let sets: Vec<String> = self.list.iter().map(|(_, _, set)| set.clone()).collect();
-        match super::load(source, &sets) {
+        match load_scene::load(source, &sets) {
             Ok(mut loaded) => {
                 loaded.scene.backend = self.backend.on(loaded.description.scene.accelerator)?;
                 Ok(Loaded { warnings: self.all_named(loaded.warnings), ..loaded })

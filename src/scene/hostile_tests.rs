@@ -9,6 +9,7 @@ use super::{
     tests::{everything, load_value},
     *,
 };
+use crate::error::Result;
 
 /// Loads a text with a folder that does not exist.
 fn load_bytes(bytes: &[u8]) -> Result<Loaded> {

@@ -3,7 +3,7 @@
 //! `parse` turns a file into a [`Document`] that stores the place of every value. `overrides`
 //! applies `--set`. `structure` checks the document against the [`schema()`], which is generated
 //! from the types in `description`. `check` finds what types cannot express. All problems come back
-//! in one [`Error`]. docs/guide/scene-format.md specifies the format.
+//! in one [`Error`](crate::error::Error). docs/guide/scene-format.md specifies the format.
 
 mod backend;
 mod check;
@@ -15,6 +15,7 @@ mod flags;
 #[cfg(test)]
 mod hostile_tests;
 mod layers;
+mod load_scene;
 mod nearest;
 mod node;
 mod overrides;
@@ -34,6 +35,7 @@ pub use description::Description;
 pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
+pub use load_scene::{Loaded, Source, from_description, load, read_as};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
@@ -42,136 +44,4 @@ pub use write::hexadecimal;
 /// The types of the format as written, for scenes made by code.
 pub mod written {
     pub use super::description::*;
-}
-
-use std::{fs::File, io::Read, path::Path};
-
-use schemars::JsonSchema;
-use serde::de::DeserializeOwned;
-
-use crate::error::{Error, Kind, Problem, Result};
-
-/// Maximum size of a scene file in bytes. Meshes and images are separate files.
-const MAX_FILE_BYTES: u64 = 256 << 20;
-
-/// The text of a scene, or the file that holds it.
-#[derive(Debug, Clone, Copy)]
-pub enum Source<'a> {
-    /// A file. Paths in it are relative to its folder.
-    File(&'a Path),
-    /// A text in memory.
-    Text {
-        /// Name of the text in messages, such as `<stdin>`.
-        name: &'a str,
-        /// The JSON text in UTF-8.
-        text: &'a [u8],
-        /// Folder to which paths in the text are relative.
-        folder: &'a Path,
-    },
-}
-
-/// A scene that passed every check.
-#[derive(Debug, Clone)]
-pub struct Loaded {
-    /// The scene with all values checked and all names resolved.
-    pub scene: Scene,
-    /// The scene as written, with overrides applied.
-    pub description: Description,
-    /// Valid values that are most likely mistakes, in text order.
-    pub warnings: Vec<Problem>,
-    /// SHA-256 (hexadecimal) of the canonical JSON. Two files have the same hash if they differ
-    /// only in spacing, comments, key order, or defaults written out.
-    pub hash: String,
-}
-
-/// Loads a scene and applies `--set` overrides (`/json/pointer=VALUE`) in order.
-///
-/// # Errors
-/// Every problem of the file and the overrides, in text order.
-pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
-    match source {
-        Source::Text { name, text, folder } => {
-            check_document(Document::parse(name, text)?, folder, overrides)
-        }
-        Source::File(path) => {
-            let document = Document::parse(&path.display().to_string(), &read(path)?)?;
-            check_document(document, path.parent().unwrap_or(Path::new("")), overrides)
-        }
-    }
-}
-
-/// Checks a scene made by code as if it had been read from a file in `folder`.
-///
-/// # Errors
-/// The same as [`load`].
-pub fn from_description(
-    name: &str,
-    description: &Description,
-    folder: &Path,
-    overrides: &[String],
-) -> Result<Loaded> {
-    check_document(Document::from_value(name, &description.to_json()), folder, overrides)
-}
-
-/// Reads a document as any type that has a schema, such as a job file. The structural checks are
-/// those of scene files: no unknown keys, places in messages, nearest keys as help.
-///
-/// # Errors
-/// Every structural problem, in text order.
-pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
-    let mut problems = problems::Problems::new(document);
-    structure::check(&schema_of::<T>(""), &mut problems);
-    Error::check(Kind::Invalid, problems.finish().0)?;
-    serde_json::from_value(document.root.to_value())
-        .map_err(|e| Error::invalid(&document.name, e.to_string()))
-}
-
-fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
-    let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
-    let bad_overrides: Vec<Problem> = set.collect();
-    let mut problems = problems::Problems::new(&document);
-    let broken = structure::check(schema(), &mut problems);
-    let checked = check::check(&mut problems, broken, folder);
-    let (mut errors, warnings) = problems.finish();
-    errors.extend(bad_overrides);
-    match checked {
-        Some((description, scene)) if errors.is_empty() => {
-            Ok(Loaded { scene, hash: description.hash(), description, warnings })
-        }
-        _ => Err(Error { kind: Kind::Invalid, problems: errors }),
-    }
-}
-
-/// File name extensions of mesh formats that cannot be read.
-const OTHER_MESHES: [&str; 11] =
-    ["obj", "stl", "off", "glb", "gltf", "fbx", "dae", "3ds", "usd", "usdz", "abc"];
-
-fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::IsADirectory => {
-            let name = path.display().to_string();
-            Error::invalid(name, "found a folder, expected a scene file")
-                .help("name the .json file in it")
-        }
-        _ => {
-            let missing = error.kind() == std::io::ErrorKind::NotFound;
-            let near = check::near_file(path).filter(|_| missing);
-            Error::io(path, "read", &error).maybe_help(near)
-        }
-    };
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(failed)?;
-    let kind = path.extension().and_then(|end| end.to_str()).map(str::to_ascii_lowercase);
-    if let Some(kind) = kind.filter(|kind| OTHER_MESHES.contains(&kind.as_str())) {
-        let message = format!("found a .{kind} file, expected a PLY mesh or a JSON scene");
-        return Err(Error::invalid(path.display().to_string(), message).help(check::CONVERT));
-    }
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        let message =
-            format!("found more than {} MiB, expected a scene file", MAX_FILE_BYTES >> 20);
-        let name = path.display().to_string();
-        return Err(Error::invalid(name, message).help("put geometry into .ply files"));
-    }
-    Ok(bytes)
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::error::Result;
 
 /// A scene with every key of the format, none at its default.
 pub(super) fn everything() -> Value {

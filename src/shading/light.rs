@@ -42,8 +42,8 @@ pub struct Area {
     pub samples: u32,
     /// Unit normal of the rectangle, in f64.
     pub plane: DVec3,
-    /// Largest distance, along `plane`, from the light's plane to the surfaces that the light lies
-    /// in and to its own rounded points. 0 for a light that lies in no surface.
+    /// Largest distance from the light's plane, along `plane`, of the surfaces that hold the light
+    /// and of the light's own rounded points. 0 if no surface holds the light.
     pub flush: f32,
 }
 
@@ -84,8 +84,8 @@ impl LightWeights {
 /// occludes them. Returns the lanes that can receive light (N.L > 0). `glossy`: whether any ks > 0.
 ///
 /// docs/guide/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the
-/// light. The ray ends before 1 by the relative rounding error of its end points, so that a surface
-/// at the light itself does not occlude it.
+/// light. The ray ends before 1 by the relative rounding error of its end points. So a surface at
+/// the light itself does not occlude it.
 #[inline(always)]
 pub fn light_rays(
     points: &ShadowPoints,

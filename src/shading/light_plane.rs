@@ -35,10 +35,10 @@ impl Area {
         Self { corner, edge, height, normal, samples, plane, flush: 0.0 }
     }
 
-    /// Largest distance of a primitive from the light's plane, if the primitive is coplanar with
-    /// the light as far as f32 can tell: a wall, a ceiling. `None` if it is farther away than 4u of
-    /// its largest coordinate (u = 2^-24); it then lies in front of the light or behind it. Corners
-    /// in the light's own plane are rounded by 1.8u.
+    /// Largest distance from the light's plane of a wall or ceiling that holds the light: a
+    /// primitive that is coplanar with the light as far as f32 can tell. `None` if the primitive is
+    /// farther away than 4u of its largest coordinate (u = 2^-24). It then lies in front of the
+    /// light or behind it. Corners in the light's own plane are rounded by 1.8u.
     pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();

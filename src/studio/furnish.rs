@@ -14,9 +14,9 @@ use crate::{
 };
 
 use super::{
-    Axis, GROUND, Subject,
     framing::{FieldOfView, frame, frame_turning},
-    points::Points,
+    points::UsedVertices,
+    subject::{Axis, GROUND, Subject},
     template::Template,
 };
 
@@ -200,7 +200,7 @@ const MAX_HEIGHT_RATIO: f64 = 0.4;
 
 /// Returns the size of the bounding box of the used vertices.
 fn size(mesh: &Mesh) -> Option<[f64; 3]> {
-    let Bounds { min, max } = Points::new(mesh).bounds(|p| p);
+    let Bounds { min, max } = UsedVertices::new(mesh).bounds(|p| p);
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
@@ -213,7 +213,7 @@ fn place(
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<DVec3> {
-    let points = Points::new(mesh);
+    let points = UsedVertices::new(mesh);
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));

@@ -11,103 +11,30 @@ mod framing;
 mod furnish;
 mod points;
 mod quality;
+mod subject;
 mod template;
 mod turntable;
 
 pub use framing::{FieldOfView, frame, frame_turning};
 pub use furnish::with_default_placement;
-pub use points::{Points, is_mesh, read};
+pub use points::{UsedVertices, is_mesh, read};
 pub use quality::Quality;
+pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};
 pub use template::Template;
 pub use turntable::{LightsFollow, Turning, Turntable};
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+
+use subject::GROUND;
 
 use crate::{
     error::{Problem, Result},
     mesh::Mesh,
     monitor::Monitor,
-    reserve::MemoryLimit,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
 };
-
-/// Default margin between the mesh and the picture's borders, as a fraction of width and height.
-pub const MARGIN: f64 = 0.08;
-
-/// Name of the plane on which meshes stand.
-const GROUND: &str = "ground";
-
-/// An axis of a mesh file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Axis {
-    /// the x axis points up
-    X,
-    /// the y axis points up
-    Y,
-    /// the z axis points up, as scanners and CAD programs have it
-    Z,
-}
-
-/// Choices for the look of a mesh and its surroundings that override the template.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Appearance {
-    /// Edges across which normals are interpolated.
-    pub smooth: Option<written::Smooth>,
-    /// Texture image, in place of the one that the file or the template names.
-    pub texture: Option<PathBuf>,
-    /// True to remove the template's plane named `ground`.
-    pub no_ground: bool,
-    /// Numbers of samples of the built-in studio, in place of its own.
-    pub quality: Option<Quality>,
-}
-
-/// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
-pub fn smooth(degrees: f64) -> written::Smooth {
-    match degrees {
-        0.0 => written::Smooth::Everywhere(false),
-        180.0 => written::Smooth::Everywhere(true),
-        angle => written::Smooth::Below(written::Crease { angle, flat: None }),
-    }
-}
-
-/// A mesh file to show, with options.
-#[derive(Debug, Clone)]
-pub struct Subject<'a> {
-    /// Path of the mesh file.
-    pub path: &'a Path,
-    /// Axis of the file that points up, if the user gives one.
-    pub up: Option<Axis>,
-    /// Rotation in degrees about the x, then y, then z axis, in place of `up`.
-    pub rotate: Option<[f64; 3]>,
-    /// Margin to keep free at each border, as a fraction of the picture's width and height; in [0,
-    /// 0.5).
-    pub margin: f64,
-    /// Choices for the look of the mesh.
-    pub looks: Appearance,
-    /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
-    pub turning: bool,
-    /// True to drop triangles with missing or non-finite vertices.
-    pub repair: bool,
-    /// True to read the file instead of mapping it.
-    pub no_mmap: bool,
-    /// Limit of the memory for the arrays of the mesh.
-    pub room: Option<MemoryLimit>,
-}
-
-impl<'a> Subject<'a> {
-    /// Makes a subject with default options.
-    pub fn new(path: &'a Path) -> Self {
-        let (up, rotate, margin) = (None, None, MARGIN);
-        let (turning, repair, no_mmap, room) = (false, false, false, None);
-        let looks = Appearance::default();
-        Self { path, up, rotate, margin, looks, turning, repair, no_mmap, room }
-    }
-}
 
 /// A scene made from a mesh.
 #[derive(Debug)]

@@ -12,7 +12,7 @@ use crate::{
     world::Bounds,
 };
 
-use super::Subject;
+use super::subject::Subject;
 
 /// Reads the mesh file of a subject.
 pub fn read(subject: &Subject, monitor: &Monitor) -> Result<Mesh> {
@@ -28,12 +28,12 @@ pub fn is_mesh(path: &Path) -> bool {
 
 /// The vertices that triangles use, in file units.
 #[derive(Debug)]
-pub struct Points<'m> {
+pub struct UsedVertices<'m> {
     mesh: &'m Mesh,
     used: Vec<bool>,
 }
 
-impl<'m> Points<'m> {
+impl<'m> UsedVertices<'m> {
     /// Finds the vertices that triangles use.
     pub fn new(mesh: &'m Mesh) -> Self {
         Self { mesh, used: mesh.used_vertices() }

@@ -20,12 +20,12 @@ use crate::{
     },
 };
 
-use super::sources::beside;
+use super::sources::{self, beside};
 
 /// SHA-256 of the contents of files. Each file is read once, so that frames of a batch share the
 /// result.
 #[derive(Debug, Default)]
-pub struct Contents {
+pub struct ContentHashes {
     /// Hashes by path; `None` for a pipe, whose bytes can be read only once.
     known: HashMap<PathBuf, Option<Hashed>>,
     /// Stamps of all hashed files.
@@ -39,7 +39,7 @@ struct Hashed {
     stamp: Stamp,
 }
 
-impl Contents {
+impl ContentHashes {
     /// SHA-256 of a file in hexadecimal; `None` if the file cannot be read twice.
     fn sha256_of(&mut self, path: &Path) -> Result<Option<String>> {
         if !self.known.contains_key(path) {
@@ -51,9 +51,23 @@ impl Contents {
         Ok(found.map(|found| found.sha256.clone()))
     }
 
+    /// Checks that the hashed contents are the contents that were read.
+    ///
+    /// # Errors
+    /// `Retry` for a file that was replaced or written in between.
+    pub fn check(&self, read: &sources::ReadFiles) -> Result<()> {
+        let all = read.0.iter().filter_map(|(path, stamp)| Some((path, stamp.as_ref()?)));
+        for (path, stamp) in all {
+            if !self.has(path, stamp) {
+                return Err(changed(path));
+            }
+        }
+        Ok(())
+    }
+
     /// Whether the hashed file had this stamp. The scene of a frame may use another path than the
     /// loaded scene, so an unknown path is looked up by stamp alone.
-    pub(super) fn has(&self, path: &Path, stamp: &Stamp) -> bool {
+    fn has(&self, path: &Path, stamp: &Stamp) -> bool {
         match self.known.get(path) {
             Some(found) => found.as_ref().is_some_and(|found| found.stamp == *stamp),
             None => self.stamps.contains(stamp),
@@ -83,7 +97,7 @@ impl Contents {
 pub fn fingerprint(
     loaded: &Loaded,
     repair: bool,
-    contents: &mut Contents,
+    contents: &mut ContentHashes,
 ) -> Result<Option<String>> {
     let scene = &loaded.scene;
     let mut description = loaded.description.clone();
@@ -131,7 +145,7 @@ pub fn fingerprint(
 fn replace_texture(
     written: &mut written::Material,
     checked: Option<&Material>,
-    contents: &mut Contents,
+    contents: &mut ContentHashes,
 ) -> Result<bool> {
     if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {
         written.texture_path = contents.sha256_of(&texture.path)?.map(Name);

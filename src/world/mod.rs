@@ -27,11 +27,11 @@ use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSour
 use self::place::{MAX_COORDINATE, PlacedMesh};
 
 pub use self::bounds::Bounds;
-pub use self::fingerprint::{Contents, fingerprint};
+pub use self::fingerprint::{ContentHashes, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Detail, Resolution, ulp};
-pub use self::sources::{Read, mesh_sources, own_texture, sources};
+pub use self::sources::{ReadFiles, mesh_sources, own_texture, sources};
 pub use self::textures::several_textures_warning;
 
 /// Options for reading the scene's files.
@@ -112,7 +112,7 @@ pub struct World {
     /// Origin of the coordinates, and the precision near the camera.
     pub origin: Origin,
     /// The files that were opened, with their stamps.
-    pub read: Read,
+    pub read: ReadFiles,
 }
 
 impl World {
@@ -129,7 +129,7 @@ impl World {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
-        let mut read = Read::default();
+        let mut read = ReadFiles::default();
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
         let left = asked.or(options.room);
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
@@ -226,7 +226,7 @@ impl World {
             resolutions: Vec::new(),
             origin: chosen,
             geometry,
-            read: Read::default(),
+            read: ReadFiles::default(),
         }
     }
 

@@ -6,14 +6,10 @@ use std::{
 };
 
 use crate::{
-    files::{Stamp, changed},
+    files::Stamp,
     mesh::{self, Mesh},
     scene::{Scene, ShapeKind},
 };
-
-use crate::error::Result;
-
-use super::fingerprint::Contents;
 
 /// All files that a scene names: meshes, textures of its materials, and the images that the meshes
 /// themselves name, used or not. Reads the headers of the meshes; pipes are not opened.
@@ -51,25 +47,11 @@ pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
 
 /// Files that were read, with their stamps at that time. Pipes have no stamp.
 #[derive(Debug, Clone, Default)]
-pub struct Read(pub(super) Vec<(PathBuf, Option<Stamp>)>);
+pub struct ReadFiles(pub(super) Vec<(PathBuf, Option<Stamp>)>);
 
-impl Read {
+impl ReadFiles {
     /// Paths of all files that were read.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.0.iter().map(|(path, _)| path.as_path())
-    }
-
-    /// Checks that the hashed contents are the contents that were read.
-    ///
-    /// # Errors
-    /// `Retry` for a file that was replaced or written in between.
-    pub fn check(&self, hashed: &Contents) -> Result<()> {
-        let all = self.0.iter().filter_map(|(path, stamp)| Some((path, stamp.as_ref()?)));
-        for (path, stamp) in all {
-            if !hashed.has(path, stamp) {
-                return Err(changed(path));
-            }
-        }
-        Ok(())
     }
 }

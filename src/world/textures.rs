@@ -9,13 +9,13 @@ use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
 
-use super::sources::{Read, beside};
+use super::sources::{ReadFiles, beside};
 
 /// Loads the textures of the materials that shapes use, within `budget`.
 pub fn load(
     scene: &Scene,
     budget: Option<MemoryLimit>,
-    read: &mut Read,
+    read: &mut ReadFiles,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
     let mut left = budget;
@@ -116,7 +116,7 @@ pub fn load_own(
     scene: &Scene,
     budget: Option<MemoryLimit>,
     looks: &mut (Vec<Texture>, Vec<Material>),
-    (read, warnings): (&mut Read, &mut Vec<Problem>),
+    (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
 ) -> Result<Vec<(usize, u32)>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();

@@ -35,8 +35,8 @@ uint64_t heap() {
     return now.uordblks + now.hblkhd;
 }
 
-// Converts one lane to a ray of tinybvh, which has a unit direction and no start. The origin is moved along
-// the ray to its start, and `offset` further if the ray leaves a surface.
+// Converts one lane to a ray of tinybvh, which has a unit direction and no start. The origin is
+// moved along the ray to its start, and `offset` further if the ray leaves a surface.
 struct Lane {
     double start, length;
 
@@ -73,7 +73,8 @@ template <typename Layout> struct Float final : Tree {
     Layout tree;
 
     Float(const float* corners, uint32_t triangles, bool spatial_splits) {
-        // The leaves hold copies of the corners, but the builder's own tree still points to the originals.
+        // The leaves hold copies of the corners, but the builder's own tree still points to the
+        // originals.
         const bvhvec4* vertices = reinterpret_cast<const bvhvec4*>(corners);
         if (spatial_splits) tree.BuildHQ(vertices, triangles);
         else tree.Build(vertices, triangles);

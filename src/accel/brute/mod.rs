@@ -22,8 +22,8 @@ use rayon::prelude::*;
 
 use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use super::lane::{Hit, Ray, lanes};
-use super::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use crate::error::Result;
 use crate::geometry::{Box3, Geometry, GeometryKind, Unseen, doubles};
 use crate::monitor::Monitor;

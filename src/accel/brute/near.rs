@@ -191,8 +191,9 @@ fn contains(p: &[DVec2; 3]) -> bool {
 
 /// Distance from the origin to the segment `pq` in the maximum norm.
 ///
-/// The norm is convex along the segment. It is linear between the points where the coordinates have
-/// equal magnitude or one of them is zero, so one of these points or an end is the nearest.
+/// The norm is convex along the segment, and piecewise linear. Its pieces meet where the
+/// coordinates have equal magnitude or one of them is zero. So the nearest point is one of these,
+/// or an end.
 pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
     let along = q - p;
     let candidates = [
@@ -226,8 +227,8 @@ impl Outline {
     }
 }
 
-/// Calls `found` with t, its error bound and whether the hit is certain, for each root of a sphere
-/// that the ray hits or nearly hits.
+/// Finds the roots of a sphere that the ray hits or nearly hits. Calls `found` with each t, its
+/// error bound, and whether the hit is certain.
 fn roots(ray: &Ray, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f64, bool)) {
     let Ray { origin, direction: d, .. } = *ray;
     let f = origin - sphere.center;

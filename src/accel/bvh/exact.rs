@@ -177,8 +177,8 @@ impl ShearedTriangle {
 
     /// Returns the ray parameter of the hit. The line must hit the triangle ([`Self::inside`]).
     ///
-    /// t is that of the triangle's plane, in f64. Its error is about 1e-15 of the coordinates over
-    /// the sine of the angle between ray and plane.
+    /// The ray is intersected with the triangle's plane in f64. The error of t is about 1e-15 of
+    /// the coordinates over the sine of the angle between ray and plane.
     ///
     /// t is clamped to the corners' depths and to the triangle's box. A hit of a ray almost in the
     /// plane could otherwise lie outside the box. So every hit lies in every box around the

@@ -207,8 +207,9 @@ fn slope(b: f32) -> f32 {
     if b.abs() <= 1.5 { b } else { 0.0 }
 }
 
-/// Returns the values of the active lanes, and infinity in the others. (In its own loop: if the
-/// same loop also computes the values, it compiles to 16 jumps.)
+/// Returns the values of the active lanes, and infinity in the others.
+///
+/// A loop that also computes the values would compile to 16 jumps, so this has a loop of its own.
 #[inline(always)]
 pub fn select(active: &Mask, v: &[f32; LANES]) -> [f32; LANES] {
     let mut selected = [f32::INFINITY; LANES];

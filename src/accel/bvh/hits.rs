@@ -16,7 +16,7 @@ pub struct ClosestHits {
     /// Barycentric weights of the second and third corner, and the sum of all three weights. Not
     /// normalised. 0, 0, 1 for a sphere.
     pub weights: [[f32; LANES]; 3],
-    /// All bits set if the weights are those of the second half of a quad, else 0.
+    /// All bits set if the weights belong to the second half of a quad, else 0.
     pub second_half: [i32; LANES],
 }
 

@@ -39,7 +39,7 @@ mod tests;
 mod validate;
 mod visits;
 
-pub use self::validate::Stats;
+pub use self::validate::TreeStats;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
@@ -50,7 +50,8 @@ use self::shaft::MayHit;
 use self::simd::{Path, Stack, Tier};
 use self::single::Single;
 use self::visits::{Counting, Counts};
-use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
+use super::shaft::Shaft;
 use crate::error::Result;
 use crate::geometry::{Geometry, Nearby, Unseen};
 use crate::monitor::Monitor;

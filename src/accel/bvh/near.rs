@@ -1,7 +1,7 @@
 //! Search for the triangles and quads near a point.
 
 use super::Bvh;
-use super::node::{Child, Kind, WIDTH};
+use super::node::{Child, ChildKind, WIDTH};
 use crate::geometry::Nearby;
 use crate::ray::NONE;
 
@@ -12,7 +12,7 @@ impl Bvh<'_> {
         let mut stack = vec![Child::node(0)];
         while let Some(child) = stack.pop() {
             match child.kind() {
-                Kind::Node(index) => {
+                ChildKind::Node(index) => {
                     let node = &self.tree.nodes[index];
                     let mut reached = [true; WIDTH];
                     for axis in 0..3 {
@@ -23,12 +23,12 @@ impl Bvh<'_> {
                     }
                     stack.extend((0..WIDTH).filter(|&i| reached[i]).map(|i| node.children[i]));
                 }
-                Kind::Triangles(index) => {
+                ChildKind::Triangles(index) => {
                     let primitives = self.tree.blocks[index].primitives;
                     let all = primitives.into_iter().filter(|&primitive| primitive != NONE);
                     all.for_each(&mut *found);
                 }
-                Kind::Spheres(_) | Kind::Empty => {}
+                ChildKind::Spheres(_) | ChildKind::Empty => {}
             }
         }
     }

@@ -17,7 +17,7 @@ pub struct Child(pub u32);
 
 /// A [`Child`] decoded into kind and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ChildKind {
     /// Index of a [`Node`].
     Node(usize),
     /// Index of a [`Block`].
@@ -54,16 +54,16 @@ impl Child {
 
     /// Decodes the reference into kind and index.
     #[inline(always)]
-    pub fn kind(self) -> Kind {
+    pub fn kind(self) -> ChildKind {
         let index = (self.0 & Self::MAX_INDEX as u32) as usize;
         if self.0 & Self::LEAF == 0 {
-            Kind::Node(index)
+            ChildKind::Node(index)
         } else if self.0 & Self::SPHERES == 0 {
-            Kind::Triangles(index)
+            ChildKind::Triangles(index)
         } else if self == Self::EMPTY {
-            Kind::Empty
+            ChildKind::Empty
         } else {
-            Kind::Spheres(index)
+            ChildKind::Spheres(index)
         }
     }
 }
@@ -103,8 +103,8 @@ impl Node {
         self.children[children.trailing_zeros() as usize % WIDTH]
     }
 
-    /// Stores the order of an octant. Child `far_to_near[j]` takes the 4 bits from
-    /// `32 (j % 2) + 4 (j / 2)` on, so that a vector of 32-bit lanes can shift them out.
+    /// Stores the order of an octant. Child `far_to_near[j]` takes 4 bits, the lowest of which is
+    /// bit `32 (j % 2) + 4 (j / 2)`. So a vector of 32-bit lanes can shift them out.
     pub fn set_order(&mut self, octant: usize, far_to_near: &[u8; WIDTH]) {
         let place = |j: usize, child: u8| u64::from(child) << (32 * (j % 2) + 4 * (j / 2));
         self.order[octant] =
@@ -180,11 +180,11 @@ mod tests {
     #[test]
     fn children_keep_their_kind_and_index() {
         for index in [0, 1, 77, Child::MAX_INDEX - 1] {
-            assert_eq!(Child::node(index).kind(), Kind::Node(index));
-            assert_eq!(Child::triangles(index).kind(), Kind::Triangles(index));
-            assert_eq!(Child::spheres(index).kind(), Kind::Spheres(index));
+            assert_eq!(Child::node(index).kind(), ChildKind::Node(index));
+            assert_eq!(Child::triangles(index).kind(), ChildKind::Triangles(index));
+            assert_eq!(Child::spheres(index).kind(), ChildKind::Spheres(index));
         }
-        assert_eq!(Child::EMPTY.kind(), Kind::Empty);
+        assert_eq!(Child::EMPTY.kind(), ChildKind::Empty);
     }
 
     #[test]

@@ -233,7 +233,7 @@ impl Query {
     }
 }
 
-/// The values of one ray that a test of boxes needs. The fields without description are those of
+/// The values of one ray that a test of boxes needs. Fields without description are as in
 /// [`Query`].
 #[derive(Debug, Clone, Copy)]
 pub struct Slabs {

@@ -3,11 +3,11 @@
 use super::Bvh;
 use super::bounds::Bounds3;
 use super::frustum::{Frustum, HorizontalMin, select};
-use super::node::{Block, Child, Kind};
+use super::node::{Block, Child, ChildKind};
 use super::packet::Bits;
 use super::query::{max, min};
 use super::simd::{Stack, Tier};
-use crate::accel::Shaft;
+use crate::accel::shaft::Shaft;
 use crate::ray::LANES;
 use crate::simd::Kernel;
 
@@ -44,13 +44,13 @@ impl<T: Tier> Kernel for MayHit<'_, T> {
         stack.push(Child::node(0), 0.0);
         while let Some((child, _)) = stack.pop() {
             match child.kind() {
-                Kind::Node(index) => {
+                ChildKind::Node(index) => {
                     let node = &tree.nodes[index];
                     for place in Bits(tier.children_in_frustum(node, &frustum, end)) {
                         stack.push(node.children[node.ordered(frustum.octant, place)], 0.0);
                     }
                 }
-                Kind::Triangles(index) => {
+                ChildKind::Triangles(index) => {
                     let block = &tree.blocks[index];
                     let triangles = tier.triangles_in_frustum(block, &frustum, end);
                     if triangles == 0 {
@@ -65,8 +65,8 @@ impl<T: Tier> Kernel for MayHit<'_, T> {
                         }
                     }
                 }
-                Kind::Spheres(_) => return true,
-                Kind::Empty => {}
+                ChildKind::Spheres(_) => return true,
+                ChildKind::Empty => {}
             }
         }
         false
@@ -219,8 +219,8 @@ impl Frustum {
             octant |= usize::from(near[axis] < low[axis]) << axis;
         }
         // At least the slack of `Frustum::new`, 99u of the reach and 6u of the coordinates (u =
-        // 2^-24), and another 6u for the light's rounded points. Lines that leave the scene round by
-        // u of `size` at each of three steps.
+        // 2^-24), and another 6u for the light's rounded points. Lines that leave the scene round
+        // by u of `size` at each of three steps.
         let slack = (64.0 * reach + 16.0 * size) * f32::EPSILON + 8.0 * f32::MIN_POSITIVE;
         let (forward, scene_end, start, light) = match backward {
             true => (-1.0, -lower[k], -high[k], -near[k]),

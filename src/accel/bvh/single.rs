@@ -3,7 +3,7 @@
 use super::build::Tree;
 use super::exact::{Ray64, ShearedTriangle, depth_range};
 use super::hits::ClosestHits;
-use super::node::{Child, Kind};
+use super::node::{Child, ChildKind};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
@@ -106,7 +106,7 @@ impl<'a, T: Tier> Single<'a, T> {
     pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut ClosestHit) {
         let mut child = child;
         loop {
-            if let Kind::Node(index) = child.kind() {
+            if let ChildKind::Node(index) = child.kind() {
                 // The nearest child is visited next, without passing through the stack.
                 child = self.tier.nearest(&self.tree.nodes[index], &self.lane, best.tfar, stack);
                 if let Some(later) = stack.last() {
@@ -137,7 +137,7 @@ impl<'a, T: Tier> Single<'a, T> {
     /// Returns whether the ray hits anything below `child`.
     #[inline(always)]
     pub fn occluded_below(&self, child: Child, path: &mut Path) -> bool {
-        let Kind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
+        let ChildKind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
         let tfar = self.lane.value(&self.lane.query.tfar);
         let mut left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
         loop {
@@ -148,7 +148,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let node = &self.tree.nodes[index];
             let child = node.first(left);
             left &= left - 1;
-            if let Kind::Node(below) = child.kind() {
+            if let ChildKind::Node(below) = child.kind() {
                 if left != 0 {
                     path.push(index, left);
                     self.tree.prefetch(node.first(left));
@@ -166,9 +166,9 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn closest_in_leaf(&self, leaf: Child, best: &mut ClosestHit) {
         match leaf.kind() {
-            Kind::Triangles(index) => self.closest_in_block(index, best),
-            Kind::Spheres(index) => self.closest_in_spheres(index, best),
-            Kind::Node(_) | Kind::Empty => {}
+            ChildKind::Triangles(index) => self.closest_in_block(index, best),
+            ChildKind::Spheres(index) => self.closest_in_spheres(index, best),
+            ChildKind::Node(_) | ChildKind::Empty => {}
         }
     }
 
@@ -176,9 +176,9 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn any_in_leaf(&self, leaf: Child) -> bool {
         match leaf.kind() {
-            Kind::Triangles(index) => self.any_in_block(index),
-            Kind::Spheres(index) => self.any_in_spheres(index),
-            Kind::Node(_) | Kind::Empty => false,
+            ChildKind::Triangles(index) => self.any_in_block(index),
+            ChildKind::Spheres(index) => self.any_in_spheres(index),
+            ChildKind::Node(_) | ChildKind::Empty => false,
         }
     }
 

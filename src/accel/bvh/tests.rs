@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::Bvh;
 use super::build::Tree;
-use super::node::{Child, Kind, Node};
+use super::node::{Child, ChildKind, Node};
 use crate::accel::BuildOptions;
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::monitor::Monitor;
@@ -93,7 +93,7 @@ fn inner(tree: &Tree) -> (usize, usize) {
     let kinds = tree.nodes[0].children.iter().enumerate();
     kinds
         .filter_map(|(slot, child)| match child.kind() {
-            Kind::Node(index) => Some((slot, index)),
+            ChildKind::Node(index) => Some((slot, index)),
             _ => None,
         })
         .next()

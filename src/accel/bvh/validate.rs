@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::Bvh;
 use super::bounds::Bounds3;
-use super::node::{Child, Kind, Node, SECOND_HALF, WIDTH};
+use super::node::{Child, ChildKind, Node, SECOND_HALF, WIDTH};
 use super::simd::MAX_DEPTH;
 use crate::geometry::{Geometry, GeometryKind, quad_halves};
 use crate::ray::NONE;
@@ -12,7 +12,7 @@ use crate::ray::NONE;
 /// Size and shape of a tree.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Stats {
+pub struct TreeStats {
     /// Levels of inner nodes.
     pub depth: usize,
     /// Number of inner nodes.
@@ -31,7 +31,7 @@ pub struct Stats {
     pub spheres: usize,
 }
 
-impl Stats {
+impl TreeStats {
     /// Mean number of children of a node.
     pub fn children_per_node(&self) -> f64 {
         mean(&self.nodes_of)
@@ -48,7 +48,7 @@ fn mean(histogram: &[usize]) -> f64 {
     sum as f64 / histogram.iter().sum::<usize>() as f64
 }
 
-impl fmt::Display for Stats {
+impl fmt::Display for TreeStats {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let nodes = (self.nodes, self.children_per_node(), self.depth);
         write!(f, "{} nodes of {:.2} children in {} levels", nodes.0, nodes.1, nodes.2)?;
@@ -72,9 +72,10 @@ impl Bvh<'_> {
     ///
     /// # Errors
     /// Describes the first violation.
-    pub fn validate(&self) -> Result<Stats, String> {
+    pub fn validate(&self) -> Result<TreeStats, String> {
         let total = self.geometry.count() as usize;
-        let mut validator = Validator { bvh: self, seen: vec![0; total], stats: Stats::default() };
+        let mut validator =
+            Validator { bvh: self, seen: vec![0; total], stats: TreeStats::default() };
         let bounds = validator.node(0, 1)?;
         same(&bounds, &self.tree.bounds).map_err(|e| format!("the scene's box: {e}"))?;
         validator.finish()
@@ -87,7 +88,7 @@ struct Validator<'a> {
     /// Parts seen of each primitive: bit 0 for the first half or the whole, bit 1 for the second
     /// half.
     seen: Vec<u8>,
-    stats: Stats,
+    stats: TreeStats,
 }
 
 impl Validator<'_> {
@@ -114,10 +115,10 @@ impl Validator<'_> {
         let mut all = Bounds3::EMPTY;
         for slot in 0..len {
             let below = match node.children[slot].kind() {
-                Kind::Node(child) => self.node(child, level + 1)?,
-                Kind::Triangles(leaf) => self.triangles(leaf)?,
-                Kind::Spheres(leaf) => self.spheres(leaf)?,
-                Kind::Empty => Bounds3::EMPTY,
+                ChildKind::Node(child) => self.node(child, level + 1)?,
+                ChildKind::Triangles(leaf) => self.triangles(leaf)?,
+                ChildKind::Spheres(leaf) => self.spheres(leaf)?,
+                ChildKind::Empty => Bounds3::EMPTY,
             };
             same(&bounds(node, slot), &below)
                 .map_err(|e| place(format!("the box of child {slot}: {e}")))?;
@@ -206,7 +207,7 @@ impl Validator<'_> {
     }
 
     /// Checks that every primitive was seen and that the counts match those of the tree.
-    fn finish(self) -> Result<Stats, String> {
+    fn finish(self) -> Result<TreeStats, String> {
         let (tree, geometry, stats) = (&self.bvh.tree, self.bvh.geometry, self.stats);
         for (primitive, &seen) in self.seen.iter().enumerate() {
             let (geom, prim) = geometry.place(primitive as u32);

@@ -7,7 +7,7 @@ use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
 use super::query::Lane;
 use super::simd::{Candidates, Stack, Tier};
-use crate::accel::Visits;
+use crate::accel::accelerator::Visits;
 use crate::ray::Mask;
 use crate::simd::Kernel;
 

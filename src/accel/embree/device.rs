@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
-use crate::accel::over_limit;
+use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, the wrapper reads them.

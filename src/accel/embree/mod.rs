@@ -18,7 +18,7 @@ use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{Filter, HitValidator};
 use self::packet8::{HALVES, Mask8, RayPacket8, Rays8};
-use super::{Accelerator, BuildInfo, BuildOptions};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby, Unseen};
 use crate::monitor::Monitor;

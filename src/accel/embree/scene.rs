@@ -8,7 +8,7 @@ use super::device::Device;
 use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::PinnedBox;
 use super::sphere::{self, SphereSet};
-use crate::accel::BuildInfo;
+use crate::accel::accelerator::BuildInfo;
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh, Unseen};
 use crate::monitor::Monitor;

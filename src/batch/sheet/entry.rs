@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use crate::{
     batch::{
-        job::Job,
-        journal::{FrameRecord, MeshRecord, Record},
+        job::{Input, Job},
+        journal::{FrameRecord, JournalRecord, MeshRecord},
     },
     output::{
         Outputs,
@@ -20,7 +20,7 @@ use crate::{
 
 /// State of one input of a job.
 #[derive(Debug, Clone, Default)]
-pub struct Entry {
+pub struct SheetEntry {
     /// Position in the job.
     pub number: usize,
     /// Path of the input.
@@ -44,24 +44,24 @@ fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -
         && record.is_none_or(|record| record.outputs.iter().all(is_there))
 }
 
-impl Entry {
+impl SheetEntry {
     /// Returns the entries of all inputs of a job, in its order. `frames` holds only frames whose
     /// files are complete.
     ///
     /// Checks files on the threads of the current rayon pool.
-    pub fn all(job: &Job, records: &[Record]) -> Vec<Self> {
+    pub fn all(job: &Job, records: &[JournalRecord]) -> Vec<Self> {
         let mut by_name: HashMap<String, Self> = HashMap::new();
         for record in records {
             let input = match record {
-                Record::Mesh(mesh) => &mesh.input,
-                Record::Frame(frame) => &frame.input,
-                Record::Kept { input, .. } | Record::Failed { input, .. } => input,
-                Record::Start { .. } | Record::End { .. } => continue,
+                JournalRecord::Mesh(mesh) => &mesh.input,
+                JournalRecord::Frame(frame) => &frame.input,
+                JournalRecord::Kept { input, .. } | JournalRecord::Failed { input, .. } => input,
+                JournalRecord::Start { .. } | JournalRecord::End { .. } => continue,
             };
             by_name.entry(input.clone()).or_default().add(record);
         }
         let inputs = job.inputs.par_iter().enumerate();
-        let entry = |(number, input): (usize, &crate::batch::Input)| {
+        let entry = |(number, input): (usize, &Input)| {
             let (input, of) = (input.path.display().to_string(), job.frames());
             let mut known = by_name.get(&input).cloned().unwrap_or_default();
             known.failures.retain(|frame, _| frame.is_none_or(|frame| frame < of));
@@ -75,26 +75,26 @@ impl Entry {
         inputs.map(entry).collect()
     }
 
-    fn add(&mut self, record: &Record) {
+    fn add(&mut self, record: &JournalRecord) {
         match record {
-            Record::Mesh(mesh) => {
+            JournalRecord::Mesh(mesh) => {
                 self.failures.remove(&None);
                 self.mesh = Some(mesh.clone());
             }
-            Record::Frame(frame) => {
+            JournalRecord::Frame(frame) => {
                 self.clear_failures(frame.frame);
                 self.frames.insert(frame.frame, Some(frame.clone()));
             }
-            Record::Kept { frames, .. } => {
+            JournalRecord::Kept { frames, .. } => {
                 for frame in frames {
                     self.clear_failures(*frame);
                     self.frames.entry(*frame).or_default();
                 }
             }
-            Record::Failed { frame, message, .. } => {
+            JournalRecord::Failed { frame, message, .. } => {
                 self.failures.insert(*frame, message.clone());
             }
-            Record::Start { .. } | Record::End { .. } => {}
+            JournalRecord::Start { .. } | JournalRecord::End { .. } => {}
         }
     }
 

@@ -6,15 +6,15 @@ use crate::{
     units,
 };
 
-use super::entry::Entry;
+use super::entry::SheetEntry;
 
 /// Returns one problem per input that lacks frames. The result is empty if the files of every frame
 /// exist and are complete.
 ///
 /// The reason is the last failure in the journals. A task that was killed leaves no reason.
 pub fn missing(job: &Job) -> Vec<Problem> {
-    let entries = Entry::all(job, &journal::read(&job.folder));
-    let problem = |entry: &Entry| {
+    let entries = SheetEntry::all(job, &journal::read(&job.folder));
+    let problem = |entry: &SheetEntry| {
         let made = |frame: &u32| entry.frames.contains_key(frame);
         let frames: Vec<u32> = (0..job.frames()).filter(|frame| !made(frame)).collect();
         if frames.is_empty() {

@@ -17,11 +17,15 @@ use crate::{
     threads,
 };
 
-use super::{job::Job, journal};
+use super::{
+    job::Job,
+    journal,
+    names::{PICTURES_PER_SHEET, sheets},
+};
 
 pub use missing::missing;
 
-use entry::Entry;
+use entry::SheetEntry;
 use thumbnails::Strip;
 
 /// File name of the page.
@@ -31,18 +35,9 @@ const MAX_THUMBNAILS: usize = 20_000;
 /// Maximum number of thumbnails of one input.
 const MAX_FRAMES: usize = 24;
 
-/// Returns the file names of the PNG sheets for a job with this many inputs.
-pub fn names(inputs: usize) -> Vec<String> {
-    let name = |number: usize| match number {
-        1 => "sheet.png".to_string(),
-        n => format!("sheet.{n}.png"),
-    };
-    (1..=inputs.div_ceil(png::CELLS).max(1)).map(name).collect()
-}
-
 /// Returns the paths of all files that [`write()`] writes.
 pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
-    let sheets = names(job.inputs.len());
+    let sheets = sheets(job.inputs.len());
     [PAGE.to_string()].into_iter().chain(sheets).map(|name| job.folder.join(name))
 }
 
@@ -55,18 +50,21 @@ pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
 pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
     let each = (MAX_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MAX_FRAMES);
     let pool = threads::pool(threads)?;
-    let entries = pool.install(|| Entry::all(job, &journal::read(&job.folder)));
-    let strip = |entry: &Entry| Strip::of(job, entry, each);
+    let entries = pool.install(|| SheetEntry::all(job, &journal::read(&job.folder)));
+    let strip = |entry: &SheetEntry| Strip::of(job, entry, each);
     let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());
     let sweep = Sweep::default();
     let page = || write_text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
-    let names = names(entries.len());
-    let sheet = |(number, (entries, strips)): (usize, (&[Entry], &[Option<Strip>]))| {
+    let names = sheets(entries.len());
+    let sheet = |(number, (entries, strips)): (usize, (&[SheetEntry], &[Option<Strip>]))| {
         let path = job.folder.join(&names[number]);
         sweep.target(&path);
         png::write(&path, entries, strips)
     };
-    let parts = entries.par_chunks(png::CELLS).zip(strips.par_chunks(png::CELLS)).enumerate();
+    let parts = entries
+        .par_chunks(PICTURES_PER_SHEET)
+        .zip(strips.par_chunks(PICTURES_PER_SHEET))
+        .enumerate();
     let sheets = || parts.map(sheet).collect::<Result<Vec<PathBuf>>>();
     let (page, sheets) = pool.install(|| rayon::join(page, sheets));
     Ok([vec![page?], sheets?].concat())

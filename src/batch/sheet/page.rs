@@ -6,19 +6,19 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 
 use crate::{batch::job::Job, report::escape, units};
 
-use super::{entry::Entry, thumbnails::Strip};
+use super::{entry::SheetEntry, thumbnails::Strip};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// Returns the text of the page.
-pub fn html(job: &Job, entries: &[Entry], strips: &[Option<Strip>]) -> String {
+pub fn html(job: &Job, entries: &[SheetEntry], strips: &[Option<Strip>]) -> String {
     let mut html = String::new();
     let frames: usize = entries.iter().map(|entry| entry.frames.len()).sum();
     let of: u64 = entries.iter().map(|entry| u64::from(entry.of)).sum();
     let failed = entries.iter().filter(|entry| !entry.failures.is_empty()).count();
-    let seconds: f64 = entries.iter().map(Entry::seconds).sum();
-    let rays: u64 = entries.iter().map(Entry::rays).sum();
+    let seconds: f64 = entries.iter().map(SheetEntry::seconds).sum();
+    let rays: u64 = entries.iter().map(SheetEntry::rays).sum();
     let _ = write!(
         html,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -48,7 +48,7 @@ pub fn html(job: &Job, entries: &[Entry], strips: &[Option<Strip>]) -> String {
     html
 }
 
-fn card(html: &mut String, job: &Job, entry: &Entry, strip: Option<&Strip>) {
+fn card(html: &mut String, job: &Job, entry: &SheetEntry, strip: Option<&Strip>) {
     let failure = entry.message();
     let missing = entry.frames.len() < entry.of as usize;
     let (class, state) = match (&failure, missing) {
@@ -109,7 +109,7 @@ fn card(html: &mut String, job: &Job, entry: &Entry, strip: Option<&Strip>) {
 }
 
 /// Shows one frame as a link to its file. The mouse or the slider selects other frames.
-fn picture(html: &mut String, job: &Job, entry: &Entry, strip: &Strip) {
+fn picture(html: &mut String, job: &Job, entry: &SheetEntry, strip: &Strip) {
     let count = strip.frames.len();
     let (width, height) = strip.first.dimensions();
     let data = STANDARD.encode(&strip.jpeg);

@@ -16,13 +16,11 @@ use crate::{
 };
 
 use super::{
-    entry::Entry,
+    entry::SheetEntry,
     thumbnails::{SIDE, Strip},
 };
 
 const COLUMNS: usize = 15;
-/// Number of pictures per sheet.
-pub const CELLS: usize = COLUMNS * 20;
 
 const FONT: &MonoFont = &FONT_6X10;
 const GAP: u32 = 8;
@@ -37,7 +35,7 @@ const GREY: Rgb<u8> = Rgb([224, 227, 231]);
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write(path: &Path, entries: &[Entry], strips: &[Option<Strip>]) -> Result<PathBuf> {
+pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Result<PathBuf> {
     let sheet = draw(entries, strips);
     let mut part = Part::create(path)?;
     let written = sheet.0.write_to(&mut std::io::BufWriter::new(part.file()), ImageFormat::Png);
@@ -49,7 +47,7 @@ pub fn write(path: &Path, entries: &[Entry], strips: &[Option<Strip>]) -> Result
     part.commit()
 }
 
-fn draw(entries: &[Entry], strips: &[Option<Strip>]) -> Sheet {
+fn draw(entries: &[SheetEntry], strips: &[Option<Strip>]) -> Sheet {
     let columns = entries.len().clamp(1, COLUMNS) as u32;
     let rows = entries.len().div_ceil(COLUMNS).max(1) as u32;
     let (width, height) = (SIDE + GAP, SIDE + LINE + GAP);

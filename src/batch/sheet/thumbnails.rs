@@ -4,7 +4,7 @@ use image::{Rgb, RgbImage, RgbaImage, codecs::jpeg::JpegEncoder, imageops};
 
 use crate::{batch::job::Job, output::Outputs};
 
-use super::entry::Entry;
+use super::entry::SheetEntry;
 
 /// Longer side of a thumbnail in pixels.
 pub const SIDE: u32 = 192;
@@ -27,7 +27,7 @@ pub struct Strip {
 impl Strip {
     /// Makes at most `max_count` thumbnails, evenly spread over the frames. `None` if no picture
     /// can be read.
-    pub fn of(job: &Job, entry: &Entry, max_count: usize) -> Option<Self> {
+    pub fn of(job: &Job, entry: &SheetEntry, max_count: usize) -> Option<Self> {
         let there: Vec<u32> = entry.frames.keys().copied().collect();
         let count = there.len().min(max_count);
         let chosen = (0..count).map(|i| there[i * there.len() / count]);

@@ -17,7 +17,7 @@ use crate::{
     simd::Isa,
 };
 
-use super::{failed, machine, print, signals};
+use super::{machine, print, signals};
 
 use self::args::AccuracyArgs;
 
@@ -53,7 +53,7 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     outputs.write("--html", || page::page(&report).html())?;
     outputs.write("--markdown", || markdown::page(&report))?;
     print::paths(&outputs.written())?;
-    failed("accuracy", report.failures())
+    Error::failed("accuracy", report.failures())
 }
 
 /// Returns the cases of the catalogue whose group or name contains `text`.

@@ -1,7 +1,7 @@
 //! Report page of `accuracy`, with pictures of the failures.
 
 use crate::{
-    lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, Kind},
+    lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, WrongKind},
     report::{Bar, Bars, Cell, Group, Page, Section, picture},
     units,
 };
@@ -153,13 +153,13 @@ fn pictures(report: &AccuracyReport, group: &str) -> Option<Section> {
         return None;
     }
     let colors = [
-        (Kind::Leak, "red"),
-        (Kind::FalseHit, "orange"),
-        (Kind::WrongPrimitive, "violet"),
-        (Kind::WrongDistance, "blue"),
-        (Kind::Crossings, "green"),
-        (Kind::SelfShadow, "pink"),
-        (Kind::Pixel, "yellow"),
+        (WrongKind::Leak, "red"),
+        (WrongKind::FalseHit, "orange"),
+        (WrongKind::WrongPrimitive, "violet"),
+        (WrongKind::WrongDistance, "blue"),
+        (WrongKind::Crossings, "green"),
+        (WrongKind::SelfShadow, "pink"),
+        (WrongKind::Pixel, "yellow"),
     ];
     let colors: Vec<String> =
         colors.iter().map(|(kind, color)| format!("{color} {}", kind.name())).collect();

@@ -9,7 +9,7 @@ use crate::{
         flags::{
             ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, SceneArgs,
         },
-        names::ProgressMode,
+        progress::ProgressMode,
     },
     output::tonemap::Depth,
     studio::{LightsFollow, Turning},

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::{
     batch::{
-        self, Event, Flags, Job, JobFile, LimitKeys, Options, Outcome, Status, TurntableKeys,
+        self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Status, TurntableKeys,
         WrittenInput, sheet,
     },
     error::{Error, Kind, Problem, Result, printable},
@@ -27,7 +27,11 @@ use crate::{
     units,
 };
 
-use super::{machine, names::ProgressMode, overrides, print, progress::Progress, signals};
+use super::{
+    machine, overrides, print,
+    progress::{Progress, ProgressMode},
+    signals,
+};
 
 use self::args::BatchArgs;
 
@@ -134,14 +138,14 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     Err(Error { kind, problems })
 }
 
-fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<Options> {
+fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
     let written = limits.memory.as_ref().map(|text| {
         units::parse_bytes(&text.0).map_err(|expected| {
             Error::invalid("limits/memory", format!("found {:?}, {expected}", text.0))
         })
     });
     let written = written.transpose()?;
-    Ok(Options {
+    Ok(BatchOptions {
         threads: machine::threads(args.machine.workers.threads.or(limits.threads)),
         jobs: args.run.jobs.or(limits.jobs).map(usize::from),
         max_memory: args.machine.max_memory.or(written),

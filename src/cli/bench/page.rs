@@ -5,7 +5,7 @@ use crate::{
         growth::{Growth, Quantity},
         result::{BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind},
     },
-    report::{Bar, Bars, Cell, Group, Line, Lines, Page, Ratio, Ratios, Section},
+    report::{Bar, Bars, Cell, ChartLine, Group, LineChart, Page, Ratio, Ratios, Section},
     units,
 };
 
@@ -207,7 +207,7 @@ fn visits(scene: &SceneResult) -> String {
 /// Charts build time and memory against the size of the scene, if there are several scenes.
 fn growth(report: &BenchReport) -> Option<Section> {
     let chart = |quantity: Quantity| {
-        let lines = Growth::of_report(report, quantity).into_iter().map(|growth| Line {
+        let lines = Growth::of_report(report, quantity).into_iter().map(|growth| ChartLine {
             name: match growth.exponent() {
                 Some(exponent) => format!("{} \u{2013} n^{exponent:.2}", growth.backend),
                 None => growth.backend,
@@ -221,7 +221,7 @@ fn growth(report: &BenchReport) -> Option<Section> {
         let name = table::quantity_name(quantity);
         let title = name[..1].to_uppercase() + &name[1..];
         let (unit, across) = (unit.into(), "triangles".into());
-        Lines { title, unit, across, lines: lines.collect(), ..Lines::default() }.svg()
+        LineChart { title, unit, across, lines: lines.collect(), ..LineChart::default() }.svg()
     };
     let charts = Quantity::ALL.map(chart).to_vec();
     let any = report.scenes.len() > 1 && charts.iter().any(|chart| !chart.is_empty());

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::{
+    cli::print::aligned,
     error::printable,
     lab::{
         growth::{Growth, Quantity},
@@ -24,10 +25,10 @@ pub fn scene(scene: &SceneResult) -> String {
     });
     lines.push(format!("rays: {}", rays.collect::<Vec<_>>().join(", ")));
     lines.push(String::new());
-    lines.extend(table(&backends(scene)));
+    lines.extend(aligned(&backends(scene)));
     for threads in threads(scene) {
         lines.push(String::new());
-        lines.extend(table(&timings(scene, threads)));
+        lines.extend(aligned(&timings(scene, threads)));
     }
     lines.push(String::new());
     lines.extend(agreement(scene));
@@ -59,7 +60,7 @@ fn changes(changes: &[Change]) -> String {
             change.ratio.verdict().to_string(),
         ]
     }));
-    table(&rows).join("\n") + "\n"
+    aligned(&rows).join("\n") + "\n"
 }
 
 /// Returns the table of growth of build time and memory with scene size, head first. Empty for one
@@ -87,7 +88,7 @@ pub fn growth(report: &BenchReport) -> Vec<Vec<String>> {
 
 /// Formats [`growth`] as text; empty for one scene.
 pub fn growth_text(report: &BenchReport) -> String {
-    table(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
+    aligned(&growth(report)).iter().map(|line| format!("{line}\n")).collect()
 }
 
 /// Returns the name of a quantity for tables and charts.
@@ -219,18 +220,4 @@ pub fn agreement(scene: &SceneResult) -> Vec<String> {
         lines.push("answers: the same for every ray".into());
     }
     lines
-}
-
-/// Aligns rows in columns.
-pub fn table(rows: &[Vec<String>]) -> Vec<String> {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |c: usize| {
-        rows.iter().filter_map(|r| r.get(c)).map(|t| t.chars().count()).max().unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..columns).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).map(|(text, width)| format!("{text:width$}"));
-        cells.collect::<Vec<_>>().join("  ").trim_end().to_string()
-    };
-    rows.iter().map(line).collect()
 }

@@ -50,7 +50,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
         }
         print::paths(&written)?;
     }
-    super::failed("compare", failed)
+    Error::failed("compare", failed)
 }
 
 /// Threshold of a metric.

@@ -11,10 +11,10 @@ use crate::{
     lab::{
         backend::TestedBackend,
         compare::{
-            file::{Format, Picture},
-            layer::{Layer, Meaning},
+            file::{FileFormat, Picture},
+            layer::{Meaning, PictureLayer},
         },
-        converge::{self, Grid, Limits, Reference, StudyNames, StudySettings, report},
+        converge::{self, Limits, ReferencePicture, StudyGrid, StudyNames, StudySettings, report},
     },
     monitor::Monitor,
     output::exr_read,
@@ -66,7 +66,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         let mut world = job.world(&monitor, note)?;
         let reference = given.as_ref().map(|layer| {
             let values = layer.values.clone();
-            Reference { values, floor: None }
+            ReferencePicture { values, floor: None }
         });
         converge::run(&mut world, &settings, reference, &monitor, &note)
     })?;
@@ -104,7 +104,7 @@ fn tested_backends(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<T
     TestedBackend::distinct("--backends", parsed)
 }
 
-fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Grid> {
+fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<StudyGrid> {
     let sorted = |values: &[u32]| {
         let mut values = values.to_vec();
         values.sort_unstable();
@@ -131,24 +131,24 @@ fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Grid
         true => vec![None],
         false => light_samples.into_iter().map(Some).collect(),
     };
-    Ok(Grid { backend_count, samplers, spp: sorted(&args.spp), light_samples })
+    Ok(StudyGrid { backend_count, samplers, spp: sorted(&args.spp), light_samples })
 }
 
 /// Reads the seed from the EXR header of a picture of this program.
 fn seed_of(path: &Path) -> Option<i64> {
-    exr_read::Reader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
+    exr_read::ExrReader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
 }
 
 /// Reads a reference: the light of an EXR that has the scene's size.
-fn read_reference(path: &Path, scene: &Scene) -> Result<Layer> {
+fn read_reference(path: &Path, scene: &Scene) -> Result<PictureLayer> {
     let place = || path.display().to_string();
     let picture = Picture::read(path)?;
-    if picture.format != Format::Exr {
+    if picture.format != FileFormat::Exr {
         let message = "found a PNG, expected an EXR: errors are measured in linear light";
         return Err(Error::invalid(place(), message)
             .help("lightpath render SCENE --float --spp 4096 -o reference"));
     }
-    let light = |layer: &Layer| layer.name.is_empty() && layer.meaning == Meaning::Light;
+    let light = |layer: &PictureLayer| layer.name.is_empty() && layer.meaning == Meaning::Light;
     let Some(layer) = picture.layers.into_iter().find(light) else {
         return Err(Error::invalid(place(), "found no R G B, expected the picture itself"));
     };

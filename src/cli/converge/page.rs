@@ -3,13 +3,13 @@
 use crate::{
     lab::{
         compare::{
-            layer::{Layer, Meaning},
+            layer::{Meaning, PictureLayer},
             map,
         },
         converge::{Crop, PointResult, Study, StudyReport},
     },
     output::tonemap::Curve,
-    report::{Cell, Line, Lines, Page, Section, picture_of_width},
+    report::{Cell, ChartLine, LineChart, Page, Section, picture_of_width},
     scene::{ToneOperator, Tonemap},
     units::capital,
 };
@@ -67,12 +67,12 @@ fn against_time(report: &StudyReport) -> String {
     let dots: Vec<Vec<[f64; 2]>> = compared.iter().map(of).collect();
     let lines = compared.iter().zip(&dots).map(|((backend, sampler), dots)| {
         let front = crate::lab::converge::front(dots);
-        Line {
+        ChartLine {
             name: text::shorter(report, backend, sampler),
             points: front.into_iter().map(|i| dots[i]).collect(),
         }
     });
-    Lines {
+    LineChart {
         title: "Error against time".into(),
         unit: "relmse, less is better; lines join what nothing else of the colour beats".into(),
         across: "seconds of one render".into(),
@@ -94,13 +94,13 @@ fn against_samples(report: &StudyReport) -> String {
     let lines = chosen.iter().filter_map(|series| {
         let slope = series.slope?;
         let name = text::shorter(report, &series.backend, &series.sampler);
-        Some(Line {
+        Some(ChartLine {
             name: format!("{name}: samples^{:.2}", slope.slope),
             points: series.points.iter().map(at).collect(),
         })
     });
     let fixed = chosen.first().map_or(String::new(), |series| text::at(series));
-    Lines {
+    LineChart {
         title: "Error against samples".into(),
         unit: format!("RMSE{fixed}, less is better"),
         across: "samples a pixel".into(),
@@ -168,8 +168,8 @@ fn pictures(report: &StudyReport, study: &Study) -> Option<Section> {
     Some(Section { title, charts, ..Section::default() })
 }
 
-fn layer(values: &[f32], crop: Crop) -> Layer {
-    Layer {
+fn layer(values: &[f32], crop: Crop) -> PictureLayer {
+    PictureLayer {
         name: String::new(),
         meaning: Meaning::Light,
         size: crop.size,

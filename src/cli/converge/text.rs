@@ -9,13 +9,14 @@ use crate::lab::{
 };
 use crate::units::plural;
 
-use crate::cli::bench::table::table;
+use crate::cli::print::aligned;
 
 /// Formats the whole report for the terminal.
 pub fn text(report: &StudyReport) -> String {
     let mut out = format!("{}\n\n", reference(report));
-    let lines = table(&points(report)).into_iter().chain([String::new()]);
-    let lines = lines.chain(table(&series(report))).chain([String::new()]).chain(findings(report));
+    let lines = aligned(&points(report)).into_iter().chain([String::new()]);
+    let lines =
+        lines.chain(aligned(&series(report))).chain([String::new()]).chain(findings(report));
     for line in lines.chain(notes(report)) {
         let _ = writeln!(out, "{line}");
     }

@@ -17,7 +17,7 @@ use crate::{
     lab::{
         answer::Answer,
         backend::{BuiltBackend, TestedBackend},
-        crosscheck::{Check, Finding, Tree, check_rays, compare_pictures},
+        crosscheck::{Check, Finding, TreeReport, check_rays, compare_pictures},
         verdict::{Verdict, judge},
     },
     monitor::Monitor,
@@ -27,12 +27,10 @@ use crate::{
 };
 
 use super::{
-    failed,
     load::{self, SceneRequest},
-    names::ProgressMode,
     outputs::OutputFlags,
     overrides, print,
-    progress::Progress,
+    progress::{Progress, ProgressMode},
     render::progress as render_progress,
     signals,
 };
@@ -111,7 +109,7 @@ struct Built<'g> {
 }
 
 impl<'g> Built<'g> {
-    /// Builds the backends in `asked`, or all that can run here.
+    /// Builds the backends that the user names, or all that can run here.
     fn new(
         world: &'g World,
         asked: Option<Vec<TestedBackend>>,
@@ -188,7 +186,7 @@ fn check(
         seed: job.loaded.scene.seed,
     };
     let mut report = check_rays(&check, monitor)?;
-    report.tree = built.bvh.as_ref().map(|bvh| Tree::from(bvh.validate()));
+    report.tree = built.bvh.as_ref().map(|bvh| TreeReport::from(bvh.validate()));
     if !args.no_picture {
         report.pictures = compare_pictures(&world, &built.oracle, &built_backends, isa, monitor)?;
     }
@@ -205,7 +203,7 @@ fn check(
     } else {
         print::text(&text::report(&report))?;
     }
-    failed("crosscheck", report.failures())
+    Error::failed("crosscheck", report.failures())
 }
 
 /// A finding that was traced again.
@@ -282,7 +280,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let still = results.iter().filter(|r| r.verdict.is_wrong() && r.finding.fails()).count();
     let all = results.len();
     let failure = (still > 0).then(|| format!("{still} of {all} answers are still wrong"));
-    failed("crosscheck", failure)
+    Error::failed("crosscheck", failure)
 }
 
 fn read(file: &Path) -> Result<Saved> {

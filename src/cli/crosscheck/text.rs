@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::lab::{
     answer::Answer,
-    crosscheck::{CrosscheckReport, Finding, Tree, VerdictCounts},
+    crosscheck::{CrosscheckReport, Finding, TreeReport, VerdictCounts},
     verdict::{MAX_NEAR, Verdict},
 };
 
@@ -46,8 +46,10 @@ pub fn report(report: &CrosscheckReport) -> String {
         }
     }
     match &report.tree {
-        Some(Tree::Valid(what)) => out += &format!("\nthe tree of bvh is valid: {what}\n"),
-        Some(Tree::Invalid(what)) => out += &format!("\nthe tree of bvh is INVALID: {what}\n"),
+        Some(TreeReport::Valid(what)) => out += &format!("\nthe tree of bvh is valid: {what}\n"),
+        Some(TreeReport::Invalid(what)) => {
+            out += &format!("\nthe tree of bvh is INVALID: {what}\n")
+        }
         None => {}
     }
     if let Some(all) = report.plain_loop {

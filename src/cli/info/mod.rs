@@ -25,7 +25,7 @@ use crate::{
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
     scene::{Backend, Overrides},
-    studio::{self, Points, Subject, Template},
+    studio::{self, Subject, Template, UsedVertices},
     units,
     world::{Bounds, Detail},
 };
@@ -132,7 +132,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let stitches = mesh.stitches.len() as u64;
     let what = "of them have three collinear corners: kept where they close a T-junction";
     facts.add_count("stitches", stitches, what);
-    let points = Points::new(&mesh);
+    let points = UsedVertices::new(&mesh);
     facts.add_count("vertices_unused", points.unused(), "vertices that no triangle uses");
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;

@@ -10,7 +10,7 @@ use crate::{
             ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, PrefixArgs,
             SceneArgs,
         },
-        names::ProgressMode,
+        progress::ProgressMode,
     },
     integrate::Relative,
     output::{exr::Sequence, tonemap::Depth},
@@ -19,7 +19,7 @@ use crate::{
     units::parse_rate,
 };
 
-use super::{dataset::DatasetArgs, part::SplitArgs, plate::OverArgs};
+use super::{dataset::DatasetArgs, plate::OverArgs};
 
 /// Arguments of `lightpath render`.
 #[derive(Debug, Args)]
@@ -190,4 +190,63 @@ pub struct ReportArgs {
     /// Progress on stderr; auto is a bar on a terminal, else plain
     #[arg(long, value_name = "MODE")]
     pub progress: Option<ProgressMode>,
+}
+
+/// Flags for parts of a picture.
+#[derive(Debug, Args)]
+#[command(
+    next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
+)]
+pub struct SplitArgs {
+    /// Render only part I of N, from 1: a band of rows of the frame or the --crop
+    #[arg(long, value_name = "I/N", value_parser = parse_tile)]
+    pub tile: Option<[u32; 2]>,
+
+    /// Render only the samples A to B - 1 of each pixel, counted from 0
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
+    pub samples: Option<[u32; 2]>,
+
+    /// With --samples: number of samples of all parts together [default: the scene's spp]
+    #[arg(long, value_name = "N", requires = "samples")]
+    pub of: Option<u32>,
+
+    /// Keep all bits in the EXR, so that merging --crops gives the same PNG, too
+    #[arg(long)]
+    pub part: bool,
+}
+
+/// Parses `3/8` to [3, 8].
+fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected = || "expected I/N with I from 1 to N, for example 3/8".to_string();
+    let (i, n) = text.split_once('/').ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [i, n]: [u32; 2] = [number(i)?, number(n)?];
+    if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
+}
+
+/// Parses `16..32` to [16, 32].
+pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
+    let expected =
+        || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
+    let (a, b) = text.split_once("..").ok_or_else(expected)?;
+    let number = |text: &str| text.parse().map_err(|_| expected());
+    let [a, b]: [u32; 2] = [number(a)?, number(b)?];
+    if a < b { Ok([a, b]) } else { Err(expected()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_and_ranges() {
+        assert_eq!(parse_tile("3/8"), Ok([3, 8]));
+        assert_eq!(parse_range("0..16"), Ok([0, 16]));
+        for bad in ["", "3", "0/8", "9/8", "-1/8", "1/0", "a/b", "1/2/3", "1/99999999999"] {
+            assert!(parse_tile(bad).is_err(), "{bad}");
+        }
+        for bad in ["", "3", "3..3", "4..3", "..3", "3..", "-1..3", "0..=3", "1..99999999999"] {
+            assert!(parse_range(bad).is_err(), "{bad}");
+        }
+    }
 }

@@ -25,23 +25,22 @@ use crate::{
     output::{ValueCounts, atomic::Part},
     picture::{self, PictureHeader},
     render::{self as renderer, RayCounts, SampleCounts},
-    world::{Contents, LoadOptions, World, fingerprint},
+    world::{ContentHashes, LoadOptions, World, fingerprint},
 };
 
 use super::{
-    about,
-    load::{self, Job},
+    load::{self, SceneJob},
     machine,
     outputs::{self, TextOutputs},
     print,
     progress::Progress,
-    signals,
+    signals, version,
 };
 
 use self::{
     args::{RenderArgs, ReportArgs},
     options::RenderOptions,
-    stats::{Memory, Rays, Seconds, Stats},
+    stats::{MemoryStats, RayStats, Seconds, Stats},
 };
 
 /// Flags that name output files.
@@ -100,7 +99,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 
 /// State shared by the stages of a render.
 struct Run<'a> {
-    job: &'a Job,
+    job: &'a SceneJob,
     options: RenderOptions,
     threads: usize,
     monitor: &'a Monitor,
@@ -130,7 +129,7 @@ impl Run<'_> {
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
-        let mut contents = Contents::default();
+        let mut contents = ContentHashes::default();
         let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
             || fingerprint(&self.job.loaded, self.options.repair, &mut contents),
@@ -139,7 +138,7 @@ impl Run<'_> {
         let mut world = world.with_overscan(part.overscan);
         let hash = hash?;
         if hash.is_some() {
-            world.read.check(&contents)?;
+            contents.check(&world.read)?;
         }
         // A mesh from a pipe names its texture only when it is read.
         outputs::refuse_overwrites(world.read.paths(), self.options.outputs(), OUTPUT_FLAGS)?;
@@ -176,7 +175,7 @@ impl Run<'_> {
         stats.triangles = world.triangles();
         stats.memory.mesh_bytes = world.mesh_bytes();
         stats.memory.texture_bytes = world.texture_bytes();
-        stats.rays = Rays {
+        stats.rays = RayStats {
             primary: counts.primary,
             shadow: counts.shadow,
             reflection: counts.reflection,
@@ -224,15 +223,15 @@ impl Run<'_> {
         Stats {
             backend: loaded.scene.backend.name().to_string(),
             threads: self.threads,
-            versions: about::versions(&info.version),
+            versions: version::versions(&info.version),
             cpu: machine::cpu(),
             isa: format!("{} rays, {} shading", info.isa, loaded.scene.backend.isa()),
             scene_hash: loaded.hash.clone(),
             seed: loaded.scene.seed,
-            memory: Memory {
+            memory: MemoryStats {
                 accelerator_bytes: info.bytes,
                 accelerator_peak_bytes: info.peak_bytes,
-                ..Memory::default()
+                ..MemoryStats::default()
             },
             ..Stats::default()
         }

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use crate::{
     cli::{
-        load::{Job, SceneRequest},
-        names::ProgressMode,
+        load::{SceneJob, SceneRequest},
         outputs::OutputFlags,
         overrides,
+        progress::ProgressMode,
     },
     error::{Error, Problem, Result},
     layers::LayerPlan,
@@ -100,9 +100,9 @@ pub struct RenderOptions {
     pub repair: bool,
     /// True to read mesh files instead of mapping them.
     pub no_mmap: bool,
-    /// Path of `--write-scene`.
+    /// Path of the file of `--write-scene`.
     pub write_scene: Option<PathBuf>,
-    /// Path of `--stats`.
+    /// Path of the file of `--stats`.
     pub stats: Option<PathBuf>,
     /// How to show the progress.
     pub progress: ProgressMode,
@@ -115,7 +115,7 @@ impl RenderOptions {
     ///
     /// # Errors
     /// Flags that contradict each other or the scene; a scene that does not fit the memory limit.
-    pub fn resolve(args: &RenderArgs, job: &Job, threads: usize) -> Result<Self> {
+    pub fn resolve(args: &RenderArgs, job: &SceneJob, threads: usize) -> Result<Self> {
         let scene = &job.loaded.scene;
         let (storage, report) = (args.files.storage(), &args.report);
         picture::check_storage(scene, storage)?;

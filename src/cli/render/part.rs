@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use clap::Args;
-
 use crate::{
     accel::BuildInfo,
     camera::check_overscan,
@@ -17,48 +15,6 @@ use crate::{
 };
 
 use super::args::RenderArgs;
-
-/// Flags for parts of a picture.
-#[derive(Debug, Args)]
-#[command(
-    next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
-)]
-pub struct SplitArgs {
-    /// Render only part I of N, from 1: a band of rows of the frame or the --crop
-    #[arg(long, value_name = "I/N", value_parser = parse_tile)]
-    pub tile: Option<[u32; 2]>,
-
-    /// Render only the samples A to B - 1 of each pixel, counted from 0
-    #[arg(long, value_name = "A..B", value_parser = parse_range)]
-    pub samples: Option<[u32; 2]>,
-
-    /// With --samples: number of samples of all parts together [default: the scene's spp]
-    #[arg(long, value_name = "N", requires = "samples")]
-    pub of: Option<u32>,
-
-    /// Keep all bits in the EXR, so that merging --crops gives the same PNG, too
-    #[arg(long)]
-    pub part: bool,
-}
-
-/// Parses `3/8` to [3, 8].
-fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
-    let expected = || "expected I/N with I from 1 to N, for example 3/8".to_string();
-    let (i, n) = text.split_once('/').ok_or_else(expected)?;
-    let number = |text: &str| text.parse().map_err(|_| expected());
-    let [i, n]: [u32; 2] = [number(i)?, number(n)?];
-    if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
-}
-
-/// Parses `16..32` to [16, 32].
-pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
-    let expected =
-        || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();
-    let (a, b) = text.split_once("..").ok_or_else(expected)?;
-    let number = |text: &str| text.parse().map_err(|_| expected());
-    let [a, b]: [u32; 2] = [number(a)?, number(b)?];
-    if a < b { Ok([a, b]) } else { Err(expected()) }
-}
 
 /// The part of the picture that this render makes.
 #[derive(Debug)]
@@ -294,21 +250,4 @@ fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
         false => format!("{start}..{above}"),
     };
     Err(Error::invalid("--samples", message).help(help))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tiles_and_ranges() {
-        assert_eq!(parse_tile("3/8"), Ok([3, 8]));
-        assert_eq!(parse_range("0..16"), Ok([0, 16]));
-        for bad in ["", "3", "0/8", "9/8", "-1/8", "1/0", "a/b", "1/2/3", "1/99999999999"] {
-            assert!(parse_tile(bad).is_err(), "{bad}");
-        }
-        for bad in ["", "3", "3..3", "4..3", "..3", "3..", "-1..3", "0..=3", "1..99999999999"] {
-            assert!(parse_range(bad).is_err(), "{bad}");
-        }
-    }
 }

@@ -10,11 +10,11 @@ use crate::{render::SampleCounts, units};
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stats {
     pub seconds: Seconds,
-    pub rays: Rays,
+    pub rays: RayStats,
     /// Samples per pixel, if their number varies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<SampleCounts>,
-    pub memory: Memory,
+    pub memory: MemoryStats,
     /// Triangles of all meshes, and single triangles.
     pub triangles: u64,
     pub backend: String,
@@ -48,7 +48,7 @@ pub struct Seconds {
 
 /// Numbers of rays by class.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Rays {
+pub struct RayStats {
     /// Rays that start at the camera.
     pub primary: u64,
     /// Rays towards a light.
@@ -61,7 +61,7 @@ pub struct Rays {
 
 /// Memory use in bytes.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Memory {
+pub struct MemoryStats {
     /// Largest resident set of the process (`VmHWM`); 0 if the system does not report it.
     pub peak_bytes: u64,
     /// Accelerator after its build.

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-use super::counts::{CaseCounts, Kind};
+use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Judge};
 use super::picture;
 use super::report::{BackendCounts, CaseResult, FailurePicture};
@@ -137,10 +137,10 @@ impl Case {
 ///
 /// They apply to robust Embree, because `--backend embree` renders with it. Its leaks are only
 /// published.
-pub fn forbidden(backend: Backend) -> &'static [Kind] {
+pub fn forbidden(backend: Backend) -> &'static [WrongKind] {
     match backend {
         Backend::Embree(EmbreeMode::Robust | EmbreeMode::Compact) => {
-            &[Kind::FalseHit, Kind::SelfShadow]
+            &[WrongKind::FalseHit, WrongKind::SelfShadow]
         }
         _ => &[],
     }
@@ -249,7 +249,7 @@ impl CaseRun<'_> {
     /// The errors of the build that the pictures need.
     pub fn keep(&mut self, geometry: &Geometry, sums: Vec<CaseCounts>) -> Result<()> {
         if self.settings.pictures && sums.iter().any(|sum| !sum.places.is_empty()) {
-            let view = picture::View::new(geometry, self.monitor)?;
+            let view = picture::ParallelView::new(geometry, self.monitor)?;
             for (index, sum) in sums.iter().enumerate() {
                 let seen = self.pictures.iter().any(|picture| picture.column == index);
                 if sum.places.is_empty() || seen {

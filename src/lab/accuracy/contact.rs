@@ -11,8 +11,8 @@ use glam::{DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::case::{Case, CaseRun, PassCriterion};
-use super::counts::{CaseCounts, Kind, ulp};
-use super::shadow::Points;
+use super::counts::{CaseCounts, WrongKind, ulp};
+use super::shadow::SurfacePoints;
 use crate::accel::Accelerator;
 use crate::accel::lane::lanes;
 use crate::error::Result;
@@ -190,7 +190,8 @@ pub(super) fn check(
             let all = Mask::ALL;
             let time = trace(accelerator, &all, &mut packet, false, Coherence::Coherent);
             counts.nanoseconds += time.as_nanos() as u64;
-            let points = Points::new((geometry, accelerator), &packet.hit(&all), &mut packet);
+            let points =
+                SurfacePoints::new((geometry, accelerator), &packet.hit(&all), &mut packet);
             let seen = ColumnHits { geometry, tested, accelerator, packet: &packet, points };
             judge(&mut random, &seen, counts);
         })
@@ -203,7 +204,7 @@ pub(super) struct ColumnHits<'a> {
     pub tested: &'a TestedBackend,
     accelerator: &'a dyn Accelerator,
     packet: &'a RayPacket,
-    pub points: Points,
+    pub points: SurfacePoints,
 }
 
 impl ColumnHits<'_> {
@@ -240,7 +241,7 @@ impl ColumnHits<'_> {
     }
 
     /// Counts a ray from lane `i`, and an error of this kind unless it is `right`.
-    pub fn expect(&self, i: usize, right: bool, kind: Kind, counts: &mut CaseCounts) {
+    pub fn expect(&self, i: usize, right: bool, kind: WrongKind, counts: &mut CaseCounts) {
         counts.rays += 1;
         if !right {
             counts.fail(kind, self.points.position(i));
@@ -300,9 +301,9 @@ fn self_shadow(scale: f64) -> Case {
                             // The normal points inwards: the ray has leaked through the side
                             // that faces it.
                             if normal.dot(at) < 0.0 {
-                                counts.fail(Kind::Leak, at);
+                                counts.fail(WrongKind::Leak, at);
                             } else if occluded {
-                                counts.fail(Kind::SelfShadow, at);
+                                counts.fail(WrongKind::SelfShadow, at);
                             }
                         }
                     },
@@ -407,7 +408,7 @@ fn in_contact(
                 counts.rays += 1;
                 let point = seen.points.position(i);
                 if seen.primitive(i).is_none_or(|hit| hit == occluder) {
-                    counts.fail(Kind::Leak, point);
+                    counts.fail(WrongKind::Leak, point);
                     continue;
                 }
                 // Gap between occluder and point. The point itself is rounded by half an ulp.
@@ -416,7 +417,7 @@ fn in_contact(
                     .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
                     .fold(f64::INFINITY, f64::min);
                 match (gap >= CONTACT * unit, occluded) {
-                    (true, false) => counts.fail(Kind::LightLeak, point),
+                    (true, false) => counts.fail(WrongKind::LightLeak, point),
                     (false, false) => counts.counted += 1,
                     _ => {}
                 }

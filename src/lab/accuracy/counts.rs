@@ -15,7 +15,7 @@ named! {
     /// Kind of a wrong answer.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
-    pub enum Kind {
+    pub enum WrongKind {
         /// The ray passed through a surface.
         Leak = "leak",
         /// A hit of a primitive that the ray passes by more than the error bound.
@@ -39,7 +39,7 @@ named! {
     }
 }
 
-impl Kind {
+impl WrongKind {
     /// Colour of the dots in pictures: R, G, B.
     pub fn color(self) -> [u8; 3] {
         match self {
@@ -55,13 +55,13 @@ impl Kind {
 }
 
 /// Kind of error of a verdict of [`crate::lab::verdict::judge`]; `None` if it is no error.
-pub fn kind_of(verdict: Verdict) -> Option<Kind> {
+pub fn kind_of(verdict: Verdict) -> Option<WrongKind> {
     match verdict {
         Verdict::Agree | Verdict::Tie | Verdict::Edge | Verdict::Crowd => None,
-        Verdict::Leak => Some(Kind::Leak),
-        Verdict::FalseHit => Some(Kind::FalseHit),
-        Verdict::WrongPrimitive => Some(Kind::WrongPrimitive),
-        Verdict::WrongDistance => Some(Kind::WrongDistance),
+        Verdict::Leak => Some(WrongKind::Leak),
+        Verdict::FalseHit => Some(WrongKind::FalseHit),
+        Verdict::WrongPrimitive => Some(WrongKind::WrongPrimitive),
+        Verdict::WrongDistance => Some(WrongKind::WrongDistance),
     }
 }
 
@@ -71,7 +71,7 @@ pub struct CaseCounts {
     /// Number of judged answers.
     pub rays: u64,
     /// Number of wrong answers of each kind.
-    pub failures: BTreeMap<Kind, u64>,
+    pub failures: BTreeMap<WrongKind, u64>,
     /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,
     /// Answers that a case counts without failing it.
@@ -94,19 +94,19 @@ pub struct CaseCounts {
     /// Nanoseconds spent in the backend, summed over threads.
     pub nanoseconds: u64,
     /// Places and kinds of the first failures.
-    pub places: Vec<(DVec3, Kind)>,
+    pub places: Vec<(DVec3, WrongKind)>,
 }
 
 impl CaseCounts {
     /// Returns a message if any failure of these kinds was counted.
-    pub fn has_any(&self, kinds: &[Kind]) -> Option<String> {
-        let count = |kind: &Kind| self.failures.get(kind).copied().unwrap_or(0);
+    pub fn has_any(&self, kinds: &[WrongKind]) -> Option<String> {
+        let count = |kind: &WrongKind| self.failures.get(kind).copied().unwrap_or(0);
         let found = kinds.iter().find(|kind| count(kind) > 0)?;
         Some(format!("{} answers are wrong ({}), expected none", count(found), found.name()))
     }
 
     /// Counts a wrong answer, shown at `place` in pictures.
-    pub fn fail(&mut self, kind: Kind, place: DVec3) {
+    pub fn fail(&mut self, kind: WrongKind, place: DVec3) {
         *self.failures.entry(kind).or_default() += 1;
         if self.places.len() < PLACES {
             self.places.push((place, kind));
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn tallies_add_up() {
         let mut one = CaseCounts { rays: 3, worst_ulp: 1.0, ..CaseCounts::default() };
-        one.fail(Kind::Leak, DVec3::ONE);
+        one.fail(WrongKind::Leak, DVec3::ONE);
         let mut two = one.clone();
         two.measure(9.0);
         two.add(&one);

@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::Built;
-use super::counts::{CaseCounts, Kind, kind_of, ulp};
+use super::counts::{CaseCounts, WrongKind, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{Hit, Ray, lanes};
@@ -153,11 +153,11 @@ impl One<'_> {
         packet: &RayPacket,
         shadow: bool,
         counts: &mut CaseCounts,
-    ) -> Option<Kind> {
+    ) -> Option<WrongKind> {
         let answer = Answer::in_lane(packet, i, shadow);
         if self.active.0[i] == 0 {
             let same = packet.rays.tfar[i].to_bits() == self.aimed.rays.tfar[i].to_bits();
-            return (!same || packet.hits.geom[i] != NONE).then_some(Kind::FalseHit);
+            return (!same || packet.hits.geom[i] != NONE).then_some(WrongKind::FalseHit);
         }
         if let Expect::Closed(before) = &self.aimed.expect {
             let leaks = match answer {
@@ -166,7 +166,7 @@ impl One<'_> {
                 Answer::Occluded => false,
             };
             if leaks {
-                return Some(Kind::Leak);
+                return Some(WrongKind::Leak);
             }
         }
         let truth = self.truths?[i];
@@ -176,16 +176,17 @@ impl One<'_> {
                 (Answer::Miss, Answer::Miss) | (Answer::Occluded, Answer::Occluded) => None,
                 (Answer::Hit { .. }, Answer::Hit { .. }) => {
                     let found = (packet.hits.geom[i], packet.hits.prim[i]);
-                    (truth.map(|hit| (hit.geom, hit.prim)) != Some(found)).then_some(Kind::FalseHit)
+                    (truth.map(|hit| (hit.geom, hit.prim)) != Some(found))
+                        .then_some(WrongKind::FalseHit)
                 }
-                (_, Answer::Miss) => Some(Kind::Leak),
-                _ => Some(Kind::FalseHit),
+                (_, Answer::Miss) => Some(WrongKind::Leak),
+                _ => Some(WrongKind::FalseHit),
             };
         }
         let ray = Ray::of(&self.aimed.rays, i);
         let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
         if matches!((self.aimed.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
-            return Some(Kind::Tie);
+            return Some(WrongKind::Tie);
         }
         counts.within_bound += u64::from(matches!(verdict, Verdict::Tie | Verdict::Edge));
         kind_of(verdict)
@@ -212,7 +213,7 @@ impl One<'_> {
             counts.nanoseconds += started.elapsed().as_nanos() as u64;
             counts.rays += 1;
             if found != expected || found % 2 != 0 {
-                counts.fail(Kind::Crossings, self.aimed.goals[i]);
+                counts.fail(WrongKind::Crossings, self.aimed.goals[i]);
             }
         }
     }

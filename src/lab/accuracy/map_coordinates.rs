@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use serde_json::json;
 
 use super::case::{Amount, Case, CaseRun, PassCriterion};
-use super::counts::{CaseCounts, Kind, ulp};
+use super::counts::{CaseCounts, WrongKind, ulp};
 use super::judge::{AimedPacket, Expect};
 use super::meshes::{TestMesh, any_triangle, icosphere, point_on, scan};
 use crate::error::{Error, Result};
@@ -128,7 +128,7 @@ fn moved(
                     let pixel = [index as u32 % frame[0], index as u32 / frame[0]];
                     let at = DVec2::new(pixel[0].into(), pixel[1].into());
                     let [x, y] = (at / f64::from(frame[0]) * 2.0 - 1.0).to_array();
-                    counts.fail(Kind::Pixel, DVec3::new(x, -y, 0.0));
+                    counts.fail(WrongKind::Pixel, DVec3::new(x, -y, 0.0));
                 }
             }
             sums.push(counts);
@@ -159,7 +159,7 @@ fn apart(run: &mut CaseRun) -> Result<()> {
             counts.rays += 1;
             let bound = exact.to_array().map(|x| 0.5001 * ulp(x));
             if !error.cmple(DVec3::from(bound)).all() {
-                counts.fail(Kind::WrongDistance, doubles(*stored));
+                counts.fail(WrongKind::WrongDistance, doubles(*stored));
             }
             off = off.max(error.max_element());
         }

@@ -27,7 +27,7 @@ mod tests;
 mod watertight;
 
 pub use self::case::{Case, CaseRun, PassCriterion};
-pub use self::counts::{CaseCounts, Kind};
+pub use self::counts::{CaseCounts, WrongKind};
 pub use self::report::{
     AccuracyReport, BackendCounts, CaseResult, ColumnReport, FailurePicture, VERSION,
 };

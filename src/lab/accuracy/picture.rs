@@ -3,7 +3,7 @@
 use glam::DVec3;
 use image::{Rgb, RgbImage};
 
-use super::counts::Kind;
+use super::counts::WrongKind;
 use crate::accel::bvh::Bvh;
 use crate::accel::{Accelerator, BuildOptions};
 use crate::error::Result;
@@ -23,7 +23,7 @@ const SHADES: f64 = 12.0;
 const LONG: f64 = 12.0;
 
 /// A shaded view of a geometry in parallel projection.
-pub struct View {
+pub struct ParallelView {
     ground: RgbImage,
     center: DVec3,
     /// Unit vectors of the view: right, down, forward.
@@ -32,7 +32,7 @@ pub struct View {
     half: [f64; 2],
 }
 
-impl View {
+impl ParallelView {
     /// Fits the geometry into the picture and shades it.
     ///
     /// # Errors
@@ -102,7 +102,7 @@ impl View {
     }
 
     /// Returns the picture with failures as a PNG file.
-    pub fn png(&self, places: &[(DVec3, Kind)]) -> Vec<u8> {
+    pub fn png(&self, places: &[(DVec3, WrongKind)]) -> Vec<u8> {
         let mut image = self.ground.clone();
         for (place, kind) in places {
             let away = *place - self.center;

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::Built;
 use super::case::{Amount, Case, CaseRun, PassCriterion};
-use super::counts::{CaseCounts, Kind};
+use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Expect};
 use super::meshes::{any_triangle, inside, point_on, scan, scene};
 use crate::error::Result;
@@ -130,7 +130,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
             worst = worst.max(ratio);
             counts.rays += 1;
             if ratio > SLOW {
-                counts.fail(Kind::Slow, DVec3::ZERO);
+                counts.fail(WrongKind::Slow, DVec3::ZERO);
             }
         }
     });

@@ -78,7 +78,7 @@ pub struct BackendCounts {
     pub rays: u64,
     /// Number of wrong answers.
     pub failed: u64,
-    /// Number of wrong answers by [`super::Kind`], under its name.
+    /// Number of wrong answers by [`super::WrongKind`], under its name.
     pub failures: BTreeMap<String, u64>,
     /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::case::{Case, PassCriterion};
 use super::contact::{CUBE_SIDES, Place, above, check, corner, towards};
-use super::counts::Kind;
+use super::counts::WrongKind;
 use super::meshes::{self, geometry, scene};
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::lab::random::Random;
@@ -14,10 +14,10 @@ use crate::shading::Area;
 
 const GROUP: &str = "secondary rays";
 
-/// Sizes of rooms and their distances from the origin, in sizes.
+/// Pairs of the size of a room and its distance from the origin, as a multiple of the size.
 const PLACES: [(f64, f64); 5] = [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1.0, 1e3)];
 
-/// Rotation number `k` of a room. Number 0 is the identity.
+/// Returns rotation `k` of the rooms. Rotation 0 is the identity.
 fn turn(k: usize) -> DMat3 {
     let k = k as f64;
     DMat3::from_rotation_x(0.7 * k)
@@ -74,7 +74,7 @@ impl Room {
         (scene(TriangleMesh::new(vertices, shape.triangles, false)), edges)
     }
 
-    /// Half the sides of a box around the middle that lies well inside the room.
+    /// Half the side of a cube around the middle that lies well inside the room.
     fn within(self) -> f64 {
         if self == Self::Cell { 0.13 } else { 0.4 }
     }
@@ -85,7 +85,8 @@ impl Room {
     }
 }
 
-/// 16 rays from one point at edges: at their ends, at points on them, and slightly beside.
+/// 16 rays from one point to edges: to their ends, to points on them, and to points slightly beside
+/// them.
 fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
     towards(|| {
         let [a, b] = edges[random.below(edges.len() as u32) as usize];
@@ -130,17 +131,17 @@ fn closed(room: Room, name: &str) -> Case {
                         seen.points.position(i) + above(random, normal, MIN_COSINE) * far
                     });
                     for (i, occluded) in seen.occluded(&outside, None, counts) {
-                        seen.expect(i, occluded, Kind::Leak, counts);
+                        seen.expect(i, occluded, WrongKind::Leak, counts);
                     }
                     for (i, hit) in seen.mirrored(Coherence::Coherent) {
-                        seen.expect(i, hit, Kind::Leak, counts);
+                        seen.expect(i, hit, WrongKind::Leak, counts);
                     }
                     if !room.is_convex() {
                         return;
                     }
                     let inside = std::array::from_fn(|_| place.at(random.cube() * room.within()));
                     for (i, occluded) in seen.occluded(&inside, None, counts) {
-                        seen.expect(i, !occluded, Kind::SelfShadow, counts);
+                        seen.expect(i, !occluded, WrongKind::SelfShadow, counts);
                     }
                 },
             )?;
@@ -160,7 +161,8 @@ enum Side {
     Behind,
 }
 
-/// Distance of a light from its wall: far above the rounding of corners, far below visibility.
+/// Distance of a light before or behind its wall: far more than the rounding of corners, far less
+/// than a picture shows.
 const HAIR: f64 = 1e-5;
 
 /// A mesh of n x n cells. Vertices are numbered row by row, and `split` gets the first of a cell.
@@ -236,8 +238,11 @@ fn flush(side: Side, what: &str) -> Case {
                             // Points on the ceiling itself are not judged.
                             if seen.is_off_plane(&area, i) {
                                 let right = occluded == (side == Side::Behind);
-                                let kind =
-                                    if occluded { Kind::SelfShadow } else { Kind::LightLeak };
+                                let kind = if occluded {
+                                    WrongKind::SelfShadow
+                                } else {
+                                    WrongKind::LightLeak
+                                };
                                 seen.expect(i, right, kind, counts);
                             }
                         }
@@ -249,8 +254,8 @@ fn flush(side: Side, what: &str) -> Case {
     })
 }
 
-/// 16 rays from the middle of the room to its floor, and to the side wall up to the ceiling, also
-/// to the wall's diagonal: a rotated quad is not flat, and there it has an inner or an outer edge.
+/// 16 rays from the middle of the room to its floor and its side wall, up to the ceiling. Some aim
+/// at the wall's diagonal: a rotated quad is not flat, so the diagonal is an inner or outer edge.
 fn at_room(random: &mut Random, place: &Place) -> RayPacket {
     let from = place.at(random.cube() * 0.5);
     towards(|| {
@@ -301,7 +306,7 @@ fn mirrors() -> Case {
                 |_, seen, counts| {
                     for way in seen.tested.coherences(Coherence::Coherent) {
                         for (i, hit) in seen.mirrored(way) {
-                            seen.expect(i, !hit, Kind::SelfShadow, counts);
+                            seen.expect(i, !hit, WrongKind::SelfShadow, counts);
                         }
                     }
                 },

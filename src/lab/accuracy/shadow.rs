@@ -18,13 +18,13 @@ use crate::shading::{
 const COURSEWORK_OFFSET: f64 = 1e-4;
 
 /// The surface points of a traced packet.
-pub struct Points {
+pub struct SurfacePoints {
     surfaces: Surfaces,
     points: ShadowPoints,
     crevices: Crevices,
 }
 
-impl Points {
+impl SurfacePoints {
     /// Computes the surface points of the lanes in `hit`.
     pub fn new(
         (geometry, accelerator): (&Geometry, &dyn Accelerator),

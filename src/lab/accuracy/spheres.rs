@@ -7,7 +7,7 @@ use num_bigint::BigInt;
 
 use super::Built;
 use super::case::{Case, PassCriterion};
-use super::counts::{CaseCounts, Kind, ulp};
+use super::counts::{CaseCounts, WrongKind, ulp};
 use super::meshes::geometry;
 use crate::accel::brute::Fraction;
 use crate::accel::lane::Ray;
@@ -176,8 +176,8 @@ fn judge(
         match (truth, hit.0[i] != 0) {
             (None, false) => {}
             (Some(_), false) | (None, true) if unsure => counts.within_bound += 1,
-            (Some(_), false) => counts.fail(Kind::Leak, setup.sphere.center),
-            (None, true) => counts.fail(Kind::FalseHit, setup.sphere.center),
+            (Some(_), false) => counts.fail(WrongKind::Leak, setup.sphere.center),
+            (None, true) => counts.fail(WrongKind::FalseHit, setup.sphere.center),
             // A leaving ray is judged below: its far root is as uncertain as its origin.
             (Some(exact), true) if !leaving => {
                 counts.measure((ray.tfar - exact).abs() / ulp(exact));
@@ -195,7 +195,7 @@ fn judge(
                 // On a chord of length l, the rounding of the origin moves the far end 2 r / l
                 // times as far.
                 if off > slack * (1.0 + 2.0 * setup.sphere.radius / flat) {
-                    counts.fail(Kind::WrongDistance, setup.sphere.center);
+                    counts.fail(WrongKind::WrongDistance, setup.sphere.center);
                 }
             }
         }

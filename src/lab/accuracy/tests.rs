@@ -5,13 +5,13 @@ use std::collections::HashSet;
 use glam::DVec3;
 
 use super::case::{PassCriterion, forbidden, oracle};
-use super::counts::{CaseCounts, Kind};
+use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Expect, Judge};
 use super::meshes::{corners, icosphere, inside, scene};
 use super::{AccuracySettings, Built, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
-use crate::lab::faulty::{Fault, Faulty};
+use crate::lab::faulty::{BackendFault, Faulty};
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
 use crate::ray::LANES;
@@ -19,7 +19,7 @@ use crate::scene::Backend;
 use crate::simd::Isa;
 
 /// Counts of `brute` with a fault, on a sphere. If `closed`, all rays start at its centre.
-fn counts(fault: Fault, closed: bool) -> CaseCounts {
+fn counts(fault: BackendFault, closed: bool) -> CaseCounts {
     let geometry = scene(icosphere(2).placed(DVec3::ZERO, 1.0));
     let monitor = Monitor::default();
     let backend = TestedBackend::new("brute", Backend::Brute);
@@ -42,7 +42,7 @@ fn counts(fault: Fault, closed: bool) -> CaseCounts {
             let origin = if closed { DVec3::ZERO } else { random.direction() * 3.0 };
             aimed.through(i, origin, goal);
         }
-        if fault == Fault::WritesLane7 {
+        if fault == BackendFault::WritesLane7 {
             aimed.rays.dir[1][7] = f32::NAN;
         }
         sum.add(&judge.packet(&aimed, index, !closed, true)[0]);
@@ -53,7 +53,7 @@ fn counts(fault: Fault, closed: bool) -> CaseCounts {
 #[test]
 fn a_backend_without_fault_passes() {
     for closed in [false, true] {
-        let counts = counts(Fault::None, closed);
+        let counts = counts(BackendFault::None, closed);
         assert_eq!(counts.rays, 64 * LANES as u64);
         assert_eq!(PassCriterion::Exact.missed(&counts), None);
     }
@@ -62,11 +62,11 @@ fn a_backend_without_fault_passes() {
 #[test]
 fn every_fault_is_found_with_its_kind() {
     let cases = [
-        (Fault::MissesLane3, true, Kind::Leak),
-        (Fault::MissesLane3, false, Kind::Leak),
-        (Fault::FirstPrimitiveInLane5, false, Kind::WrongPrimitive),
-        (Fault::ScalesT(1.001), false, Kind::WrongDistance),
-        (Fault::WritesLane7, false, Kind::FalseHit),
+        (BackendFault::MissesLane3, true, WrongKind::Leak),
+        (BackendFault::MissesLane3, false, WrongKind::Leak),
+        (BackendFault::FirstPrimitiveInLane5, false, WrongKind::WrongPrimitive),
+        (BackendFault::ScalesT(1.001), false, WrongKind::WrongDistance),
+        (BackendFault::WritesLane7, false, WrongKind::FalseHit),
     ];
     for (fault, closed, kind) in cases {
         let counts = counts(fault, closed);
@@ -82,7 +82,7 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
     for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
         let off = 1.0 + ulps * f64::from(f32::EPSILON);
-        let counts = counts(Fault::ScalesT(off), false);
+        let counts = counts(BackendFault::ScalesT(off), false);
         let missed = PassCriterion::Exact.missed(&counts).unwrap_or_default();
         let failed = counts.failed() > 0;
         assert!(missed.contains(says) || failed, "{missed}");
@@ -95,7 +95,7 @@ fn marks_allow_as_many_failures_as_documented() {
     let mut counts = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
     assert_eq!(PassCriterion::Exact.missed(&counts), None);
     for _ in 0..3 {
-        counts.fail(Kind::Leak, DVec3::ZERO);
+        counts.fail(WrongKind::Leak, DVec3::ZERO);
     }
     assert!(PassCriterion::Exact.missed(&counts).is_some());
     assert!(PassCriterion::Exact.missed(&CaseCounts::default()).is_some(), "no rays, no criterion");
@@ -122,10 +122,12 @@ fn robust_embree_may_leak_but_not_report_false_hits_or_self_shadows() {
     let counts =
         |kind| CaseCounts { rays: 9, failures: [(kind, 1)].into(), ..CaseCounts::default() };
     let of_embree = forbidden(named("embree").backend);
-    assert!(counts(Kind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit")));
-    assert!(counts(Kind::SelfShadow).has_any(of_embree).is_some());
-    assert_eq!(counts(Kind::Leak).has_any(of_embree), None);
-    assert_eq!(counts(Kind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
+    assert!(
+        counts(WrongKind::FalseHit).has_any(of_embree).is_some_and(|why| why.contains("false hit"))
+    );
+    assert!(counts(WrongKind::SelfShadow).has_any(of_embree).is_some());
+    assert_eq!(counts(WrongKind::Leak).has_any(of_embree), None);
+    assert_eq!(counts(WrongKind::FalseHit).has_any(forbidden(named("embree-fast").backend)), None);
     assert!(named("brute").must_be_right() && !named("embree").must_be_right());
 }
 

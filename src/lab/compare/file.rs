@@ -33,13 +33,13 @@ use crate::output::{
     exr_check::{self, exr_error},
 };
 
-use super::layer::{Layer, Meaning, fits};
+use super::layer::{Meaning, PictureLayer, fits};
 use super::mattes::{Names, read_names};
 use super::png;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum FileFormat {
     /// An OpenEXR file, of one or more parts.
     Exr,
     /// A PNG file, 1 to 16 bits.
@@ -52,9 +52,9 @@ pub struct Picture {
     /// Path of the file.
     pub path: String,
     /// Format of the file.
-    pub format: Format,
+    pub format: FileFormat,
     /// All layers, sorted by name; at least one.
-    pub layers: Vec<Layer>,
+    pub layers: Vec<PictureLayer>,
     /// Names of its mattes.
     pub mattes: Names,
 }
@@ -72,8 +72,8 @@ impl Picture {
         read.map_err(|error| Error::io(path, "read", &error))?;
         let mut mattes = Names::new();
         let (format, mut layers) = match start.as_slice() {
-            [0x76, 0x2f, 0x31, 0x01] => (Format::Exr, exr_layers(path, &mut mattes)?),
-            [0x89, b'P', b'N', b'G'] => (Format::Png, png::layers(path)?),
+            [0x76, 0x2f, 0x31, 0x01] => (FileFormat::Exr, exr_layers(path, &mut mattes)?),
+            [0x89, b'P', b'N', b'G'] => (FileFormat::Png, png::layers(path)?),
             _ => {
                 let message = "found neither an EXR nor a PNG, expected one of them";
                 return Err(Error::invalid(path.display().to_string(), message));
@@ -84,7 +84,7 @@ impl Picture {
     }
 }
 
-fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<Layer>> {
+fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<PictureLayer>> {
     exr_check::check(path)?;
     let failed = |error| exr_error(path, error);
     let meta = MetaData::read_from_file(path, true).map_err(failed)?;
@@ -101,7 +101,7 @@ fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<Layer>> {
         .from_file(path)
         .map_err(failed)?;
     let single = image.layer_data.len() == 1;
-    let mut layers: BTreeMap<(String, bool), Layer> = BTreeMap::new();
+    let mut layers: BTreeMap<(String, bool), PictureLayer> = BTreeMap::new();
     for part in image.layer_data {
         let texts = texts(&part);
         read_names(path, texts.iter().map(|(name, text)| (&**name, &**text)), mattes);
@@ -156,7 +156,7 @@ fn of_part(
     own: &str,
     (size, origin): Shape,
     ids: &[String],
-) -> Result<Vec<Layer>> {
+) -> Result<Vec<PictureLayer>> {
     // The channels of each layer, by name.
     let mut groups: BTreeMap<String, BTreeMap<String, AnyChannel<FlatSamples>>> = BTreeMap::new();
     for channel in channels.list {
@@ -222,7 +222,7 @@ fn layer(
     names: &[&str],
     channels: &[AnyChannel<FlatSamples>],
     (size, origin): Shape,
-) -> Layer {
+) -> PictureLayer {
     let floats = channels.iter().map(|channel| match &channel.sample_data {
         FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
         FlatSamples::F32(values) => values.clone(),
@@ -237,5 +237,5 @@ fn layer(
     let values = pixels.flat_map(|i| floats.iter().map(move |channel| channel[i])).collect();
     let half = channels.iter().any(|c| matches!(c.sample_data, FlatSamples::F16(_)));
     let channels = names.iter().map(|name| name.to_string()).collect();
-    Layer { name, meaning, size, origin, channels, values, half }
+    PictureLayer { name, meaning, size, origin, channels, values, half }
 }

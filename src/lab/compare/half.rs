@@ -1,6 +1,6 @@
 //! Expected errors of a picture by rounding to 16-bit floats alone.
 
-use crate::lab::metrics::Errors;
+use crate::lab::metrics::ValueErrors;
 
 /// Expected errors of two pictures that differ only by rounding to half floats.
 ///
@@ -24,7 +24,7 @@ impl HalfRounding {
             let value = f64::from(*value);
             let variance = step(value).powi(2) / 12.0;
             square += variance;
-            relative += variance / (value * value + Errors::EPSILON);
+            relative += variance / (value * value + ValueErrors::EPSILON);
         }
         let scale = f64::from(files) / values.len().max(1) as f64;
         Self { rmse: (square * scale).sqrt(), relmse: relative * scale }
@@ -47,7 +47,7 @@ mod tests {
         let values: Vec<f32> =
             (0..40_000).map(|i| ((f64::from(i) * 0.618_033_988_7).fract() * 3.0) as f32).collect();
         let rounded: Vec<f32> = values.iter().map(|v| f16::from_f32(*v).to_f32()).collect();
-        let errors = Errors::of(&rounded, &values);
+        let errors = ValueErrors::of(&rounded, &values);
         let floor = HalfRounding::of(&values, 1);
         assert!((floor.rmse / errors.mse.sqrt() - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
         assert!((floor.relmse / errors.relmse - 1.0).abs() < 0.05, "{floor:?} {errors:?}");

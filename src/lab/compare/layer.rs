@@ -31,7 +31,7 @@ impl Meaning {
 
 /// Channels of a picture that are compared together.
 #[derive(Debug, Clone)]
-pub struct Layer {
+pub struct PictureLayer {
     /// Name of the layer; empty for the picture itself.
     pub name: String,
     /// Meaning of its values.
@@ -48,7 +48,7 @@ pub struct Layer {
     pub half: bool,
 }
 
-impl Layer {
+impl PictureLayer {
     /// Name of the layer in tables and messages: `beauty` for the picture itself.
     pub fn shown(&self) -> &str {
         if self.name.is_empty() { "beauty" } else { &self.name }

@@ -5,10 +5,10 @@
 
 use image::RgbImage;
 
-use crate::lab::metrics::Errors;
+use crate::lab::metrics::ValueErrors;
 use crate::lab::png;
 
-use super::layer::{Layer, Meaning};
+use super::layer::{Meaning, PictureLayer};
 
 /// Errors at the dark and the bright end of the logarithmic scale.
 pub const RANGE: [f64; 2] = [1e-4, 1.0];
@@ -21,7 +21,7 @@ pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
 /// - Light: the root of the mean over its channels of d^2 / (r^2 + 0.01).
 /// - Data: the length of d over the root mean square length of all r.
 /// - Ids: 1 if they differ, else 0.
-pub fn errors(test: &Layer, reference: &Layer) -> Vec<f64> {
+pub fn errors(test: &PictureLayer, reference: &PictureLayer) -> Vec<f64> {
     let channels = match test.meaning {
         Meaning::Light => 3,
         _ => test.channels.len(),
@@ -39,7 +39,7 @@ pub fn errors(test: &Layer, reference: &Layer) -> Vec<f64> {
         let d2 = |x: f32, r: f32| (f64::from(x) - f64::from(r)).powi(2);
         let sum: f64 = match test.meaning {
             Meaning::Light => {
-                let terms = pairs().map(|(x, r)| d2(*x, *r) / (square(*r) + Errors::EPSILON));
+                let terms = pairs().map(|(x, r)| d2(*x, *r) / (square(*r) + ValueErrors::EPSILON));
                 terms.sum::<f64>() / channels as f64
             }
             _ => match pairs().map(|(x, r)| d2(*x, *r)).sum::<f64>() {
@@ -79,8 +79,8 @@ pub fn png(pixels: &[[u8; 3]], width: usize) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    fn layer(meaning: Meaning, channels: usize, values: &[f32]) -> Layer {
-        Layer {
+    fn layer(meaning: Meaning, channels: usize, values: &[f32]) -> PictureLayer {
+        PictureLayer {
             name: String::new(),
             meaning,
             size: [values.len() / channels, 1],

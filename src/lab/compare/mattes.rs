@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use super::{Compared, layer::Layer};
+use super::{Compared, layer::PictureLayer};
 
 /// Names of mattes by id, for each kind of cryptomatte (`CryptoObject`).
 pub type Names = BTreeMap<String, BTreeMap<u32, String>>;
@@ -20,7 +20,7 @@ pub struct Matte {
 
 /// All mattes of one kind.
 #[derive(Debug, Clone, Default)]
-pub struct Mattes {
+pub struct ComparedMattes {
     /// All mattes. Those with the largest difference come first, then by name.
     pub all: Vec<Matte>,
     /// For each pixel, the largest difference of any matte's coverage, in [0, 1].
@@ -69,7 +69,7 @@ pub fn read_names<'a>(
 /// Compares the mattes of one kind. `layers` contain its ranks.
 ///
 /// The result is empty if ids or coverages of the first rank are missing.
-pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> Mattes {
+pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> ComparedMattes {
     let channel = |rank: usize, suffix: &str| {
         let name = format!("{kind}{rank:02}.{suffix}");
         layers.iter().find(|layer| layer.test.name == name)
@@ -79,14 +79,14 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
         Some([channel(i / 2, id)?, channel(i / 2, coverage)?])
     };
     let pairs: Vec<[&&Compared; 2]> = (0..2 * layers.len()).map_while(pair).collect();
-    let Some([first, _]) = pairs.first() else { return Mattes::default() };
+    let Some([first, _]) = pairs.first() else { return ComparedMattes::default() };
     let mut sums: BTreeMap<u32, Matte> = BTreeMap::new();
     let mut map = Vec::with_capacity(first.test.values.len());
     let mut here: Vec<(u32, [f32; 2])> = Vec::new();
     for pixel in 0..first.test.values.len() {
         here.clear();
         for [ids, coverages] in &pairs {
-            let of = |layer: fn(&Compared) -> &Layer| {
+            let of = |layer: fn(&Compared) -> &PictureLayer| {
                 (layer(ids).values[pixel].to_bits(), layer(coverages).values[pixel])
             };
             for (side, (id, coverage)) in [of(|c| &c.test), of(|c| &c.reference)].iter().enumerate()
@@ -115,5 +115,5 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
     }
     let mut all: Vec<Matte> = sums.into_values().collect();
     all.sort_by(|a, b| b.differs.total_cmp(&a.differs).then_with(|| a.name.cmp(&b.name)));
-    Mattes { all, map }
+    ComparedMattes { all, map }
 }

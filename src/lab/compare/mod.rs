@@ -13,10 +13,10 @@ use crate::{
     scene::{ToneOperator, Tonemap},
 };
 
-use super::metrics::{self, Metric, Values, flip};
-use file::{Format, Picture};
+use super::metrics::{self, Metric, MetricValues, flip};
+use file::{FileFormat, Picture};
 use half::HalfRounding;
-use layer::{Layer, Meaning};
+use layer::{Meaning, PictureLayer};
 use mattes::Names;
 
 /// Layers to compare, and the tone mapping of light to 8-bit pictures.
@@ -35,7 +35,7 @@ impl CompareSettings {
     /// Default tone curve: `Max` as in `render`, or `Clamp` if a file is a PNG, which is already
     /// tone mapped.
     pub fn default_tonemap(files: [&Picture; 2]) -> ToneOperator {
-        match files.iter().any(|file| file.format == Format::Png) {
+        match files.iter().any(|file| file.format == FileFormat::Png) {
             true => ToneOperator::Clamp,
             false => ToneOperator::Max,
         }
@@ -55,11 +55,11 @@ pub struct NonFinite {
 #[derive(Debug)]
 pub struct Compared {
     /// Layer of the picture.
-    pub test: Layer,
+    pub test: PictureLayer,
     /// Layer of the reference.
-    pub reference: Layer,
+    pub reference: PictureLayer,
     /// Metrics of the layer. Empty if a pixel is not finite.
-    pub values: Values,
+    pub values: MetricValues,
     /// Pixels that are not finite, if any.
     pub non_finite: Option<NonFinite>,
     /// Whether picture and reference are stored as half floats.
@@ -99,14 +99,14 @@ pub fn compare(
     let operator =
         operator.unwrap_or_else(|| CompareSettings::default_tonemap([&test, &reference]));
     let tonemap = Tonemap { operator, exposure: settings.exposure, srgb: true };
-    let both_exr = test.format == Format::Exr && reference.format == Format::Exr;
+    let both_exr = test.format == FileFormat::Exr && reference.format == FileFormat::Exr;
     let names = |p: &Picture| p.layers.iter().map(|l| l.shown().to_string()).collect::<Vec<_>>();
     let (own, other) = (names(&test), names(&reference));
     let missing = |a: &[String], b: &[String]| -> Vec<String> {
         a.iter().filter(|name| !b.contains(name)).cloned().collect()
     };
     let alone = [missing(&own, &other), missing(&other, &own)];
-    let chosen = |layer: &Layer| {
+    let chosen = |layer: &PictureLayer| {
         settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
     };
     let mut mattes = reference.mattes;
@@ -133,8 +133,8 @@ pub fn compare(
 }
 
 /// Returns an error unless both layers have the same size, position and meaning.
-fn fit([test, reference]: [&str; 2], own: &Layer, other: &Layer) -> Result<()> {
-    let window = |l: &Layer| {
+fn fit([test, reference]: [&str; 2], own: &PictureLayer, other: &PictureLayer) -> Result<()> {
+    let window = |l: &PictureLayer| {
         let at = match l.origin {
             [0, 0] => String::new(),
             [x, y] => format!(" at {x}, {y}"),
@@ -154,7 +154,12 @@ fn fit([test, reference]: [&str; 2], own: &Layer, other: &Layer) -> Result<()> {
     Err(Error::new(Kind::Invalid, Problem::new(test, message)))
 }
 
-fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: bool) -> Compared {
+fn compare_layer(
+    test: PictureLayer,
+    reference: PictureLayer,
+    tonemap: &Tonemap,
+    both_exr: bool,
+) -> Compared {
     let width = test.size[0];
     let half = [test.half, reference.half];
     let files = half.iter().filter(|half| **half).count() as u32;
@@ -163,7 +168,7 @@ fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: boo
         .filter(|floor| floor.rmse.is_finite());
     let non_finite = non_finite(&test, &reference);
     let mut compared = Compared {
-        values: Values::default(),
+        values: MetricValues::default(),
         non_finite,
         half,
         floor,
@@ -180,12 +185,12 @@ fn compare_layer(test: Layer, reference: Layer, tonemap: &Tonemap, both_exr: boo
         return compared;
     }
     let mut values = match compared.test.meaning {
-        Meaning::Light => Values::of_light(x, r),
-        Meaning::Data => Values::of_data(x, r),
-        Meaning::Ids => Values::of_ids(x, r),
+        Meaning::Light => MetricValues::of_light(x, r),
+        Meaning::Data => MetricValues::of_data(x, r),
+        Meaning::Ids => MetricValues::of_ids(x, r),
     };
     if let Some([a, b]) = &compared.pictures {
-        let (more, map) = Values::of_pictures(a, b, width);
+        let (more, map) = MetricValues::of_pictures(a, b, width);
         values.extend(more.iter());
         compared.flip = Some(map);
         if both_exr {
@@ -214,11 +219,11 @@ fn pictures(test: &[f32], reference: &[f32], tonemap: &Tonemap) -> [Vec<[u8; 3]>
     })
 }
 
-fn non_finite(test: &Layer, reference: &Layer) -> Option<NonFinite> {
+fn non_finite(test: &PictureLayer, reference: &PictureLayer) -> Option<NonFinite> {
     if test.meaning == Meaning::Ids {
         return None;
     }
-    let of = |layer: &Layer| {
+    let of = |layer: &PictureLayer| {
         let channels = layer.values.len() / (layer.size[0] * layer.size[1]).max(1);
         metrics::non_finite(&layer.values, channels)
     };

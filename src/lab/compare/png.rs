@@ -11,10 +11,10 @@ use crate::{
     shading::linear_from_srgb,
 };
 
-use super::layer::{Layer, MAX_BYTES, Meaning, fits};
+use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
 
 /// Reads the light of a PNG file, and its alpha if it has any.
-pub fn layers(path: &Path) -> Result<Vec<Layer>> {
+pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     let failed = |error| decoding_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
     let limits = Limits { bytes: MAX_BYTES as usize };
@@ -55,7 +55,7 @@ pub fn layers(path: &Path) -> Result<Vec<Layer>> {
             alpha.push(a as f32);
         }
     }
-    let layer = |name: &str, meaning: Meaning, channels: &[&str], values: Vec<f32>| Layer {
+    let layer = |name: &str, meaning: Meaning, channels: &[&str], values: Vec<f32>| PictureLayer {
         name: name.to_string(),
         meaning,
         size,

@@ -1,6 +1,6 @@
 //! The part of a picture that the page shows: the part with the largest error.
 
-use super::super::metrics::Errors;
+use super::super::metrics::ValueErrors;
 
 /// Largest width and height of the part, in pixels.
 const SIZE: [usize; 2] = [176, 132];
@@ -28,7 +28,7 @@ impl Crop {
             for x in places(width, size[0]) {
                 let crop = Self { corner: [x, y], size };
                 let [a, b] = [values, reference].map(|v| crop.cut(v, width));
-                let error = Errors::of(&a, &b).relmse;
+                let error = ValueErrors::of(&a, &b).relmse;
                 if error > best.0 {
                     best = (error, crop);
                 }

@@ -30,7 +30,7 @@ impl Setting {
 
 /// The values of each dimension of a study; every combination is a setting.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub struct StudyGrid {
     /// Number of backends that are compared.
     pub backend_count: usize,
     /// Samplers that are compared.
@@ -41,7 +41,7 @@ pub struct Grid {
     pub light_samples: Vec<Option<u32>>,
 }
 
-impl Grid {
+impl StudyGrid {
     /// All settings, in the order of tables.
     pub fn settings(&self) -> Vec<Setting> {
         let mut all = Vec::new();
@@ -110,9 +110,9 @@ impl Grid {
 mod tests {
     use super::*;
 
-    fn grid(spp: &[u32], lights: &[Option<u32>]) -> Grid {
+    fn grid(spp: &[u32], lights: &[Option<u32>]) -> StudyGrid {
         let samplers = SamplerKind::ALL.to_vec();
-        Grid { backend_count: 2, samplers, spp: spp.to_vec(), light_samples: lights.to_vec() }
+        StudyGrid { backend_count: 2, samplers, spp: spp.to_vec(), light_samples: lights.to_vec() }
     }
 
     #[test]

@@ -24,13 +24,13 @@ use std::time::{Duration, Instant};
 
 pub use crop::Crop;
 pub use fit::{Slope, front, slope};
-pub use grid::{Grid, Setting};
-pub use reference::{Reference, ReferenceError};
+pub use grid::{Setting, StudyGrid};
+pub use reference::{ReferenceError, ReferencePicture};
 pub use result::{
     CheapestPoint, MeanWithError, PointResult, ReferenceResult, SamplerRatio, Series, StudyNames,
     StudyReport, VERSION, report,
 };
-pub use study::{Limits, Point, Study};
+pub use study::{Limits, Study, StudyPoint};
 
 use self::clock::Clock;
 use super::backend::TestedBackend;
@@ -53,7 +53,7 @@ pub struct StudySettings {
     /// Backends to compare. The first renders the reference.
     pub tested_backends: Vec<TestedBackend>,
     /// Settings that are compared.
-    pub grid: Grid,
+    pub grid: StudyGrid,
     /// Budget, number of renders and first seed.
     pub limits: Limits,
     /// Start of the study, from which its budget counts.
@@ -74,7 +74,7 @@ pub struct StudySettings {
 pub fn run(
     world: &mut World,
     settings: &StudySettings,
-    reference: Option<Reference>,
+    reference: Option<ReferencePicture>,
     monitor: &Monitor,
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Study> {
@@ -114,7 +114,7 @@ pub fn run(
 fn work(
     world: &mut World,
     settings: &StudySettings,
-    reference: Option<Reference>,
+    reference: Option<ReferencePicture>,
     (monitor, clock): (&Monitor, &Clock),
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<Study> {

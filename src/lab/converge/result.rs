@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fit::{Slope, front, slope};
 use super::grid::Setting;
-use super::study::{Limits, Point, Study};
+use super::study::{Limits, Study, StudyPoint};
 use crate::lab::result::Machine;
 use crate::lab::stats::{mad, mean, median};
 use crate::units::plural;
@@ -180,7 +180,7 @@ pub struct StudyNames {
 pub fn report(study: &Study, subject: StudyNames, limits: Limits, seconds: f64) -> StudyReport {
     let antialiased = study.points.iter().any(|point| point.setting.spp > 1);
     let measured = study.points.iter().filter(|point| !point.errors.is_empty());
-    let measured: Vec<&Point> = measured.collect();
+    let measured: Vec<&StudyPoint> = measured.collect();
     let name = |setting: &Setting| subject.backends[setting.backend].clone();
     let points = measured.iter().map(|p| point(p, name(&p.setting), study, antialiased));
     let points: Vec<PointResult> = points.collect();
@@ -239,8 +239,8 @@ impl PointResult {
     }
 }
 
-fn point(point: &Point, backend: String, study: &Study, antialiased: bool) -> PointResult {
-    let of = |f: fn(&crate::lab::metrics::Errors) -> f64| {
+fn point(point: &StudyPoint, backend: String, study: &Study, antialiased: bool) -> PointResult {
+    let of = |f: fn(&crate::lab::metrics::ValueErrors) -> f64| {
         mean_with_error(&point.errors.iter().map(f).collect::<Vec<_>>())
     };
     let mse = of(|e| e.mse);

@@ -1,9 +1,9 @@
 //! State of a study: chooses the next render and collects results. It has no renderer and no clock.
 
 use super::crop::Crop;
-use super::grid::{Grid, Setting};
-use super::reference::{Passes, Reference};
-use crate::lab::metrics::Errors;
+use super::grid::{Setting, StudyGrid};
+use super::reference::{PassSums, ReferencePicture};
+use crate::lab::metrics::ValueErrors;
 
 /// Number of passes of a reference.
 const PASSES: u32 = 4;
@@ -51,7 +51,7 @@ pub struct StudyRender {
 
 /// Results of one setting.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Point {
+pub struct StudyPoint {
     /// The setting that was rendered.
     pub setting: Setting,
     /// Seconds of each render.
@@ -59,7 +59,7 @@ pub struct Point {
     /// Number of rays of one render.
     pub rays: u64,
     /// Errors of each render.
-    pub errors: Vec<Errors>,
+    pub errors: Vec<ValueErrors>,
     /// The part [`Study::crop`] of the first picture.
     pub crop: Vec<f32>,
     /// Whether renders of this setting do not fit the budget.
@@ -69,20 +69,20 @@ pub struct Point {
 /// The state of a study.
 #[derive(Debug)]
 pub struct Study {
-    grid: Grid,
+    grid: StudyGrid,
     limits: Limits,
     width: usize,
     stage: Stage,
     /// Seconds per unit of work, for each backend.
     cost: Vec<f64>,
     /// Results of all settings, in the order of the grid.
-    pub points: Vec<Point>,
+    pub points: Vec<StudyPoint>,
     /// The reference, once it is known.
-    pub reference: Option<Reference>,
+    pub reference: Option<ReferencePicture>,
     /// Setting of the reference's passes; `None` for a file.
     pub pass: Option<Setting>,
     /// Sums of the reference's passes so far.
-    pub passes: Passes,
+    pub passes: PassSums,
     /// Part of the pictures that is kept, chosen from the first picture.
     pub crop: Option<Crop>,
 }
@@ -99,8 +99,13 @@ enum Stage {
 impl Study {
     /// Begins a study of pictures that are `width` pixels wide. Without a reference, one is
     /// rendered.
-    pub fn new(grid: Grid, limits: Limits, width: usize, reference: Option<Reference>) -> Self {
-        let point = |setting| Point {
+    pub fn new(
+        grid: StudyGrid,
+        limits: Limits,
+        width: usize,
+        reference: Option<ReferencePicture>,
+    ) -> Self {
+        let point = |setting| StudyPoint {
             setting,
             seconds: Vec::new(),
             rays: 0,
@@ -117,7 +122,7 @@ impl Study {
             stage: Stage::Probe(0, false),
             reference,
             pass: None,
-            passes: Passes::default(),
+            passes: PassSums::default(),
             crop: None,
         }
     }
@@ -241,7 +246,7 @@ impl Study {
                 }
                 point.rays = rays;
                 point.seconds.push(seconds);
-                point.errors.push(Errors::of(values, &reference.values));
+                point.errors.push(ValueErrors::of(values, &reference.values));
             }
             _ => {}
         }

@@ -24,7 +24,7 @@ fn render(job: &StudyRender) -> Vec<f32> {
 }
 
 /// Runs a study whose renders take `per_work` seconds per unit of work.
-fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<StudyRender>, f64) {
+fn run_all(grid: &StudyGrid, limits: Limits, per_work: f64) -> (Study, Vec<StudyRender>, f64) {
     let mut study = Study::new(grid.clone(), limits, WIDTH, None);
     let (mut now, mut jobs) = (0.0, Vec::new());
     while let Some(job) = study.next(now) {
@@ -36,8 +36,8 @@ fn run_all(grid: &Grid, limits: Limits, per_work: f64) -> (Study, Vec<StudyRende
     (study, jobs, now)
 }
 
-fn grid() -> Grid {
-    Grid {
+fn grid() -> StudyGrid {
+    StudyGrid {
         backend_count: 1,
         samplers: SamplerKind::ALL.to_vec(),
         spp: vec![1, 4, 16, 64],
@@ -142,7 +142,7 @@ fn expensive_settings_are_left_out_to_keep_the_budget() {
         assert!(!report.points.is_empty());
         let all = report.points.len() + report.left_out.len();
         assert_eq!(all, 16);
-        let work = |p: &Point| p.setting.work();
+        let work = |p: &StudyPoint| p.setting.work();
         let out = study.points.iter().filter(|p| p.errors.is_empty()).map(work);
         let kept = study.points.iter().filter(|p| !p.errors.is_empty()).map(work);
         let most = kept.fold(0.0, f64::max);
@@ -158,7 +158,7 @@ fn expensive_settings_are_left_out_to_keep_the_budget() {
 #[test]
 fn a_given_reference_is_not_rendered() {
     let values = vec![1.0; 3 * PIXELS];
-    let reference = Reference { values, floor: None };
+    let reference = ReferencePicture { values, floor: None };
     let mut study = Study::new(grid(), limits(100.0), WIDTH, Some(reference));
     let mut now = 0.0;
     while let Some(job) = study.next(now) {

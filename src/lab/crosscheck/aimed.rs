@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::source::Source;
+use super::source::RaySource;
 use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
 use crate::lab::random::Random;
 use crate::lab::rays::Recorded;
@@ -34,7 +34,7 @@ impl<'g> Aim<'g> {
     }
 
     /// A packet of rays of one source. Shadow rays end before or behind their target.
-    pub fn packet(&self, source: Source, shadow: bool, random: &mut Random) -> Recorded {
+    pub fn packet(&self, source: RaySource, shadow: bool, random: &mut Random) -> Recorded {
         let mut rays = Rays::EMPTY;
         for i in 0..LANES {
             let (origin, direction, target) = self.ray(source, random);
@@ -55,7 +55,7 @@ impl<'g> Aim<'g> {
     }
 
     /// Returns origin, direction, and t of the target.
-    fn ray(&self, source: Source, random: &mut Random) -> (DVec3, DVec3, f64) {
+    fn ray(&self, source: RaySource, random: &mut Random) -> (DVec3, DVec3, f64) {
         let count = self.geometry.bases().last().copied().unwrap_or(1);
         let primitive = random.below(count);
         let geom = self.geometry.bases().partition_point(|&base| base <= primitive) - 1;
@@ -68,8 +68,8 @@ impl<'g> Aim<'g> {
         let from = rounded(self.somewhere(2.0, random));
         let mut target = 1.0;
         let (origin, direction) = match source {
-            Source::Random => (self.somewhere(1.5, random), random.direction()),
-            Source::Vertex => {
+            RaySource::Random => (self.somewhere(1.5, random), random.direction()),
+            RaySource::Vertex => {
                 if random.bits() % 2 == 0 {
                     (from, corner - from)
                 } else {
@@ -80,11 +80,11 @@ impl<'g> Aim<'g> {
                     (corner - step, step)
                 }
             }
-            Source::Edge => {
+            RaySource::Edge => {
                 let target = rounded(corner.lerp(next, random.unit()));
                 (from, target - from)
             }
-            Source::Axis => {
+            RaySource::Axis => {
                 let axis = random.below(3) as usize;
                 let mut direction = DVec3::ZERO;
                 direction[axis] = random.sign();
@@ -92,7 +92,7 @@ impl<'g> Aim<'g> {
                 origin[axis] = self.somewhere(2.0, random)[axis];
                 (origin, direction)
             }
-            Source::BoxFace => {
+            RaySource::BoxFace => {
                 let axis = random.below(3) as usize;
                 let (mut origin, mut direction) =
                     (from.lerp(inside, random.unit()), random.direction());
@@ -105,12 +105,12 @@ impl<'g> Aim<'g> {
                 }
                 (origin, direction)
             }
-            Source::Far => {
+            RaySource::Far => {
                 let away = random.direction() * self.sizes[geom].max(f64::MIN_POSITIVE);
                 let origin = rounded(inside + away * 10f64.powf(1.0 + 3.0 * random.unit()));
                 (origin, inside - origin)
             }
-            Source::Tiny => {
+            RaySource::Tiny => {
                 let least = 10f64.powf(-30.0 - 7.0 * random.unit());
                 let distance = inside.distance(from);
                 // A shorter direction would give a t beyond the range of f32.

@@ -17,9 +17,9 @@ mod source;
 
 pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::report::{
-    BackendReport, CrosscheckReport, Finding, PlainLoop, SavedRay, Tree, VerdictCounts,
+    BackendReport, CrosscheckReport, Finding, PlainLoop, SavedRay, TreeReport, VerdictCounts,
 };
-pub use self::source::Source;
+pub use self::source::RaySource;
 
 use self::plan::CheckPackets;
 use super::answer::Answer;

@@ -2,7 +2,7 @@
 
 use super::Check;
 use super::aimed::Aim;
-use super::source::Source;
+use super::source::RaySource;
 use crate::error::Result;
 use crate::lab::query::QueryPacket;
 use crate::lab::random::Random;
@@ -27,7 +27,7 @@ impl<'g> CheckPackets<'g> {
     /// `Interrupted` after a signal.
     pub fn new(check: &Check<'g>, monitor: &Monitor) -> Result<Self> {
         let Check { world, seed, .. } = *check;
-        let kinds = Class::ALL.len() + Source::ALL.len();
+        let kinds = Class::ALL.len() + RaySource::ALL.len();
         let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
         // The first backend finds the camera hits, from which the other rays start.
         let first = check.built_backends[0].accelerator;
@@ -41,7 +41,7 @@ impl<'g> CheckPackets<'g> {
 
     /// Number of packets, recorded and aimed.
     pub fn packets(&self) -> usize {
-        let aimed = if self.aim.is_some() { Source::ALL.len() * self.each } else { 0 };
+        let aimed = if self.aim.is_some() { RaySource::ALL.len() * self.each } else { 0 };
         self.recorded.len() + aimed
     }
 
@@ -53,7 +53,7 @@ impl<'g> CheckPackets<'g> {
             let (shadow, coherence) = (class.is_shadow(), class.coherence());
             return QueryPacket { source: class.name().into(), shadow, coherence, packet };
         };
-        let source = Source::ALL[index / self.each];
+        let source = RaySource::ALL[index / self.each];
         let mut random = Random::new(self.seed as u64, index as u64);
         let shadow = index % 2 == 1;
         let packet = aim.packet(source, shadow, &mut random);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Check, PacketVerdicts, PictureReport, known};
 use crate::accel::BuildInfo;
-use crate::accel::bvh::Stats;
+use crate::accel::bvh::TreeStats;
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, is_trusted};
 use crate::lab::query::QueryPacket;
@@ -108,15 +108,15 @@ impl BackendReport {
 /// [`Bvh::validate`]: crate::accel::bvh::Bvh::validate
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Tree {
+pub enum TreeReport {
     /// The tree has all properties that the builder promises. The text describes its content.
     Valid(String),
     /// The tree lacks a property that the builder promises, which the text describes.
     Invalid(String),
 }
 
-impl From<Result<Stats, String>> for Tree {
-    fn from(validated: Result<Stats, String>) -> Self {
+impl From<Result<TreeStats, String>> for TreeReport {
+    fn from(validated: Result<TreeStats, String>) -> Self {
         validated.map_or_else(Self::Invalid, |stats| Self::Valid(stats.to_string()))
     }
 }
@@ -238,7 +238,7 @@ pub struct CrosscheckReport {
     /// Verdicts on each backend, in the order of the command line.
     pub backends: Vec<BackendReport>,
     /// Result of the validation of `bvh`'s tree, if `bvh` is checked.
-    pub tree: Option<Tree>,
+    pub tree: Option<TreeReport>,
     /// Comparison of `coursework` with its plain loop, if `coursework` is checked.
     pub plain_loop: Option<PlainLoop>,
     /// The first wrong answers of each backend, verdict and source of rays.
@@ -346,7 +346,7 @@ impl CrosscheckReport {
     pub fn failures(&self) -> Vec<String> {
         let mut failures: Vec<String> =
             self.backends.iter().flat_map(BackendReport::failures).collect();
-        if let Some(Tree::Invalid(what)) = &self.tree {
+        if let Some(TreeReport::Invalid(what)) = &self.tree {
             failures.push(format!("the tree of `bvh` is invalid: {what}"));
         }
         if let Some(PlainLoop { rays, wrong: wrong @ 1.. }) = self.plain_loop {

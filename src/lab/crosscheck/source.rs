@@ -5,7 +5,7 @@ use crate::lab::named::named;
 named! {
     /// Source of aimed rays.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-    pub enum Source {
+    pub enum RaySource {
         /// Rays from anywhere in any direction.
         Random = "random",
         /// Rays through corners of primitives.

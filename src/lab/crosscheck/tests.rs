@@ -3,7 +3,7 @@ use std::path::Path;
 use super::*;
 use crate::accel::BuildOptions;
 use crate::lab::backend::TestedBackend;
-use crate::lab::faulty::{Fault, Faulty};
+use crate::lab::faulty::{BackendFault, Faulty};
 use crate::scene::{self, Backend, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
 use crate::world::LoadOptions;
@@ -36,11 +36,11 @@ fn world() -> World {
 const EMBREE: Backend = Backend::Embree(EmbreeMode::Robust);
 
 /// The report of a check whose second backend, checked as `bvh`, has a fault.
-fn report(fault: Fault) -> CrosscheckReport {
+fn report(fault: BackendFault) -> CrosscheckReport {
     report_on(Backend::default(), fault)
 }
 
-fn report_on(backend: Backend, fault: Fault) -> CrosscheckReport {
+fn report_on(backend: Backend, fault: BackendFault) -> CrosscheckReport {
     let world = world();
     let oracle = Brute::build(&world.geometry, &OPTIONS, &Monitor::default()).unwrap();
     let faulty = Faulty(&oracle, fault);
@@ -66,7 +66,7 @@ fn report_on(backend: Backend, fault: Fault) -> CrosscheckReport {
 
 #[test]
 fn a_backend_without_fault_passes() {
-    let report = report(Fault::None);
+    let report = report(BackendFault::None);
     assert_eq!(report.failures(), Vec::<String>::new());
     let total = &report.backends[1].total;
     assert_eq!(
@@ -105,18 +105,18 @@ fn every_fault_is_found_with_its_verdict() {
         assert!(kept && !report.findings.is_empty());
         report
     };
-    let leaky = wrong(Fault::Misses(0, 0));
+    let leaky = wrong(BackendFault::Misses(0, 0));
     let t = leaky.backends[1].total.of.clone();
     assert!(t[&Leak] > 100 && t[&FalseHit] + t[&WrongDistance] == 0, "{t:?}");
     // The picture has a hole, and wrong rays explain it.
     let picture = &leaky.pictures[0];
     assert!(picture.wrong[1] > 10 && picture.wrong[0] == 0 && picture.unexplained == 0);
     assert!(picture.failure().is_some());
-    let t = wrong(Fault::HitsNothing).backends.remove(1).total.of;
+    let t = wrong(BackendFault::HitsNothing).backends.remove(1).total.of;
     assert!(t[&FalseHit] > 100 && t[&Leak] + t[&WrongDistance] + t[&WrongPrimitive] == 0, "{t:?}");
-    let t = wrong(Fault::OtherPrimitive).backends.remove(1).total.of;
+    let t = wrong(BackendFault::OtherPrimitive).backends.remove(1).total.of;
     assert!(t[&WrongPrimitive] > 100 && t[&Leak] + t[&FalseHit] == 0, "{t:?}");
-    let t = wrong(Fault::ScalesT(1.0 + 1e-3)).backends.remove(1).total.of;
+    let t = wrong(BackendFault::ScalesT(1.0 + 1e-3)).backends.remove(1).total.of;
     assert!(t[&WrongDistance] > 100 && t[&Leak] + t[&WrongPrimitive] == 0, "{t:?}");
 }
 
@@ -141,23 +141,23 @@ fn one_pixel_fails_if_bvh_is_wrong() {
 
 #[test]
 fn an_invalid_tree_fails() {
-    let mut report = report(Fault::None);
-    report.tree = Some(Err::<crate::accel::bvh::Stats, _>("a gap".to_string()).into());
+    let mut report = report(BackendFault::None);
+    report.tree = Some(Err::<crate::accel::bvh::TreeStats, _>("a gap".to_string()).into());
     assert_eq!(report.failures().len(), 1);
     assert!(report.failures()[0].contains("a gap"));
-    report.tree = Some(Ok::<_, String>(crate::accel::bvh::Stats::default()).into());
+    report.tree = Some(Ok::<_, String>(crate::accel::bvh::TreeStats::default()).into());
     assert_eq!(report.failures(), Vec::<String>::new());
 }
 
 #[test]
 fn embree_may_be_wrong_at_its_known_rates() {
     // It is wrong only along the shortest directions, where every answer may be wrong.
-    let tiny = report_on(EMBREE, Fault::MissesTiny);
+    let tiny = report_on(EMBREE, BackendFault::MissesTiny);
     assert!(tiny.backends[1].total.wrong() > 100);
     assert_eq!(tiny.failures(), Vec::<String>::new());
     // `bvh` with the same fault fails.
-    assert_eq!(report(Fault::MissesTiny).failures().len(), 1);
-    let leaky = report_on(EMBREE, Fault::Misses(0, 0));
+    assert_eq!(report(BackendFault::MissesTiny).failures().len(), 1);
+    let leaky = report_on(EMBREE, BackendFault::Misses(0, 0));
     let failures = leaky.failures();
     let above = |source: &str| {
         let name = format!(" {source} rays, more than the known ");
@@ -204,15 +204,15 @@ fn a_ray_through_a_crowd_is_not_judged() {
 #[test]
 fn the_error_bound_of_t_is_tight() {
     // An error of one or two roundings passes. An error of a hundred fails.
-    let t = report(Fault::ScalesT(1.0 + 1.2e-7)).backends.remove(1).total;
+    let t = report(BackendFault::ScalesT(1.0 + 1.2e-7)).backends.remove(1).total;
     assert_eq!(t.wrong(), 0, "{t:?}");
-    let t = report(Fault::ScalesT(1.0 + 1e-5)).backends.remove(1).total;
+    let t = report(BackendFault::ScalesT(1.0 + 1e-5)).backends.remove(1).total;
     assert!(t.of[&Verdict::WrongDistance] > t.rays / 10, "{t:?}");
 }
 
 #[test]
 fn a_saved_finding_reproduces_the_case() {
-    let report = report(Fault::Misses(0, 0));
+    let report = report(BackendFault::Misses(0, 0));
     for finding in &report.findings {
         let text = serde_json::to_string(finding).unwrap();
         let back: Finding = serde_json::from_str(&text).unwrap();
@@ -222,7 +222,7 @@ fn a_saved_finding_reproduces_the_case() {
         let case = back.case().unwrap();
         let ray = Ray::of(&case.packet.rays, back.lane);
         let truth = Answer::truth(&oracle, &ray, case.shadow);
-        let faulty = Faulty(&oracle, Fault::Misses(0, 0));
+        let faulty = Faulty(&oracle, BackendFault::Misses(0, 0));
         let answer = case.answers(&faulty, back.mode)[back.lane];
         assert_eq!((truth, answer), (back.truth, back.answer));
         assert_eq!(judge(&oracle, &ray, truth, answer, 1.0), back.verdict);

@@ -2,7 +2,7 @@
 
 /// Errors of values x against reference values r, d = x - r.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Errors {
+pub struct ValueErrors {
     /// Mean squared error: mean d^2.
     pub mse: f64,
     /// Mean absolute error: mean |d|.
@@ -26,7 +26,7 @@ pub struct Errors {
     pub differ: f64,
 }
 
-impl Errors {
+impl ValueErrors {
     /// Term in denominators that keeps relative errors finite where the reference is dark.
     pub const EPSILON: f64 = 0.01;
 
@@ -82,7 +82,7 @@ mod tests {
     fn errors_of_known_values_in_closed_form() {
         // d = 0.5, -0.25, 0, 1; all exact in f32.
         let (x, r) = ([1.0, 0.25, 2.0, 1.0], [0.5, 0.5, 2.0, 0.0]);
-        let e = Errors::of(&x, &r);
+        let e = ValueErrors::of(&x, &r);
         near(e.mse, (0.25 + 0.0625 + 1.0) / 4.0);
         near(e.mae, 1.75 / 4.0);
         near(e.bias, 1.25 / 4.0);
@@ -95,21 +95,21 @@ mod tests {
 
     #[test]
     fn white_against_black_and_equal_values() {
-        let e = Errors::of(&[1.0; 12], &[0.0; 12]);
+        let e = ValueErrors::of(&[1.0; 12], &[0.0; 12]);
         for (value, expected) in [(e.mse, 1.0), (e.mae, 1.0), (e.relmse, 100.0), (e.mrse, 1e4)] {
             near(value, expected);
         }
         near(e.smape, 1.0 / 1.01);
-        let zero = Errors::of(&[0.3, -7.0], &[0.3, -7.0]);
+        let zero = ValueErrors::of(&[0.3, -7.0], &[0.3, -7.0]);
         let all = [zero.mse, zero.relmse, zero.mrse, zero.smape, zero.bias, zero.max, zero.p99];
         assert_eq!(all, [0.0; 7]);
-        assert_eq!(Errors::of(&[], &[]).mse, 0.0);
+        assert_eq!(ValueErrors::of(&[], &[]).mse, 0.0);
     }
 
     #[test]
     fn the_bias_is_positive_for_a_brighter_picture() {
-        near(Errors::of(&[1.5, 1.0], &[1.0, 1.0]).bias, 0.25);
-        near(Errors::of(&[0.5, 1.0], &[1.0, 1.0]).bias, -0.25);
+        near(ValueErrors::of(&[1.5, 1.0], &[1.0, 1.0]).bias, 0.25);
+        near(ValueErrors::of(&[0.5, 1.0], &[1.0, 1.0]).bias, -0.25);
     }
 
     #[test]
@@ -118,9 +118,9 @@ mod tests {
         let mut x = [0.0; 200];
         x[7] = 5.0;
         x[9] = 4.0;
-        assert_eq!(Errors::of(&x, &reference).p99, 0.0);
+        assert_eq!(ValueErrors::of(&x, &reference).p99, 0.0);
         x[11] = 3.0;
-        assert_eq!(Errors::of(&x, &reference).p99, 3.0);
-        assert_eq!(Errors::of(&[2.0], &[0.0]).p99, 2.0);
+        assert_eq!(ValueErrors::of(&x, &reference).p99, 3.0);
+        assert_eq!(ValueErrors::of(&[2.0], &[0.0]).p99, 2.0);
     }
 }

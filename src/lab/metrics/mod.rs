@@ -4,7 +4,7 @@
 //! pixels and channels. Names of metrics are ambiguous: the relative errors of pbrt and tev differ
 //! by a factor of 100 where the reference is black. So no number is shown without its formula.
 //!
-//! Errors are undefined for pictures with NaN or infinities. Callers check with [`non_finite`]
+//! ValueErrors are undefined for pictures with NaN or infinities. Callers check with [`non_finite`]
 //! first.
 
 mod errors;
@@ -12,7 +12,7 @@ pub mod flip;
 mod plane;
 mod ssim;
 
-pub use errors::Errors;
+pub use errors::ValueErrors;
 pub use ssim::ssim;
 
 use crate::lab::named::named;
@@ -91,9 +91,9 @@ impl Metric {
 
 /// Metrics with their values. Metrics that have no meaning for the layer are left out.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Values(Vec<(Metric, f64)>);
+pub struct MetricValues(Vec<(Metric, f64)>);
 
-impl Values {
+impl MetricValues {
     /// Value of a metric, if it is there.
     pub fn get(&self, metric: Metric) -> Option<f64> {
         self.0.iter().find(|(other, _)| *other == metric).map(|(_, value)| *value)
@@ -126,7 +126,7 @@ impl Values {
 
     /// Errors of linear light.
     pub fn of_light(test: &[f32], reference: &[f32]) -> Self {
-        let e = Errors::of(test, reference);
+        let e = ValueErrors::of(test, reference);
         Self(vec![
             (Metric::Mse, e.mse),
             (Metric::Rmse, e.mse.sqrt()),
@@ -191,11 +191,11 @@ mod tests {
         // One byte of 12 is off by 51 = 0.2.
         let (mut a, b) = ([[0; 3]; 4], [[0; 3]; 4]);
         a[2][1] = 51;
-        let (values, map) = Values::of_pictures(&a, &b, 2);
+        let (values, map) = MetricValues::of_pictures(&a, &b, 2);
         let expected = 10.0 * (12.0f64 / 0.04).log10();
         assert!((values.get(Metric::Psnr).unwrap() - expected).abs() < 1e-12);
         assert_eq!((values.get(Metric::Ssim), map.len()), (None, 4));
-        let (same, _) = Values::of_pictures(&b, &b, 2);
+        let (same, _) = MetricValues::of_pictures(&b, &b, 2);
         assert_eq!(same.get(Metric::Psnr), Some(f64::INFINITY));
         assert_eq!(same.get(Metric::Flip), Some(0.0));
     }
@@ -211,6 +211,6 @@ mod tests {
     #[test]
     fn ids_are_compared_as_bits() {
         let nan = f32::NAN;
-        assert_eq!(Values::of_ids(&[nan, 1.0], &[nan, 2.0]).get(Metric::Differ), Some(0.5));
+        assert_eq!(MetricValues::of_ids(&[nan, 1.0], &[nan, 2.0]).get(Metric::Differ), Some(0.5));
     }
 }

@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 /// One channel of a picture, in rows from the top.
 #[derive(Debug, Clone)]
-pub struct Plane {
+pub struct ChannelPlane {
     /// Width in pixels, > 0.
     pub width: usize,
     /// One value for each pixel.
     pub values: Vec<f64>,
 }
 
-impl Plane {
+impl ChannelPlane {
     /// Computes a plane with `value` of each pixel.
     pub fn map<T: Sync>(
         pixels: &[T],
@@ -29,7 +29,7 @@ impl Plane {
         self.along_x(row).along_y(column)
     }
 
-    /// Convolves along x: the first half of [`Plane::convolved`].
+    /// Convolves along x: the first half of [`ChannelPlane::convolved`].
     pub fn along_x(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let mut values = vec![0.0; self.values.len()];
@@ -45,7 +45,7 @@ impl Plane {
         Self { width, values }
     }
 
-    /// Convolves along y: the second half of [`Plane::convolved`].
+    /// Convolves along y: the second half of [`ChannelPlane::convolved`].
     pub fn along_y(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let bottom = (self.values.len() / width).saturating_sub(1);
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn convolution_of_one_bright_pixel_gives_the_kernel() {
-        let mut plane = Plane { width: 5, values: vec![0.0; 25] };
+        let mut plane = ChannelPlane { width: 5, values: vec![0.0; 25] };
         plane.values[12] = 1.0;
         let done = plane.convolved(&[1.0, 2.0, 4.0], &[10.0, 100.0, 1000.0]);
         // The pixel to the right of the bright one uses the first weight.
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_constant_is_unchanged_up_to_the_border() {
-        let plane = Plane { width: 3, values: vec![2.0; 6] };
+        let plane = ChannelPlane { width: 3, values: vec![2.0; 6] };
         let kernel = gaussian(1.5, 5);
         for value in plane.convolved(&kernel, &kernel).values {
             assert!((value - 2.0).abs() < 1e-14);

@@ -3,7 +3,7 @@
 //! Window and constants are those of the paper: 11 x 11 Gaussian weights of sigma 1.5, K1 = 0.01,
 //! K2 = 0.03, values in [0, 1]. The mean runs over all windows that lie inside the picture.
 
-use super::plane::{Plane, gaussian};
+use super::plane::{ChannelPlane, gaussian};
 
 const RADIUS: usize = 5;
 const SIGMA: f64 = 1.5;
@@ -16,12 +16,12 @@ pub fn ssim(test: &[[u8; 3]], reference: &[[u8; 3]], width: usize) -> Option<f64
     let height = test.len() / width.max(1);
     let across = width.checked_sub(2 * RADIUS).filter(|n| *n > 0)?;
     let down = height.checked_sub(2 * RADIUS).filter(|n| *n > 0)?;
-    let (x, y) = (Plane::map(test, width, luma), Plane::map(reference, width, luma));
+    let (x, y) = (ChannelPlane::map(test, width, luma), ChannelPlane::map(reference, width, luma));
     let kernel = gaussian(SIGMA, RADIUS);
-    let mean = |plane: &Plane| plane.convolved(&kernel, &kernel).values;
-    let product = |a: &Plane, b: &Plane| {
+    let mean = |plane: &ChannelPlane| plane.convolved(&kernel, &kernel).values;
+    let product = |a: &ChannelPlane, b: &ChannelPlane| {
         let values = a.values.iter().zip(&b.values).map(|(a, b)| a * b).collect();
-        mean(&Plane { width, values })
+        mean(&ChannelPlane { width, values })
     };
     let (mx, my) = (mean(&x), mean(&y));
     let (xx, yy, xy) = (product(&x, &x), product(&y, &y), product(&x, &y));

@@ -16,7 +16,7 @@ use crate::error::{Error, Kind, Problem, Result};
 use crate::files::Stamp;
 use crate::reserve::MemoryLimit;
 
-/// Bytes to read first: almost every header ends within them.
+/// Number of bytes to read first. Almost every header is shorter.
 const FIRST_READ: u64 = 1 << 16;
 
 /// An open mesh file.

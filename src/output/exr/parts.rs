@@ -9,7 +9,7 @@ pub const FIRST: &str = "rgba";
 
 /// A channel of the file and the source of its values.
 #[derive(Debug)]
-pub struct Source<'a> {
+pub struct ValueSource<'a> {
     /// Name of the channel in the file.
     pub name: &'a str,
     /// Type of the channel in the file.
@@ -33,7 +33,7 @@ pub struct ExrPart<'a> {
     /// [`FIRST`], or the name of the layer.
     pub name: &'a str,
     /// Its channels in file order: sorted by name.
-    pub sources: Vec<Source<'a>>,
+    pub sources: Vec<ValueSource<'a>>,
 }
 
 /// Returns the parts of a film's file: one with all channels, or one per layer with the beauty
@@ -43,7 +43,7 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
         ChannelKind::Half if options.float => ChannelKind::Float,
         kind => kind,
     };
-    let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(i, name)| Source {
+    let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(i, name)| ValueSource {
         name,
         kind: kind(ChannelKind::Half),
         from: ChannelSource::Beauty(i),
@@ -51,7 +51,7 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
     let mut parts = vec![ExrPart { name: FIRST, sources: beauty.collect() }];
     for (i, channel) in film.planes.channels.iter().enumerate() {
         let name = channel.name.as_str();
-        let source = Source { name, kind: kind(channel.kind), from: ChannelSource::Words(i) };
+        let source = ValueSource { name, kind: kind(channel.kind), from: ChannelSource::Words(i) };
         let layer = if options.multipart { layer_of(name) } else { FIRST };
         match parts.iter_mut().find(|part| part.name == layer) {
             Some(part) => part.sources.push(source),

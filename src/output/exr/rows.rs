@@ -6,11 +6,11 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::{
     film::{ChannelKind, Film},
-    output::{HALF_MAX, finite},
+    output::value_counts::{HALF_MAX, finite},
     simd::Kernel,
 };
 
-use super::parts::{ChannelSource, Source};
+use super::parts::{ChannelSource, ValueSource};
 
 /// Number of pixels that are processed together. Their words stay in the L1 cache for all channels.
 const BATCH: usize = 256;
@@ -19,7 +19,7 @@ const BATCH: usize = 256;
 pub struct Fill<'a, 'b> {
     pub bytes: &'b mut Vec<u8>,
     pub film: &'a Film,
-    pub sources: &'a [Source<'a>],
+    pub sources: &'a [ValueSource<'a>],
     pub rows: Range<usize>,
 }
 

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
-use lightpath::accel::bvh::{Bvh, Stats};
+use lightpath::accel::bvh::{Bvh, TreeStats};
 use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Kind;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
@@ -254,7 +254,7 @@ fn a_signal_stops_the_build() {
 fn stats_are_those_of_the_tree() {
     let geometry = some(&mut Random(9), 1000, 10, 30);
     let bvh = build(&geometry, Isa::detect());
-    let stats: Stats = bvh.validate().expect("a sound tree");
+    let stats: TreeStats = bvh.validate().expect("a sound tree");
     assert_eq!(stats.nodes_of.iter().sum::<usize>(), stats.nodes);
     assert_eq!(stats.leaves_of.iter().sum::<usize>(), stats.leaves);
     let children: usize = stats.nodes_of.iter().enumerate().map(|(n, count)| n * count).sum();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use lightpath::lab::{
     compare::file::Picture,
-    metrics::{Metric, Values, flip, mean},
+    metrics::{Metric, MetricValues, flip, mean},
 };
 use serde_json::Value;
 
@@ -64,7 +64,7 @@ fn flip_and_ssim_are_those_of_their_packages() {
         let ((width, test), (_, reference)) = (read(name, "test"), read(name, "reference"));
         let map = flip::hdr(&test, &reference, width);
         check(&format!("{name}, HDR"), &map, width, &expected["hdr_flip"], step);
-        let (values, map) = Values::of_pictures(&bytes(&test), &bytes(&reference), width);
+        let (values, map) = MetricValues::of_pictures(&bytes(&test), &bytes(&reference), width);
         check(&format!("{name}, LDR"), &map, width, &expected["ldr_flip"], step);
         assert_eq!(values.get(Metric::Flip), Some(mean(&map)));
         let (ours, theirs) = (values.get(Metric::Ssim).unwrap(), number(&expected["ssim"]));

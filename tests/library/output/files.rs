@@ -312,7 +312,7 @@ fn long_names_of_channels_and_attributes_are_announced() {
         exr::write(&film, &options, &mut file, &path).unwrap();
         fs::write(&path, file.get_ref()).unwrap();
         if !multipart {
-            let reader = exr_read::Reader::open(&path).unwrap();
+            let reader = exr_read::ExrReader::open(&path).unwrap();
             assert!(reader.channels.iter().any(|found| *found == channels[0]));
             assert_eq!(reader.attribute(&attributes[0].0), Some(attributes[0].1.as_str()));
         }

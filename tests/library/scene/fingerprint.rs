@@ -8,7 +8,7 @@ use lightpath::{
     error::Kind,
     monitor::Monitor,
     scene::{self, Source},
-    world::{Contents, LoadOptions, World, fingerprint},
+    world::{ContentHashes, LoadOptions, World, fingerprint},
 };
 
 const SCENE: &str = r#"{
@@ -47,7 +47,7 @@ impl Folder {
     fn hash_with(&self, sets: &[&str], repair: bool) -> String {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let loaded = scene::load(Source::File(&self.path().join("s.json")), &sets).unwrap();
-        fingerprint(&loaded, repair, &mut Contents::default()).unwrap().unwrap()
+        fingerprint(&loaded, repair, &mut ContentHashes::default()).unwrap().unwrap()
     }
 
     fn hash(&self, sets: &[&str]) -> String {
@@ -136,9 +136,9 @@ fn a_file_that_changes_between_reading_and_hashing_is_detected() {
         let (world, _) = World::load(&loaded.scene, options, &Monitor::default()).unwrap();
         assert_eq!(world.read.paths().count(), 3);
         act();
-        let mut contents = Contents::default();
+        let mut contents = ContentHashes::default();
         fingerprint(&loaded, false, &mut contents).unwrap();
-        world.read.check(&contents)
+        contents.check(&world.read)
     };
     assert_eq!(hashed_after(&|| ()), Ok(()));
     for name in ["a.ply", "own.ppm", "brick.ppm"] {
@@ -166,14 +166,14 @@ fn a_pipe_has_no_fingerprint() {
     fs::remove_file(&pipe).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let loaded = scene::load(Source::File(&here.path().join("s.json")), &[]).unwrap();
-    assert_eq!(fingerprint(&loaded, false, &mut Contents::default()).unwrap(), None);
+    assert_eq!(fingerprint(&loaded, false, &mut ContentHashes::default()).unwrap(), None);
 }
 
 #[test]
 fn a_file_is_read_once() {
     let here = Folder::new();
     let loaded = scene::load(Source::File(&here.path().join("s.json")), &[]).unwrap();
-    let mut contents = Contents::default();
+    let mut contents = ContentHashes::default();
     let first = fingerprint(&loaded, false, &mut contents).unwrap();
     here.write("brick.ppm", "P3 1 1 255 0 0 0\n");
     assert_eq!(fingerprint(&loaded, false, &mut contents).unwrap(), first);

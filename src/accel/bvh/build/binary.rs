@@ -69,7 +69,7 @@ impl Leaf {
 /// Bytes per reference that [`build`] holds besides the references, approximately.
 pub const SCRATCH_BYTES: u64 = 24;
 
-/// Builds the tree. Sorts `references` so that those of a leaf are contiguous.
+/// Builds the tree. Sorts `references` so that each leaf has a contiguous range of them.
 ///
 /// # Errors
 /// If there is too little memory for the nodes.

@@ -21,7 +21,7 @@ struct Vertices {
 /// Size of the cache: large enough for few collisions.
 const HASH_SLOTS: usize = 64;
 
-/// Bits of an unused coordinate. They are those of a NaN, so no vertex has them.
+/// Bits of an unused coordinate: a NaN, which no vertex has.
 const NO_COORDINATE: u32 = u32::MAX;
 
 impl Vertices {

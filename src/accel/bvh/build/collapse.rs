@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
-use super::super::node::{Block, Child, Kind, Node, SphereLeaf, WIDTH};
+use super::super::node::{Block, Child, ChildKind, Node, SphereLeaf, WIDTH};
 use super::binary::Binary;
 use crate::error::Result;
 use crate::reserve;
@@ -35,9 +35,9 @@ impl Tree {
             return;
         }
         match child.kind() {
-            Kind::Node(index) => prefetch_all(&self.nodes, index),
-            Kind::Triangles(index) => prefetch_all(&self.blocks, index),
-            Kind::Spheres(_) | Kind::Empty => {}
+            ChildKind::Node(index) => prefetch_all(&self.nodes, index),
+            ChildKind::Triangles(index) => prefetch_all(&self.blocks, index),
+            ChildKind::Spheres(_) | ChildKind::Empty => {}
         }
     }
 
@@ -85,9 +85,9 @@ pub fn scratch_bytes(binary: &[Binary]) -> u64 {
 
 /// How a subtree fills k slots of a wide node.
 ///
-/// Index k - 1, for k from 2 to 16: the number of these slots that the left child gets, or 0 if the
-/// subtree takes only one slot. Index 0: the share of the left child in 16 slots, if the subtree
-/// becomes a wide node itself.
+/// Element k - 1, for k from 2 to 16, is the number of these slots that the left child gets. It is
+/// 0 if the subtree takes only one slot. Element 0 is the left child's share of 16 slots, if the
+/// subtree becomes a wide node itself.
 type Plan = [u8; WIDTH];
 
 /// Plans the subtree whose root is the first node of `binary`. Returns its costs: element k - 1 is
@@ -155,7 +155,7 @@ fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
     for (mut part, levels) in below.into_iter().flatten() {
         let base = nodes.len();
         for child in part.iter_mut().flat_map(|node| &mut node.children) {
-            if let Kind::Node(index) = child.kind() {
+            if let ChildKind::Node(index) = child.kind() {
                 *child = Child::node(base + index);
             }
         }

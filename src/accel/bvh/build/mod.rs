@@ -14,7 +14,7 @@ use self::binary::Leaf;
 use self::block::MakeBlock;
 use super::Bounds3;
 use super::node::{Block, Child, SphereLeaf};
-use crate::accel::over_limit;
+use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;

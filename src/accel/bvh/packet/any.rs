@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, spread};
-use crate::accel::bvh::node::{Child, Kind, Node};
+use crate::accel::bvh::node::{Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
@@ -13,16 +13,16 @@ const MAX_SINGLE_RAYS: u32 = 4;
 
 /// A child that is still to be visited, and the rays that enter its box, as bits.
 #[derive(Clone, Copy)]
-pub struct Entry {
+pub struct AnyEntry {
     child: Child,
     entering: u32,
 }
 
 thread_local! {
-    static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
+    static STACK: Cell<Vec<AnyEntry>> = const { Cell::new(Vec::new()) };
 }
 
-impl StackEntry for Entry {
+impl StackEntry for AnyEntry {
     type SingleStack = Path;
     #[inline(always)]
     fn single_stack() -> Path {
@@ -36,18 +36,18 @@ impl StackEntry for Entry {
 impl<T: Tier> Packet<'_, T> {
     /// Returns the occluded rays: all bits of their lanes are set.
     #[inline(always)]
-    pub fn occluded(mut self, stacks: &mut Stacks<Entry>) -> [i32; LANES] {
+    pub fn occluded(mut self, stacks: &mut Stacks<AnyEntry>) -> [i32; LANES] {
         let mut occluded = [0; LANES];
         let mut left = self.left();
-        stacks.packet.push(Entry { child: Child::node(0), entering: left });
+        stacks.packet.push(AnyEntry { child: Child::node(0), entering: left });
         while let Some(entry) = stacks.packet.pop() {
             let entering = entry.entering & left;
             match entry.child.kind() {
                 _ if entering == 0 => {}
-                Kind::Node(index) if entering.count_ones() > MAX_SINGLE_RAYS => {
+                ChildKind::Node(index) if entering.count_ones() > MAX_SINGLE_RAYS => {
                     self.push_any(&self.tree.nodes[index], &mut stacks.packet);
                 }
-                Kind::Node(_) => {
+                ChildKind::Node(_) => {
                     for i in Bits(entering) {
                         if self.single(i).occluded_below(entry.child, &mut stacks.single) {
                             occluded[i] = -1;
@@ -94,13 +94,13 @@ impl<T: Tier> Packet<'_, T> {
 
     /// Pushes the children that any ray enters, in the order of the first ray's octant.
     #[inline(always)]
-    fn push_any(&self, node: &Node, stack: &mut Vec<Entry>) {
+    fn push_any(&self, node: &Node, stack: &mut Vec<AnyEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (near, far) = self.slabs_of_any_octant(node, slot);
             let entering = self.tier.at_most(&near, &far);
             if entering != 0 {
-                stack.push(Entry { child: node.children[slot], entering });
+                stack.push(AnyEntry { child: node.children[slot], entering });
             }
         }
     }
@@ -109,9 +109,9 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, occluded: &mut [i32; LANES]) {
         match leaf.kind() {
-            Kind::Triangles(index) => self.any_in_block(index, entering, occluded),
-            Kind::Spheres(index) => self.any_in_spheres(index, entering, occluded),
-            Kind::Node(_) | Kind::Empty => {}
+            ChildKind::Triangles(index) => self.any_in_block(index, entering, occluded),
+            ChildKind::Spheres(index) => self.any_in_spheres(index, entering, occluded),
+            ChildKind::Node(_) | ChildKind::Empty => {}
         }
         self.finish_rays(occluded);
     }

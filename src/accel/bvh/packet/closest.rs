@@ -5,28 +5,28 @@ use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, spread};
 use crate::accel::bvh::hits::ClosestHits;
-use crate::accel::bvh::node::{Child, Kind, Node};
+use crate::accel::bvh::node::{Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::ClosestHit;
 use crate::ray::{LANES, NONE};
 
-/// Up to this many remaining rays are traced alone.
+/// A subtree that at most this many rays enter is traversed ray by ray.
 const MAX_SINGLE_RAYS: u32 = 3;
 
 /// A child that is still to be visited, and the distances at which the rays enter its box. The
 /// distance is infinite for a ray that misses it.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Entry {
+pub struct ClosestEntry {
     near: [f32; LANES],
     child: Child,
 }
 
 thread_local! {
-    static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
+    static STACK: Cell<Vec<ClosestEntry>> = const { Cell::new(Vec::new()) };
 }
 
-impl StackEntry for Entry {
+impl StackEntry for ClosestEntry {
     type SingleStack = Stack;
     #[inline(always)]
     fn single_stack() -> Stack {
@@ -40,17 +40,20 @@ impl StackEntry for Entry {
 impl<T: Tier> Packet<'_, T> {
     /// Updates the closest hits with the whole tree.
     #[inline(always)]
-    pub fn closest(mut self, stacks: &mut Stacks<Entry>, best: &mut ClosestHits) {
-        stacks.packet.push(Entry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        // Whether rays have become shorter than the frustum. It is shortened only before the packet
-        // visits another child, because often none is left.
+    pub fn closest(mut self, stacks: &mut Stacks<ClosestEntry>, best: &mut ClosestHits) {
+        stacks
+            .packet
+            .push(ClosestEntry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        // True if a hit has shortened a ray since the frustum was last shortened. The frustum is
+        // shortened only before another child is visited, because often none is left.
         let mut shorter = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
             if entering == 0 {
                 continue;
             }
-            if let (Kind::Node(_), ..=MAX_SINGLE_RAYS) = (entry.child.kind(), entering.count_ones())
+            if let (ChildKind::Node(_), ..=MAX_SINGLE_RAYS) =
+                (entry.child.kind(), entering.count_ones())
             {
                 for i in Bits(entering) {
                     let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
@@ -64,7 +67,7 @@ impl<T: Tier> Packet<'_, T> {
                 self.shorten();
                 shorter = false;
             }
-            if let Kind::Node(index) = entry.child.kind() {
+            if let ChildKind::Node(index) = entry.child.kind() {
                 self.push(&self.tree.nodes[index], &mut stacks.packet);
             } else {
                 self.closest_in_leaf(entry.child, entering, best);
@@ -77,13 +80,13 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut ClosestHits) {
         match leaf.kind() {
-            Kind::Triangles(index) => self.closest_in_block(index, entering, best),
-            Kind::Spheres(index) => self.closest_in_spheres(index, entering, best),
-            Kind::Node(_) | Kind::Empty => {}
+            ChildKind::Triangles(index) => self.closest_in_block(index, entering, best),
+            ChildKind::Spheres(index) => self.closest_in_spheres(index, entering, best),
+            ChildKind::Node(_) | ChildKind::Empty => {}
         }
     }
 
-    /// Takes over the hit of a ray that was traced alone, if it found one.
+    /// Copies the hit of ray `i`, which was traced alone, into the packet if it is a new one.
     #[inline(always)]
     fn take(&mut self, i: usize, one: &ClosestHit, best: &mut ClosestHits) {
         if one.t != best.t[i] || one.primitive != best.primitive[i] {
@@ -115,7 +118,7 @@ impl<T: Tier> Packet<'_, T> {
 
     /// Pushes the children that any ray enters, the nearest last.
     #[inline(always)]
-    fn push(&self, node: &Node, stack: &mut Vec<Entry>) {
+    fn push(&self, node: &Node, stack: &mut Vec<ClosestEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (mut near, far) = self.slabs(node, slot);
@@ -126,7 +129,7 @@ impl<T: Tier> Packet<'_, T> {
                 near[i] = if meets { near[i] } else { f32::INFINITY };
             }
             if any != 0 {
-                stack.push(Entry { near, child: node.children[slot] });
+                stack.push(ClosestEntry { near, child: node.children[slot] });
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Conservative test whether the convex hull of a packet hits anything.
 
 use super::{Bits, Packet};
-use crate::accel::bvh::node::{Child, Kind};
+use crate::accel::bvh::node::{Child, ChildKind};
 use crate::accel::bvh::simd::{Stack, Tier};
 
 impl<T: Tier> Packet<'_, T> {
@@ -21,21 +21,21 @@ impl<T: Tier> Packet<'_, T> {
         stack.push(Child::node(0), 0.0);
         while let Some((child, _)) = stack.pop() {
             match child.kind() {
-                Kind::Node(index) => {
+                ChildKind::Node(index) => {
                     let node = &self.tree.nodes[index];
                     for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end))
                     {
                         stack.push(node.children[node.ordered(self.frustum.octant, place)], 0.0);
                     }
                 }
-                Kind::Triangles(index) => {
+                ChildKind::Triangles(index) => {
                     let block = &self.tree.blocks[index];
                     if self.tier.triangles_in_frustum(block, &self.frustum, self.end) != 0 {
                         return true;
                     }
                 }
-                Kind::Spheres(_) => return true,
-                Kind::Empty => {}
+                ChildKind::Spheres(_) => return true,
+                ChildKind::Empty => {}
             }
         }
         false

@@ -1,5 +1,6 @@
-//! Tests a triangle of a leaf against a packet. The decisions are those of
-//! [`exact`](crate::accel::bvh::exact), computed for 16 lanes.
+//! Tests a triangle of a leaf against a packet: the test of [`exact`](crate::accel::bvh::exact),
+//! for
+//! 16 lanes at once, with the same results.
 
 use super::Packet;
 use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, ShearedTriangle};
@@ -13,13 +14,14 @@ use crate::ray::LANES;
 pub struct Edges {
     /// All bits set in lanes whose line may hit the triangle.
     pub maybe: [i32; LANES],
-    /// All bits set in those of these lanes whose line may also miss it.
+    /// All bits set in lanes of `maybe` whose line may also miss the triangle: f32 cannot decide.
     pub unsure: [i32; LANES],
     /// Smallest depth of the triangle along the dominant axis, in the direction of the ray.
     pub first: [f32; LANES],
-    /// Largest depth, likewise.
+    /// Largest depth of the triangle along this axis.
     pub last: [f32; LANES],
-    /// As in [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
+    /// Barycentric weights of a hit, as in
+    /// [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
 }
 

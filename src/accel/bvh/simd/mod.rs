@@ -35,8 +35,8 @@ pub const EDGE_FLOOR: f32 = f32::MIN_POSITIVE;
 pub struct Candidates {
     /// Triangles that may be hit between `tnear` and `tfar`.
     pub maybe: u32,
-    /// Those of `maybe` that the line certainly hits: the signs of their edge functions exceed the
-    /// rounding error of f32.
+    /// Subset of `maybe`: triangles that the line certainly hits. The magnitudes of their edge
+    /// functions exceed the rounding error of f32.
     pub sure: u32,
 }
 
@@ -66,8 +66,8 @@ pub trait Tier: HorizontalMin {
     /// place j of the order of the octant.
     fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
 
-    /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits: those
-    /// whose corners do not all lie outside the same plane.
+    /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits. A triangle
+    /// is left out only if all its corners lie outside one plane.
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
 
     /// Returns the active lanes, as bits.

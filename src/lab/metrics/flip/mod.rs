@@ -14,7 +14,7 @@ mod exposures;
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
-use super::plane::{Plane, gaussian};
+use super::plane::{ChannelPlane, gaussian};
 use color::{Spaces, hyab};
 use exposures::Exposures;
 
@@ -77,7 +77,7 @@ impl Filtered {
     ) -> Self {
         let spaces = Spaces::new();
         let opponent: Vec<DVec3> = pixels.par_iter().map(|p| spaces.opponent(linear(p))).collect();
-        let plane = |axis: usize| Plane::map(&opponent, width, move |p| p[axis]);
+        let plane = |axis: usize| ChannelPlane::map(&opponent, width, move |p| p[axis]);
         let lightness = plane(0);
         let [y, cx] = [(&lightness, ACHROMATIC), (&plane(1), RED_GREEN)].map(|(plane, (a, b))| {
             let kernel = normalised(sensitivity(a, b));
@@ -117,7 +117,7 @@ fn normalised(weights: Vec<f64>) -> Vec<f64> {
 
 /// Filters the blue-yellow channel by a sum of two Gaussians. The sum is not separable, but each
 /// Gaussian is.
-fn blue_yellow(plane: &Plane) -> Vec<f64> {
+fn blue_yellow(plane: &ChannelPlane) -> Vec<f64> {
     let kernels = BLUE_YELLOW.map(|(a, b)| sensitivity(a, b));
     let sums = kernels.each_ref().map(|kernel| kernel.iter().sum::<f64>());
     let whole = sums[0].hypot(sums[1]);
@@ -129,8 +129,8 @@ fn blue_yellow(plane: &Plane) -> Vec<f64> {
 }
 
 /// Lengths of the first and second derivatives of the lightness along x and y, for each pixel.
-fn features(lightness: &Plane) -> Vec<[f64; 2]> {
-    let gray = Plane::map(&lightness.values, lightness.width, |y| (y + 16.0) / 116.0);
+fn features(lightness: &ChannelPlane) -> Vec<[f64; 2]> {
+    let gray = ChannelPlane::map(&lightness.values, lightness.width, |y| (y + 16.0) / 116.0);
     let deviation = 0.5 * FEATURE * PIXELS_PER_DEGREE;
     let radius = (3.0 * deviation).ceil() as usize;
     let smooth = gaussian(deviation, radius);

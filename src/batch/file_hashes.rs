@@ -14,7 +14,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::error::{Error, Result};
 
-use super::journal::{self, Record};
+use super::journal::{self, JournalRecord};
 
 /// Number of bytes per read.
 const CHUNK: usize = 1 << 18;
@@ -45,17 +45,17 @@ pub fn sum(path: &Path) -> Result<String> {
 /// A file that was written several times has several hashes. Each belongs to a complete file, and
 /// the file's own fingerprint tells which version it is.
 #[derive(Debug)]
-pub struct Sums {
+pub struct FileHashes {
     folder: PathBuf,
     known: HashMap<PathBuf, Vec<String>>,
 }
 
-impl Sums {
+impl FileHashes {
     /// Reads all journals of a folder.
     pub fn read(folder: &Path) -> Self {
         let mut known: HashMap<PathBuf, Vec<String>> = HashMap::new();
         journal::each(folder, |record| {
-            let Record::Frame(frame) = record else { return };
+            let JournalRecord::Frame(frame) = record else { return };
             for (path, sum) in frame.outputs.into_iter().zip(frame.xxh3) {
                 let sums = known.entry(path).or_default();
                 if !sums.contains(&sum) {

@@ -5,6 +5,7 @@
 //! previous one is done. [`gate`](super::gate) keeps the order.
 
 use std::{
+    ops::Range,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     sync::{
@@ -18,7 +19,7 @@ use rayon::ThreadPool;
 use crate::{
     accel::Footprint,
     error::{Error, Kind, Problem, Result},
-    files::Files,
+    files::FileSet,
     memory::{self, Prediction},
     monitor::Monitor,
     output::atomic::Sweep,
@@ -26,20 +27,18 @@ use crate::{
     reserve::MemoryLimit,
     scene::Backend,
     threads::{self, lock},
-    world::Read,
+    world::ReadFiles,
 };
 
 use super::{
-    Options, Outcome,
+    file_hashes::FileHashes,
     fingerprint::Settings,
-    gate::{Memory, Turns},
+    gate::{MemoryGate, Turns},
     job::Job,
-    journal::{Journal, Record},
-    outputs,
-    plan::Task,
-    scene,
+    journal::{Journal, JournalRecord},
+    outputs, scene,
     status::{Event, Status},
-    sums::Sums,
+    tasks::Task,
 };
 
 /// Tiles of 32 x 32 pixels per thread: enough to keep a thread busy while others finish theirs.
@@ -48,11 +47,44 @@ const TILES_PER_THREAD: usize = 8;
 /// Share of the available memory that meshes may take if the user sets no limit.
 const SHARE_OF_AVAILABLE: f64 = 0.6;
 
+/// Settings of one batch run.
+#[derive(Debug, Clone)]
+pub struct BatchOptions {
+    /// Number of worker threads, at least 1.
+    pub threads: usize,
+    /// Number of frames rendered at a time. `None`: chosen from the size of the first input's
+    /// frames.
+    pub jobs: Option<usize>,
+    /// Limit in bytes for meshes, accelerators and films together.
+    pub max_memory: Option<u64>,
+    /// Keeps existing frames that are complete and have the expected fingerprint.
+    pub resume: bool,
+    /// With `resume`: also requires the bytes of a kept file to match the hash in the journal.
+    pub verify: bool,
+    /// Starts nothing new after the first failure.
+    pub fail_fast: bool,
+    /// Range of frame numbers to render. Frames are numbered mesh after mesh. `None`: all frames.
+    pub range: Option<Range<u64>>,
+}
+
+/// Result of a batch run.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Number of frames rendered.
+    pub rendered: u64,
+    /// Number of existing frames that were kept.
+    pub kept: u64,
+    /// Errors by input file: an input that failed, or one of its frames.
+    pub failures: Vec<(String, Error)>,
+    /// Number of the signal that stopped the run.
+    pub signal: Option<i32>,
+}
+
 /// State shared by all workers of a run.
 pub struct Run<'a> {
     pub job: &'a Job,
     pub tasks: &'a [Task],
-    pub options: &'a Options,
+    pub options: &'a BatchOptions,
     pub monitor: &'a Monitor,
     pub status: &'a Status,
     pub journal: &'a Journal,
@@ -64,12 +96,12 @@ pub struct Run<'a> {
     /// Threads that read meshes and build accelerators, so that these do not wait for rays.
     pub loading: ThreadPool,
     /// Files that the job reads, as far as they were known at the start.
-    inputs: Files,
+    inputs: FileSet,
     /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
-    pub sums: Option<Sums>,
+    pub sums: Option<FileHashes>,
     pub turns: Turns,
     pub jobs: usize,
-    memory: Memory,
+    memory: MemoryGate,
     /// Memory of the machine when the run began.
     room: Option<MemoryLimit>,
     next: AtomicUsize,
@@ -86,10 +118,10 @@ pub struct Run<'a> {
 pub fn run(
     job: &Job,
     tasks: &[Task],
-    options: &Options,
+    options: &BatchOptions,
     (monitor, status, journal): (&Monitor, &Status, &Journal),
     tell: &(dyn Fn(Event) + Sync),
-    (loading, inputs): (ThreadPool, Files),
+    (loading, inputs): (ThreadPool, FileSet),
 ) -> Result<Outcome> {
     let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
     let limit = options.max_memory.unwrap_or_else(|| {
@@ -109,10 +141,10 @@ pub fn run(
         pool: threads::pool(options.threads)?,
         loading,
         inputs,
-        sums: (options.resume && options.verify).then(|| Sums::read(&job.folder)),
+        sums: (options.resume && options.verify).then(|| FileHashes::read(&job.folder)),
         turns: Turns::new(jobs),
         jobs,
-        memory: Memory::new(limit),
+        memory: MemoryGate::new(limit),
         room: memory::kill_limit(),
         next: AtomicUsize::new(0),
         footprints: Mutex::default(),
@@ -148,7 +180,7 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
 
 /// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are
 /// small.
-fn jobs(job: &Job, options: &Options) -> usize {
+fn jobs(job: &Job, options: &BatchOptions) -> usize {
     let threads = options.threads;
     let first = job.inputs.first().map(|input| scene::predict(job, input));
     let Some(Ok((scene, _))) = first else {
@@ -218,8 +250,8 @@ impl Run<'_> {
     ///
     /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
     /// when it is read.
-    pub fn refuse_if_output(&self, read: &Read) -> Result<()> {
-        let new: Files = read.paths().filter(|path| !self.inputs.has(path)).collect();
+    pub fn refuse_if_output(&self, read: &ReadFiles) -> Result<()> {
+        let new: FileSet = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {
             true => Ok(()),
             false => outputs::refuse(self.job, self.tasks, self.journal.path(), &new),
@@ -237,7 +269,7 @@ impl Run<'_> {
         self.status.kept.fetch_add(frames.len() as u64, Relaxed);
         match frames.is_empty() {
             true => Ok(()),
-            false => self.journal.add(&Record::Kept { input: input.to_string(), frames }),
+            false => self.journal.add(&JournalRecord::Kept { input: input.to_string(), frames }),
         }
     }
 
@@ -250,7 +282,7 @@ impl Run<'_> {
         (self.tell)(Event::Failed { input, error: &error });
         let messages: Vec<String> = error.problems.iter().map(Problem::to_string).collect();
         let message = messages.join("\n");
-        let record = Record::Failed { input: input.to_string(), frame, message };
+        let record = JournalRecord::Failed { input: input.to_string(), frame, message };
         if let Err(error) = self.journal.add(&record) {
             self.end(error);
         }
