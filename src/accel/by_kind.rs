@@ -3,7 +3,8 @@
 //! A mask per ray would add a test to every primitive of every traversal. Separate accelerators
 //! leave the traversal unchanged. They share the arrays of the geometry.
 
-use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits, build_part, over_limit};
+use super::accelerator::over_limit;
+use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits, build_part};
 use crate::error::Result;
 use crate::geometry::{Geometry, Nearby};
 use crate::monitor::Monitor;

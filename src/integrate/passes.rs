@@ -11,7 +11,6 @@ use crate::film::Window;
 use crate::ray::LANES;
 use crate::simd::Kernel;
 
-use super::alpha;
 use super::block::{BlockSums, Values};
 use super::camera_packet::{CameraPacket, Pattern};
 use super::noise::{Goal, PixelSamples};
