@@ -94,7 +94,7 @@ impl Crevices {
             let (crevice, is_grazing) = (self.get(from[i] % LANES), grazing.0[i] != 0);
             let way = direction(rays, i);
             let unseen = geometry.unseen(RayKind::Shadow);
-            let occludes = |wall: u32| !(is_grazing && passes(wall)) && !unseen.has(wall);
+            let occludes = |wall: u32| !(unseen.has(wall) || is_grazing && passes(wall));
             let hits_wall = crevice
                 .is_some_and(|crevice| crevice.meet(way, rays.tfar[i].into(), occludes).is_some());
             let is_clear = crevice.is_none_or(|crevice| crevice.is_clear) && !is_grazing;
