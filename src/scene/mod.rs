@@ -126,6 +126,18 @@ pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
 }
 
+/// Checks a camera made by code, as the camera of a scene. `name` is its place in messages.
+///
+/// # Errors
+/// Every problem of the camera.
+pub fn check_camera(name: &str, camera: &description::Camera) -> Result<()> {
+    let document = Document::from_value(name, &write::camera(camera));
+    let mut problems = problems::Problems::new(&document);
+    let broken = structure::check(schema::of_camera(), &mut problems);
+    check::check_camera(&mut problems, broken);
+    Error::check(Kind::Invalid, problems.finish().0)
+}
+
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
     let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
     let bad_overrides: Vec<Problem> = set.collect();
