@@ -34,6 +34,7 @@ mod files;
 mod memory;
 mod paths;
 mod picture;
+mod poses;
 mod renderer;
 mod report;
 mod reserve;

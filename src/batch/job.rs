@@ -13,6 +13,7 @@ use crate::{
     output::{exr::Sequence, tonemap::Depth},
     paths,
     picture::Storage,
+    poses::Poses,
     scene::{Overrides, written::Name},
     studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable},
     units,
@@ -40,6 +41,8 @@ pub struct Job {
     pub looks: Appearance,
     /// Turntable of each input. `None`: one frame per input.
     pub turntable: Option<Turntable>,
+    /// Cameras of each input, in place of a turntable.
+    pub poses: Option<Poses>,
     /// A point on the turntable's axis, if the job file sets it.
     pub pivot: Option<DVec3>,
     /// Samples of every area light, if a flag sets it.
@@ -107,13 +110,24 @@ impl Job {
             Some(path) => Template::file(&base.join(&path.0)),
             None => Ok(Template::studio()),
         });
+        let poses = failures.keep(poses(&file, base, &flags)).flatten();
         let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
+        let frames = poses.as_ref().map_or(frames, |poses| poses.list.len() as u32);
         let pattern = match (&file.output.name, frames) {
             (Some(name), _) => name.0.as_str(),
+            (None, _) if file.cameras.is_some() => NamePattern::IMAGES,
             (None, 1) => NamePattern::STILL,
             (None, _) => NamePattern::FRAMES,
         };
-        let name = failures.keep(NamePattern::parse("output name", pattern));
+        let images = poses.iter().flat_map(|poses| &poses.list);
+        let images: Vec<String> = images.map(|pose| pose.image.clone()).collect();
+        let name = NamePattern::parse("output name", pattern);
+        // A list that cannot be read has its own error.
+        let named = |name: NamePattern| match file.cameras.is_some() && images.is_empty() {
+            true => Ok(name),
+            false => name.with_images("output name", images),
+        };
+        let name = failures.keep(name.and_then(named));
         if let Some(name) = &name {
             for (number, input) in found.iter().enumerate() {
                 failures.keep(name.check(&input.path, number));
@@ -147,6 +161,7 @@ impl Job {
             return Err(Error::invalid("job", "cannot be read"));
         };
         let files = file.template.as_ref().map(|path| base.join(&path.0));
+        let cameras = poses.iter().flat_map(|poses| poses.files.clone()).collect::<Vec<_>>();
         Ok(Self {
             inputs: found,
             template,
@@ -172,13 +187,17 @@ impl Job {
             per_second: rate,
             folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
             name,
-            files: flags.file.into_iter().chain(files).collect(),
+            files: flags.file.into_iter().chain(files).chain(cameras).collect(),
+            poses,
         })
     }
 
     /// Returns the number of frames per input.
     pub fn frames(&self) -> u32 {
-        self.turntable.map_or(1, |turntable| turntable.frames)
+        match &self.poses {
+            Some(poses) => poses.list.len() as u32,
+            None => self.turntable.map_or(1, |turntable| turntable.frames),
+        }
     }
 
     /// Returns frame number and frame rate for the EXR header. There is no number if an input has
@@ -195,6 +214,36 @@ impl Job {
     pub fn prefix(&self, input: usize, frame: u32) -> PathBuf {
         self.folder.join(self.name.of(&self.inputs[input].path, input, frame))
     }
+}
+
+/// Reads the list of cameras, if the job has one.
+///
+/// # Errors
+/// A list that cannot be read; keys and flags that the list replaces.
+fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
+    let Some(Name(path)) = &file.cameras else {
+        return match file.undistort {
+            true => Err(Error::invalid("undistort", "found without a list of cameras")),
+            false => Ok(None),
+        };
+    };
+    let entry = |input: &Written| match input {
+        Written::Path(_) => false,
+        Written::Entry(e) => {
+            !e.camera.is_empty() || e.set.keys().any(|key| key.starts_with("/camera"))
+        }
+    };
+    let set = file.set.keys().any(|key| key.starts_with("/camera"));
+    let camera = !file.camera.is_empty() || set || file.inputs.iter().any(entry);
+    let size = file.size.is_some() || camera || flags.overrides.touches("/camera");
+    for (what, found) in [("turntable", file.turntable.is_some()), ("camera", size)] {
+        if found {
+            let message =
+                "found with a list of cameras, which has the size and pose of each picture";
+            return Err(Error::invalid(what, message));
+        }
+    }
+    Poses::read(&base.join(path), file.undistort).map(Some)
 }
 
 /// Returns the files of one entry. Later overrides win: first the job's, then the entry's, then the

@@ -77,7 +77,7 @@ impl Run<'_> {
         }
         let Ready { loaded, mesh, warnings, .. } = ready;
         let camera = loaded.description.to_json()["camera"].clone();
-        if !mesh.is_empty() {
+        if !mesh.is_empty() && job.poses.is_none() {
             (self.tell)(Event::Framed { input, camera: &camera });
         }
         let mut messages = self.warn(input, &warnings);
@@ -157,8 +157,8 @@ impl Run<'_> {
         let files =
             create(frame, &plan, self.job.storage).inspect_err(|error| self.end_if_retry(error))?;
         let film = match film {
-            Some(film) => film,
-            None => {
+            Some(film) if film.frame == world.frame => film,
+            film => {
                 let window = Window::full(world.frame[0], world.frame[1]);
                 let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone())?;
                 film.insert(self.pool.install(|| blank.film()))

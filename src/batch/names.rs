@@ -4,6 +4,7 @@
 use std::{
     hash::{DefaultHasher, Hash, Hasher},
     path::{Component, Path, PathBuf},
+    sync::Arc,
 };
 
 use crate::{
@@ -15,7 +16,11 @@ use crate::{
 
 /// Pattern for the path of a frame's files within the output folder, without the ending.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct NamePattern(Vec<Piece>);
+pub struct NamePattern {
+    pieces: Vec<Piece>,
+    /// Names of the pictures of a list of cameras, by frame.
+    images: Arc<[String]>,
+}
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Piece {
@@ -28,15 +33,20 @@ enum Piece {
     Input(usize),
     /// Number of the frame, counted from 0, with at least this many digits.
     Frame(usize),
+    /// The name of the picture in the list of cameras.
+    Image,
 }
 
-const FIELDS: [&str; 4] = ["stem", "parent", "input", "frame"];
+const FIELDS: [&str; 5] = ["stem", "parent", "input", "frame", "image"];
 
 impl NamePattern {
     /// Default for one frame per input.
     pub const STILL: &str = "{stem}";
     /// Default for several frames per input: each input has its own folder.
     pub const FRAMES: &str = "{stem}/{stem}.{frame:04}";
+
+    /// Default for a list of cameras.
+    pub const IMAGES: &str = "{stem}/{image}";
 
     /// Parses a pattern. An ending `.exr` or `.png` is ignored. `place` names the source in
     /// messages.
@@ -63,13 +73,25 @@ impl NamePattern {
         }
         pieces.push(Piece::Text(rest.to_string()));
         pieces.retain(|piece| *piece != Piece::Text(String::new()));
-        let pattern = Self(pieces);
+        let pattern = Self { pieces, images: Arc::new([]) };
         let sample = pattern.of(Path::new("parent/stem"), 0, 0);
         if whole.ends_with('/') || !is_within(&sample) {
             let message = format!("found {text:?}, expected a name within the output folder");
             return Err(complain(message).help("-o names the folder"));
         }
         Ok(pattern)
+    }
+
+    /// Sets the names that `{image}` stands for.
+    ///
+    /// # Errors
+    /// `{image}` in the pattern without a list of cameras.
+    pub fn with_images(self, place: &str, images: Vec<String>) -> Result<Self> {
+        if images.is_empty() && self.pieces.contains(&Piece::Image) {
+            let message = "found {image} without a list of cameras";
+            return Err(Error::invalid(place, message).help("name the list: --cameras FILE"));
+        }
+        Ok(Self { images: images.into(), ..self })
     }
 
     /// Refuses an input whose frames would lie outside the output folder, or would have control
@@ -98,19 +120,22 @@ impl NamePattern {
 
     /// Returns true if the frames of one input have different names.
     pub fn has_frame_number(&self) -> bool {
-        self.0.iter().any(|piece| matches!(piece, Piece::Frame(_)))
+        self.pieces.iter().any(|piece| matches!(piece, Piece::Frame(_) | Piece::Image))
     }
 
     /// Returns the path of a frame within the output folder, without the ending.
     pub fn of(&self, input: &Path, number: usize, frame: u32) -> PathBuf {
         let mut name = std::ffi::OsString::new();
-        for piece in &self.0 {
+        for piece in &self.pieces {
             match piece {
                 Piece::Text(text) => name.push(text),
                 Piece::Stem => name.push(paths::stem(input).unwrap_or("input".as_ref())),
                 Piece::Parent => name.push(parent(input)),
                 Piece::Input(digits) => name.push(format!("{number:0digits$}")),
                 Piece::Frame(digits) => name.push(format!("{frame:0digits$}")),
+                Piece::Image => {
+                    name.push(self.images.get(frame as usize).map_or("image", String::as_str));
+                }
             }
         }
         name.into()
@@ -142,10 +167,12 @@ fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
         "parent" if width.is_empty() => Ok(Piece::Parent),
         "input" => digits().map(Piece::Input),
         "frame" => digits().map(Piece::Frame),
+        "image" if width.is_empty() => Ok(Piece::Image),
         _ => {
             let help = did_you_mean(name, FIELDS);
-            let help =
-                help.unwrap_or("the fields are {stem}, {parent}, {input:03}, {frame:04}".into());
+            let help = help.unwrap_or(
+                "the fields are {stem}, {parent}, {input:03}, {frame:04}, {image}".into(),
+            );
             Err((format!("found the unknown field {{{field}}}"), Some(help)))
         }
     }

@@ -13,9 +13,10 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     picture::{self, Files},
+    poses::Pose,
     reserve::MemoryLimit,
-    scene::{self, Loaded, Scene, Source},
-    studio::{self, MeshScene, Subject},
+    scene::{self, Description, Loaded, Scene, Source},
+    studio::{self, MeshScene, Subject, Turntable},
     world::{self, ContentHashes},
 };
 
@@ -70,6 +71,12 @@ pub struct Frame {
 pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
     let scene = with_default_placement(job, input)?;
     picture::check_storage(&scene, job.storage)?;
+    let mut scene = scene;
+    let sizes = job.poses.iter().flat_map(|poses| &poses.list).map(|pose| pose.camera.size());
+    let largest = sizes.max_by_key(|[width, height]| u64::from(*width) * u64::from(*height));
+    if let Some([width, height]) = largest {
+        (scene.camera.width, scene.camera.height) = (width, height);
+    }
     let window = Window::full(scene.camera.width, scene.camera.height);
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
     let prediction = memory::predict(&scene, window)?.with_film_bytes(deeper);
@@ -109,7 +116,8 @@ pub fn read(
             rotate: input.rotate,
             margin: job.margin,
             looks: job.looks.clone(),
-            turning: job.frames() > 1,
+            turning: job.turntable.is_some_and(|turntable| turntable.frames > 1),
+            calibrated: job.poses.is_some(),
             repair: job.repair,
             no_mmap: job.no_mmap,
             room,
@@ -118,16 +126,17 @@ pub fn read(
         let MeshScene { loaded, warnings, mesh, middle } =
             studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
+        let loaded = first_pose(job, loaded, &folder)?;
         let pivot = job.pivot.unwrap_or(middle);
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
     }
     let mut warnings = Vec::new();
     let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
     let target = loaded.description.camera.target().map(|target| target.vec());
-    let pivot = match (job.pivot.or(target), job.frames()) {
+    let pivot = match (job.pivot.or(target), job.turntable) {
         (Some(pivot), _) => pivot,
-        (None, 1) => DVec3::ZERO,
-        (None, _) => {
+        (None, None | Some(Turntable { frames: 1, .. })) => DVec3::ZERO,
+        (None, Some(_)) => {
             let place = path.display().to_string();
             let message = "found a turntable of a scene whose camera has no `target`";
             return Err(Error::invalid(place, message)
@@ -135,7 +144,27 @@ pub fn read(
         }
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let loaded = first_pose(job, loaded, &folder)?;
     Ok(Ready { loaded, mesh: Vec::new(), warnings, folder, pivot })
+}
+
+/// Gives a scene the first camera of the job's list: the origin of coordinates depends on it.
+fn first_pose(job: &Job, loaded: Loaded, folder: &Path) -> Result<Loaded> {
+    let pose = job.poses.as_ref().and_then(|poses| poses.list.first());
+    let Some(pose) = pose else { return Ok(loaded) };
+    let mut found = with_camera(&loaded, pose, folder)?;
+    found.warnings = loaded.warnings;
+    Ok(found)
+}
+
+/// Returns a scene with another camera.
+fn with_camera(loaded: &Loaded, pose: &Pose, folder: &Path) -> Result<Loaded> {
+    let description = Description { camera: pose.camera.clone(), ..loaded.description.clone() };
+    let mut found = scene::from_description(&pose.image, &description, folder, &[])?;
+    // A description holds neither the backend's settings nor the user's paths.
+    found.scene.backend = loaded.scene.backend;
+    found.scene.shapes.clone_from(&loaded.scene.shapes);
+    Ok(found)
 }
 
 impl Ready {
@@ -190,6 +219,10 @@ impl Ready {
     }
 
     fn frame(&self, job: &Job, number: u32) -> Result<Loaded> {
+        if let Some(poses) = &job.poses {
+            let pose = &poses.list[number as usize % poses.list.len()];
+            return with_camera(&self.loaded, pose, &self.folder);
+        }
         let Some(turntable) = &job.turntable else {
             return Ok(self.loaded.clone());
         };

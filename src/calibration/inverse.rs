@@ -20,6 +20,13 @@ const TOLERANCE: f64 = 1e-10;
 /// Most steps of Newton's method per ray.
 const MAX_ITERATIONS: u32 = 12;
 
+/// Most steps of Newton's method when a point is found for the first time. Near a fold each step
+/// only halves the error.
+const SETTLE_ITERATIONS: u32 = 48;
+
+/// Error of such a point, relative to its size.
+const SETTLED: f64 = 1e-14;
+
 /// Steps from the frame's border to a position in the overscan.
 const OVERSCAN_STEPS: u32 = 16;
 
@@ -197,17 +204,19 @@ impl Inverse {
     /// the part of the plane that is connected to `q` by regular points.
     fn settle(&self, q: [f64; 2], target: [f64; 2]) -> Option<[f64; 2]> {
         let mut found = q;
-        for _ in 0..MAX_ITERATIONS {
-            let [x, y] = self.distortion.map(found).step(target);
-            found = [found[0] + x, found[1] + y];
-            let done = 4.0 * f64::EPSILON * (found[0].abs() + found[1].abs()).max(1e-3);
-            if x.abs() + y.abs() <= done {
+        for _ in 0..SETTLE_ITERATIONS {
+            let mapped = self.distortion.map(found);
+            let size = [found, target].into_iter().flatten().fold(1e-3, |a: f64, x| a.max(x.abs()));
+            let away = |k: usize| (mapped.point[k] - target[k]).abs();
+            if away(0).max(away(1)) <= SETTLED * size {
                 let regular = (1..=CHORD_POINTS).all(|i| {
                     let t = f64::from(i) / f64::from(CHORD_POINTS);
                     self.distortion.is_regular([0, 1].map(|k| q[k] + (found[k] - q[k]) * t))
                 });
                 return regular.then_some(found);
             }
+            let [x, y] = mapped.step(target);
+            found = [found[0] + x, found[1] + y];
         }
         None
     }

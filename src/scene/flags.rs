@@ -34,6 +34,14 @@ impl Overrides {
         }
     }
 
+    /// Returns true if an override sets a value at `pointer` or below it.
+    pub fn touches(&self, pointer: &str) -> bool {
+        let below = |at: &String| {
+            at.strip_prefix(pointer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+        };
+        self.list.iter().any(|(_, at, _)| below(at))
+    }
+
     /// Adds options of the backend.
     pub fn backend(&mut self, flags: BackendFlags) {
         self.backend = self.backend.then(flags);

@@ -10,11 +10,11 @@ use crate::error::{Error, Kind, Problem, Result};
 use super::{
     check,
     checked::Scene,
-    description::Description,
+    description::{self as written, Description},
     document::Document,
     problems,
-    schema::{schema, schema_of},
-    structure,
+    schema::{self, schema, schema_of},
+    structure, write,
 };
 
 /// Maximum size of a scene file in bytes. Meshes and images are separate files.
@@ -90,6 +90,18 @@ pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<
     Error::check(Kind::Invalid, problems.finish().0)?;
     serde_json::from_value(document.root.to_value())
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
+}
+
+/// Checks a camera made by code, as the camera of a scene. `name` is its place in messages.
+///
+/// # Errors
+/// Every problem of the camera.
+pub fn check_camera(name: &str, camera: &written::Camera) -> Result<()> {
+    let document = Document::from_value(name, &write::camera(camera));
+    let mut problems = problems::Problems::new(&document);
+    let broken = structure::check(schema::of_camera(), &mut problems);
+    check::check_camera(&mut problems, broken);
+    Error::check(Kind::Invalid, problems.finish().0)
 }
 
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {

@@ -35,7 +35,7 @@ pub use description::Description;
 pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
-pub use load_scene::{Loaded, Source, from_description, load, read_as};
+pub use load_scene::{Loaded, Source, check_camera, from_description, load, read_as};
 pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};

@@ -9,12 +9,26 @@ use std::sync::LazyLock;
 use schemars::JsonSchema;
 use serde_json::{Map, Value, json};
 
-use super::description::Description;
+use super::description::{Camera, Description};
 
 /// Returns the JSON Schema 2020-12 of scene files.
 pub fn schema() -> &'static Value {
     // Cached, because one run may check thousands of frames.
     static SCHEMA: LazyLock<Value> = LazyLock::new(|| schema_of::<Description>("lightpath scene"));
+    &SCHEMA
+}
+
+/// An object with a camera.
+#[derive(JsonSchema)]
+pub(super) struct WithCamera {
+    /// The camera.
+    #[allow(dead_code)] // only its schema is used
+    camera: Camera,
+}
+
+/// Returns the schema of an object that holds a camera only.
+pub(super) fn of_camera() -> &'static Value {
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| schema_of::<WithCamera>(""));
     &SCHEMA
 }
 

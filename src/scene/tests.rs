@@ -84,7 +84,7 @@ fn json_and_text_round_trip() {
 #[test]
 fn errors_of_scenes_made_by_code_have_no_line() {
     let mut description = load_value(&minimal(), &[]).unwrap().description;
-    let written::Camera::Thinlens(camera) = &mut description.camera else { unreachable!() };
+    let written::Camera::Pinhole(camera) = &mut description.camera else { unreachable!() };
     camera.fov = 200.0;
     let error = from_description("studio", &description, Path::new(""), &[]).unwrap_err();
     assert_eq!(error.problems[0].place, "studio (/camera/fov)");

@@ -4,8 +4,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::{
-    description::Description,
-    schema::{schema, without_defaults},
+    description::{Camera, Description},
+    schema::{of_camera, schema, without_defaults},
 };
 
 impl Description {
@@ -32,6 +32,13 @@ impl Description {
         text.push('\n');
         text
     }
+}
+
+/// Returns an object with a camera in the key `camera`, without values that equal their default.
+pub(super) fn camera(camera: &Camera) -> Value {
+    let mut value = serde_json::json!({ "camera": camera });
+    without_defaults(of_camera(), of_camera(), &mut value);
+    value
 }
 
 /// Writes bytes in hexadecimal.

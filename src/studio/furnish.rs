@@ -14,6 +14,7 @@ use crate::{
 };
 
 use super::{
+    calibrated::keep_coordinates,
     framing::{FieldOfView, frame, frame_turning},
     points::UsedVertices,
     subject::{Axis, GROUND, Subject},
@@ -52,6 +53,13 @@ pub fn furnish(
     warnings.extend(notes(subject, &mesh, template));
     // The framing depends on the template and on the user's overrides.
     let mut loaded = load(template, &ours, user)?;
+    if subject.calibrated {
+        if template.builtin {
+            keep_coordinates(subject, &mesh, &loaded, &shape, &mut ours)?;
+        }
+        let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
+        return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });
+    }
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
         (None, Some(up)) => Some(("--up", turn(up, main_axis(loaded.scene.camera.up)))),
@@ -180,7 +188,8 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
             _ => None,
         });
     }
-    if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, size(mesh)) {
+    let seen = size(mesh).filter(|_| !subject.calibrated);
+    if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, seen) {
         let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
         if on_its_side {
             let message =
@@ -275,7 +284,7 @@ fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     })
 }
 
-fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
+pub(super) fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
     let index: usize = shape.rsplit('/').next()?.parse().ok()?;
     match &loaded.scene.shapes.get(index)?.kind {
         ShapeKind::Trimesh(spec) => Some(spec),
@@ -291,7 +300,7 @@ pub fn main_axis(up: DVec3) -> usize {
 }
 
 /// Returns the `rotate` angles that turn an axis of the mesh to an axis of the scene.
-fn turn(from: Axis, to: usize) -> [f64; 3] {
+pub(super) fn turn(from: Axis, to: usize) -> [f64; 3] {
     match (from, to) {
         (Axis::X, 1) => [0.0, 0.0, 90.0],
         (Axis::Z, 1) => [-90.0, 0.0, 0.0],

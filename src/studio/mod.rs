@@ -7,6 +7,7 @@
 //! the template, so the result is an ordinary scene that can be saved. A [`Turntable`] derives
 //! further scenes, one per frame.
 
+mod calibrated;
 mod framing;
 mod furnish;
 mod points;
@@ -84,7 +85,7 @@ pub fn show_mesh(
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
     let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
-    if subject.looks.no_ground {
+    if subject.looks.no_ground || (template.builtin && subject.calibrated) {
         loaded = with_other_ground(loaded, template, |_| false)?;
     } else if template.builtin && loaded.scene.transparent {
         // In a cut-out the ground must not cover the frame. Its shadows stay.

@@ -64,6 +64,9 @@ pub struct Subject<'a> {
     pub looks: Appearance,
     /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
+    /// True to keep the mesh in the coordinates of its file, for cameras that are given in them. The
+    /// lights of the built-in studio move to the mesh, and its ground is left out.
+    pub calibrated: bool,
     /// True to drop triangles with missing or non-finite vertices.
     pub repair: bool,
     /// True to read the file instead of mapping it.
@@ -76,8 +79,9 @@ impl<'a> Subject<'a> {
     /// Makes a subject with default options.
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
-        let (turning, repair, no_mmap, room) = (false, false, false, None);
+        let (turning, calibrated) = (false, false);
+        let (repair, no_mmap, room) = (false, false, None);
         let looks = Appearance::default();
-        Self { path, up, rotate, margin, looks, turning, repair, no_mmap, room }
+        Self { path, up, rotate, margin, looks, turning, calibrated, repair, no_mmap, room }
     }
 }

@@ -12,6 +12,7 @@ fn timed() -> MutexGuard<'static, ()> {
 }
 
 mod batch {
+    mod cameras;
     mod frames;
     #[cfg(unix)]
     mod kill;

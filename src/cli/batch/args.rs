@@ -28,8 +28,8 @@ pub struct BatchArgs {
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub output: Option<PathBuf>,
 
-    /// Pattern of file names, with {stem} {parent} {input:03} {frame:04} [default: {stem}, or
-    /// {stem}/{stem}.{frame:04} for a turntable]
+    /// Pattern of file names, with {stem} {parent} {input:03} {frame:04} {image} [default:
+    /// {stem}, {stem}/{stem}.{frame:04} for a turntable, {stem}/{image} for --cameras]
     #[arg(long, value_name = "PATTERN")]
     pub name: Option<String>,
 
@@ -76,6 +76,15 @@ pub struct FrameArgs {
     /// Angle of the first frame in degrees
     #[arg(long, value_name = "DEG", requires = "turntable", allow_negative_numbers = true)]
     pub start: Option<f64>,
+
+    /// Render each input from every camera of a list, in its own coordinates: a folder with a COLMAP
+    /// model, transforms.json, or JSON with `cameras`
+    #[arg(long, value_name = "FILE", conflicts_with = "turntable", value_hint = ValueHint::AnyPath)]
+    pub cameras: Option<PathBuf>,
+
+    /// With --cameras: leave the distortion of the lenses out
+    #[arg(long)]
+    pub undistort: bool,
 
     /// A point on the turntable's axis [default: the middle of a mesh, the target of a scene's
     /// camera]

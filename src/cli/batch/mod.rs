@@ -235,6 +235,11 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     if let Some(template) = &mesh.template {
         file.template = Some(from_here(template)?);
     }
+    if let Some(cameras) = &frames.cameras {
+        file.cameras = Some(from_here(cameras)?);
+        file.turntable = None;
+    }
+    file.undistort |= frames.undistort;
     let place = &mesh.placement;
     if place.up.is_some() || place.rotate.is_some() {
         file.up = place.up;

@@ -62,8 +62,10 @@ impl Check<'_, '_> {
     /// Refuses an override of the frame's size alone: intrinsics belong to one size.
     fn size_of_intrinsics(&mut self) {
         let set = |key: &str| {
-            let node = self.document.get(&format!("/camera/{key}"));
-            node.is_some_and(|node| matches!(node.place, Place::Set(_)))
+            let pointer = format!("/camera/{key}");
+            let node = self.document.get(&pointer);
+            // A whole camera that is set has its own intrinsics.
+            node.is_some_and(|node| matches!(&node.place, Place::Set(at) if **at == *pointer))
         };
         if set("fx") {
             return;

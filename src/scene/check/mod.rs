@@ -87,6 +87,12 @@ fn tonemap(description: &Description) -> Tonemap {
     }
 }
 
+/// Checks the meaning of `/camera` alone.
+pub fn check_camera(problems: &mut Problems, broken: Vec<String>) {
+    let (document, broken) = (problems.document, broken.into_iter().collect());
+    Check { document, problems, broken, folder: Path::new("") }.camera();
+}
+
 struct Check<'d, 'p> {
     document: &'d Document,
     problems: &'p mut Problems<'d>,

@@ -1,0 +1,209 @@
+//! Lists of calibrated cameras: COLMAP models, `transforms.json` of nerfstudio and NeRF, and a list
+//! of our own. docs/guide/cameras.md describes them.
+
+mod binary;
+mod colmap;
+mod text;
+mod transforms;
+
+use std::{
+    collections::HashSet,
+    io::Read,
+    path::{Component, Path, PathBuf},
+};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    error::{Error, Result},
+    scene::{
+        self, Document,
+        written::{Camera, Name},
+    },
+};
+
+/// Maximum size of a file of cameras in bytes.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+
+/// Most cameras of a list; turntables have the same limit.
+const MAX_POSES: usize = 100_000;
+
+/// A camera of a list, and the picture that it belongs to.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    /// Name of the picture: a path without its ending, relative to the folder of the pictures.
+    pub image: String,
+    /// The camera, as a scene writes it.
+    pub camera: Camera,
+    /// Place of the camera in its file, for messages.
+    place: String,
+}
+
+/// All cameras of a file.
+#[derive(Debug, Clone)]
+pub struct Poses {
+    /// The cameras: of a COLMAP model by the names of their pictures, else in the file's order. At
+    /// least one.
+    pub list: Vec<Pose>,
+    /// The files that were read.
+    pub files: Vec<PathBuf>,
+}
+
+/// A list of cameras as lightpath writes it.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct CameraList {
+    /// The cameras. Each has the keys of a scene's `camera`.
+    pub cameras: Vec<Named>,
+}
+
+/// A camera of a list.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+pub struct Named {
+    /// Name of the picture: a path relative to the output folder. Its ending does not count.
+    pub image: Name,
+    /// The camera of the picture.
+    pub camera: Camera,
+}
+
+impl Poses {
+    /// Reads a list of cameras: a JSON file, a folder with a COLMAP model, or one of its files.
+    /// With `undistort`, leaves the distortion of lenses out.
+    ///
+    /// # Errors
+    /// All problems of the list; cameras that a scene would refuse.
+    pub fn read(path: &Path, undistort: bool) -> Result<Self> {
+        let json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
+        let mut poses = match json && path.is_file() {
+            true => from_json(path)?,
+            false => colmap::read(path)?,
+        };
+        let place = path.display().to_string();
+        if poses.list.is_empty() {
+            return Err(Error::invalid(place, "found no camera, expected at least one"));
+        }
+        if poses.list.len() > MAX_POSES {
+            let message =
+                format!("found {} cameras, expected at most {MAX_POSES}", poses.list.len());
+            return Err(Error::invalid(place, message));
+        }
+        if undistort {
+            for pose in &mut poses.list {
+                if let Camera::Intrinsics(camera) = &mut pose.camera {
+                    camera.distortion = None;
+                }
+            }
+        }
+        for pose in &mut poses.list {
+            pose.image =
+                picture_name(&pose.image).ok_or_else(|| bad_name(&pose.place, &pose.image))?;
+        }
+        poses.check()?;
+        Ok(poses)
+    }
+
+    /// Checks every camera as the camera of a scene. Intrinsics that many cameras share are checked
+    /// once.
+    fn check(&self) -> Result<()> {
+        let mut known = HashSet::new();
+        let mut problems = Vec::new();
+        for pose in &self.list {
+            let mut camera = pose.camera.clone();
+            if let Camera::Intrinsics(camera) = &mut camera {
+                let mut shared = camera.clone();
+                (shared.world_to_camera, shared.camera_to_world) = (None, None);
+                let shared = format!("{shared:?}");
+                // A distortion is the costly part.
+                if !known.insert(shared) {
+                    camera.distortion = None;
+                }
+            }
+            if let Err(error) = scene::check_camera(&pose.place, &camera) {
+                problems.extend(error.problems);
+            }
+            if problems.len() >= MAX_PROBLEMS {
+                break;
+            }
+        }
+        Error::check(crate::error::Kind::Invalid, problems)
+    }
+}
+
+/// Problems after which a list is not checked further.
+const MAX_PROBLEMS: usize = 20;
+
+/// Returns the name of a picture without its ending, with `/` between folders. `None` if it leads
+/// out of a folder or is empty.
+fn picture_name(name: &str) -> Option<String> {
+    let name = name.replace('\\', "/");
+    let path = Path::new(&name);
+    let plain = |part: &Component| !matches!(part, Component::CurDir);
+    let parts: Vec<Component> = path.components().filter(plain).collect();
+    let good = parts.iter().all(|part| matches!(part, Component::Normal(_)));
+    let stem = path.file_stem()?.to_str()?.to_string();
+    let parts = parts.iter().filter_map(|part| part.as_os_str().to_str());
+    let mut parts: Vec<String> = parts.map(str::to_string).collect();
+    *parts.last_mut()? = stem;
+    let printable = !name.chars().any(char::is_control);
+    (good && printable).then(|| parts.join("/"))
+}
+
+fn bad_name(place: &str, name: &str) -> Error {
+    let message = format!("found the picture {name:?}, expected a path that stays in its folder");
+    Error::invalid(place, message)
+}
+
+fn from_json(path: &Path) -> Result<Poses> {
+    let name = path.display().to_string();
+    let document = Document::parse(&name, &bytes(path)?)?;
+    let files = vec![path.to_owned()];
+    if document.get("/frames").is_some() {
+        let list = transforms::read(&document, path.parent().unwrap_or(Path::new("")))?;
+        return Ok(Poses { list, files });
+    }
+    if document.get("/cameras").is_none() {
+        let message = "found neither `cameras` nor `frames`, expected a list of cameras";
+        return Err(Error::invalid(name, message)
+            .help("`frames` is the list of transforms.json, `cameras` that of lightpath"));
+    }
+    let list: CameraList = scene::read_as(&document)?;
+    let list = list.cameras.into_iter().enumerate().map(|(i, named)| Pose {
+        image: named.image.0,
+        camera: named.camera,
+        place: document.place(&format!("/cameras/{i}/camera")),
+    });
+    Ok(Poses { list: list.collect(), files })
+}
+
+/// Returns the contents of a file.
+///
+/// # Errors
+/// A file that cannot be read or exceeds [`MAX_FILE_BYTES`].
+fn bytes(path: &Path) -> Result<Vec<u8>> {
+    let failed = |error| Error::io(path, "read", &error);
+    let mut all = Vec::new();
+    let file = std::fs::File::open(path).map_err(failed)?;
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut all).map_err(failed)?;
+    if all.len() as u64 > MAX_FILE_BYTES {
+        let message = format!("found more than {} MiB", MAX_FILE_BYTES >> 20);
+        return Err(Error::invalid(path.display().to_string(), message));
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_pictures_lose_their_ending_and_stay_in_their_folder() {
+        let name = |text: &str| picture_name(text);
+        assert_eq!(name("a/b.c.jpg").unwrap(), "a/b.c");
+        assert_eq!(name("./images/IMG_1.png").unwrap(), "images/IMG_1");
+        assert_eq!(name("r_0").unwrap(), "r_0");
+        assert_eq!(name("a\\b.png").unwrap(), "a/b");
+        for bad in ["", "..", "../a.png", "/a.png", "a/../b.png", "a\n.png"] {
+            assert_eq!(name(bad), None, "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! `transforms.json` of nerfstudio, instant-ngp and NeRF. A key of a frame wins over the same key
+//! of the file. Unknown keys are ignored, because every tool adds its own.
+
+use std::path::Path;
+
+use super::Pose;
+use crate::{
+    error::{Error, Failures, Result},
+    scene::{
+        Document, Node, NodeKind, list,
+        written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
+    },
+};
+
+/// Values of `camera_model` that OpenCV's models cover.
+const MODELS: [&str; 7] = [
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "SIMPLE_RADIAL_FISHEYE",
+];
+
+/// Reads all frames. `folder` is the folder of the file.
+pub fn read(document: &Document, folder: &Path) -> Result<Vec<Pose>> {
+    let count = match document.get("/frames").map(|node| &node.kind) {
+        Some(NodeKind::List(items)) => items.len(),
+        _ => {
+            let message = "found `frames` that is no array, expected one object per picture";
+            return Err(Error::invalid(document.place("/frames"), message));
+        }
+    };
+    let mut failures = Failures::default();
+    let mut list = Vec::new();
+    for number in 0..count {
+        let frame = Frame { document, pointer: format!("/frames/{number}") };
+        list.extend(failures.keep(frame.pose(folder)));
+    }
+    failures.check()?;
+    Ok(list)
+}
+
+struct Frame<'d> {
+    document: &'d Document,
+    pointer: String,
+}
+
+impl Frame<'_> {
+    /// Returns a value of the frame, or else of the file, and its pointer.
+    fn get(&self, key: &str) -> Option<(&Node, String)> {
+        let own = format!("{}/{key}", self.pointer);
+        let common = format!("/{key}");
+        let found = |pointer: String| Some((self.document.get(&pointer)?, pointer));
+        found(own).or_else(|| found(common))
+    }
+
+    fn number(&self, key: &str) -> Result<Option<f64>> {
+        let Some((node, pointer)) = self.get(key) else { return Ok(None) };
+        match node.number().filter(|number| number.is_finite()) {
+            Some(number) => Ok(Some(number)),
+            None => Err(self.wrong(&pointer, "a number")),
+        }
+    }
+
+    fn wrong(&self, pointer: &str, expected: &str) -> Error {
+        let what = match self.document.get(pointer).and_then(Node::text) {
+            Some(text) => format!("{text:?}"),
+            None => "another value".to_string(),
+        };
+        Error::invalid(self.document.place(pointer), format!("found {what}, expected {expected}"))
+    }
+
+    fn missing(&self, key: &str, expected: &str) -> Error {
+        let message = format!("missing key `{key}`, expected {expected}");
+        Error::invalid(self.document.place(&self.pointer), message)
+    }
+
+    fn pose(&self, folder: &Path) -> Result<Pose> {
+        let image = self.get("file_path").and_then(|(node, _)| node.text());
+        let image = image.ok_or_else(|| self.missing("file_path", "the name of the picture"))?;
+        let [width, height] = self.size(folder, image)?;
+        let (w, h) = (f64::from(width), f64::from(height));
+        let by_angle = |side: f64, angle: Option<f64>| angle.map(|a| side / 2.0 / (a / 2.0).tan());
+        let fx = self.number("fl_x")?.or(by_angle(w, self.number("camera_angle_x")?));
+        let fx = fx.ok_or_else(|| self.missing("fl_x", "a focal length, or `camera_angle_x`"))?;
+        let fy = self.number("fl_y")?.or(by_angle(h, self.number("camera_angle_y")?));
+        // These count from the corner of the picture, OpenCV's from the centre of its first pixel.
+        let [cx, cy] = [("cx", w), ("cy", h)].map(|(key, side)| Ok((self.number(key)?, side)));
+        let [cx, cy] = [cx?, cy?].map(|(c, side)| Some(c.unwrap_or(side / 2.0) - 0.5));
+        let camera = Camera::Intrinsics(Intrinsics {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            skew: 0.0,
+            distortion: self.distortion()?,
+            world_to_camera: None,
+            camera_to_world: Some(self.matrix()?),
+            axes: Axes::OpenGl,
+        });
+        let place = self.document.place(&self.pointer);
+        Ok(Pose { image: image.to_string(), camera, place })
+    }
+
+    /// The size by the keys `w` and `h`, or else of the picture itself.
+    fn size(&self, folder: &Path, image: &str) -> Result<[u32; 2]> {
+        let mut size = [0; 2];
+        for (side, key) in size.iter_mut().zip(["w", "h"]) {
+            let Some(number) = self.number(key)? else {
+                return self.size_of_image(folder, image);
+            };
+            let whole = number.fract() == 0.0 && (1.0..=f64::from(i32::MAX)).contains(&number);
+            if !whole {
+                let pointer = self.get(key).map(|(_, pointer)| pointer).unwrap_or_default();
+                let message = format!("found {number}, expected a number of pixels");
+                return Err(Error::invalid(self.document.place(&pointer), message));
+            }
+            *side = number as u32;
+        }
+        Ok(size)
+    }
+
+    fn size_of_image(&self, folder: &Path, image: &str) -> Result<[u32; 2]> {
+        let path = folder.join(image);
+        // NeRF's files leave the ending out.
+        let with_ending = folder.join(format!("{image}.png"));
+        let found = [path, with_ending].into_iter().find(|path| path.is_file());
+        let size = found.and_then(|path| image::image_dimensions(path).ok());
+        size.map(|(width, height)| [width, height]).ok_or_else(|| {
+            self.missing("w", "the width and height of the picture in `w` and `h`")
+                .help("or put the pictures where `file_path` names them: their size is read")
+        })
+    }
+
+    fn distortion(&self) -> Result<Option<Distortion>> {
+        let model = match self.get("camera_model") {
+            None => "OPENCV",
+            Some((node, pointer)) => match node.text().filter(|text| MODELS.contains(text)) {
+                Some(model) => model,
+                None => return Err(self.wrong(&pointer, &list(MODELS))),
+            },
+        };
+        let fisheye = model.ends_with("FISHEYE") || {
+            let flag = self.get("is_fisheye").map(|(node, _)| &node.kind);
+            matches!(flag, Some(NodeKind::Bool(true)))
+        };
+        let mut k = [0.0; 6];
+        for (value, key) in k.iter_mut().zip(["k1", "k2", "k3", "k4", "p1", "p2"]) {
+            *value = self.number(key)?.unwrap_or(0.0);
+        }
+        let [k1, k2, k3, k4, p1, p2] = k;
+        if k == [0.0; 6] && !fisheye {
+            return Ok(None);
+        }
+        if fisheye {
+            return Ok(Some(Distortion::Fisheye(Fisheye { k1, k2, k3, k4 })));
+        }
+        if k4 != 0.0 {
+            // nerfstudio's k4 belongs to r^8, which OpenCV's model lacks.
+            let pointer = self.get("k4").map(|(_, pointer)| pointer).unwrap_or_default();
+            let message = format!("found {k4}, expected 0: OpenCV's model has no term of r^8");
+            return Err(Error::invalid(self.document.place(&pointer), message));
+        }
+        let lens = BrownConrady { k1, k2, k3, p1, p2, ..BrownConrady::default() };
+        Ok(Some(Distortion::BrownConrady(lens)))
+    }
+
+    fn matrix(&self) -> Result<Matrix> {
+        let expected = "4 rows of 4 numbers, or 3";
+        let Some((node, pointer)) = self.get("transform_matrix") else {
+            return Err(self.missing("transform_matrix", expected));
+        };
+        let mut rows = [[0.0; 4], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+        let items = |node: &Node| match &node.kind {
+            NodeKind::List(items) => items.clone(),
+            _ => Vec::new(),
+        };
+        let written = items(node);
+        if !(3..=4).contains(&written.len()) {
+            return Err(self.wrong(&pointer, expected));
+        }
+        for (i, (row, written)) in rows.iter_mut().zip(&written).enumerate() {
+            let numbers: Vec<f64> = items(written).iter().filter_map(Node::number).collect();
+            *row = <[f64; 4]>::try_from(numbers)
+                .map_err(|_| self.wrong(&format!("{pointer}/{i}"), "a row of 4 numbers"))?;
+        }
+        Ok(Matrix(rows))
+    }
+}

@@ -1,0 +1,357 @@
+//! Lists of cameras: every format gives the pictures whose points OpenCV projects to their pixels.
+
+use glam::{DMat3, DQuat, DVec3};
+use serde_json::{Value, json};
+
+use crate::support::program::{Done, PYRAMID, Scratch};
+
+/// A picture of the lists: name, size, fx, fy, cx, cy from the corner of the picture, k1, k2, p1,
+/// p2, and the pose.
+struct View {
+    name: &'static str,
+    size: [usize; 2],
+    focal: [f64; 2],
+    corner: [f64; 2],
+    lens: [f64; 4],
+    rotation: DQuat,
+    translation: DVec3,
+}
+
+fn views() -> [View; 3] {
+    let view = |name, size: [usize; 2], lens, axis: DVec3, angle| View {
+        name,
+        size,
+        focal: [size[0] as f64 * 1.1, size[0] as f64 * 1.05],
+        corner: [size[0] as f64 / 2.0 + 1.25, size[1] as f64 / 2.0 - 0.5],
+        lens,
+        rotation: DQuat::from_axis_angle(axis.normalize(), angle),
+        translation: DVec3::new(0.1, -0.2, 4.0),
+    };
+    [
+        view("a.jpg", [40, 30], [-0.1, 0.02, 1e-3, -2e-3], DVec3::new(1.0, 0.3, 0.2), 2.8),
+        view("left/b.png", [52, 24], [0.05, 0.0, 0.0, 1e-3], DVec3::new(0.2, 1.0, 0.1), 1.9),
+        view("left/c d.png", [24, 28], [0.0; 4], DVec3::new(-0.5, 1.0, 0.4), 0.4),
+    ]
+}
+
+impl View {
+    /// Pixel of a point, by OpenCV's formulas.
+    fn project(&self, p: DVec3) -> [f64; 2] {
+        let q = DMat3::from_quat(self.rotation) * p + self.translation;
+        let (x, y) = (q.x / q.z, q.y / q.z);
+        let ([k1, k2, p1, p2], r2) = (self.lens, x * x + y * y);
+        let radial = 1.0 + k1 * r2 + k2 * r2 * r2;
+        let xd = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
+        let yd = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y;
+        let pixel = |k: usize, d: f64| self.focal[k] * d + self.corner[k] - 0.5;
+        [pixel(0, xd), pixel(1, yd)]
+    }
+
+    fn params(&self) -> Vec<f64> {
+        [&self.focal[..], &self.corner, &self.lens].concat()
+    }
+
+    /// Rows of the matrix from camera to world, with OpenGL's axes.
+    fn transform(&self) -> Vec<[f64; 4]> {
+        let to_world = DMat3::from_quat(self.rotation).transpose();
+        let position = -(to_world * self.translation);
+        let row =
+            |k: usize| [to_world.row(k).x, -to_world.row(k).y, -to_world.row(k).z, position[k]];
+        vec![row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    }
+}
+
+fn cameras_txt() -> String {
+    let line = |(i, view): (usize, &View)| {
+        let params: Vec<String> = view.params().iter().map(f64::to_string).collect();
+        format!("{} OPENCV {} {} {}\n", i + 5, view.size[0], view.size[1], params.join(" "))
+    };
+    format!("# cameras\n{}", views().iter().enumerate().map(line).collect::<String>())
+}
+
+fn images_txt() -> String {
+    let line = |(i, view): (usize, &View)| {
+        let ([x, y, z, w], t) = (view.rotation.to_array(), view.translation);
+        let points = if i == 1 { "1.5 2.5 -1 3 4 7" } else { "" };
+        format!("{i} {w} {x} {y} {z} {} {} {} {} {}\n{points}\n", t.x, t.y, t.z, i + 5, view.name)
+    };
+    // From the last to the first: pictures are sorted by name.
+    format!("# images\n{}", views().iter().enumerate().rev().map(line).collect::<String>())
+}
+
+fn cameras_bin() -> Vec<u8> {
+    let mut bytes = 3u64.to_le_bytes().to_vec();
+    for (i, view) in views().iter().enumerate() {
+        bytes.extend((i as u32 + 5).to_le_bytes());
+        bytes.extend(4i32.to_le_bytes());
+        view.size.iter().for_each(|side| bytes.extend((*side as u64).to_le_bytes()));
+        view.params().iter().for_each(|p| bytes.extend(p.to_le_bytes()));
+    }
+    bytes
+}
+
+fn images_bin() -> Vec<u8> {
+    let mut bytes = 3u64.to_le_bytes().to_vec();
+    for (i, view) in views().iter().enumerate().rev() {
+        let ([x, y, z, w], t) = (view.rotation.to_array(), view.translation);
+        bytes.extend((i as u32).to_le_bytes());
+        [w, x, y, z, t.x, t.y, t.z].iter().for_each(|p| bytes.extend(p.to_le_bytes()));
+        bytes.extend((i as u32 + 5).to_le_bytes());
+        bytes.extend(view.name.as_bytes());
+        bytes.push(0);
+        bytes.extend((i as u64).to_le_bytes());
+        bytes.extend(vec![7; 24 * i]);
+    }
+    bytes
+}
+
+fn transforms() -> Value {
+    let frame = |view: &View| {
+        let [k1, k2, p1, p2] = view.lens;
+        json!({ "file_path": format!("./{}", view.name), "transform_matrix": view.transform(),
+            "w": view.size[0], "h": view.size[1], "fl_x": view.focal[0], "fl_y": view.focal[1],
+            "cx": view.corner[0], "cy": view.corner[1], "k1": k1, "k2": k2, "p1": p1, "p2": p2,
+            "sharpness": 3 })
+    };
+    let frames: Vec<Value> = views().iter().map(frame).collect();
+    json!({ "camera_model": "OPENCV", "aabb_scale": 16, "frames": frames })
+}
+
+fn own_list() -> Value {
+    let camera = |view: &View| {
+        let [k1, k2, p1, p2] = view.lens;
+        json!({ "image": view.name, "camera": { "type": "intrinsics", "width": view.size[0],
+            "height": view.size[1], "fx": view.focal[0], "fy": view.focal[1],
+            "cx": view.corner[0] - 0.5, "cy": view.corner[1] - 0.5, "axes": "opengl",
+            "camera_to_world": view.transform(),
+            "distortion": { "type": "brownconrady", "k1": k1, "k2": k2, "p1": p1, "p2": p2 } } })
+    };
+    json!({ "cameras": views().iter().map(camera).collect::<Vec<_>>() })
+}
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("scan.ply", PYRAMID);
+    scratch.write("text/cameras.txt", &cameras_txt());
+    scratch.write("text/images.txt", &images_txt());
+    std::fs::create_dir(scratch.path("binary")).unwrap();
+    std::fs::write(scratch.path("binary/cameras.bin"), cameras_bin()).unwrap();
+    std::fs::write(scratch.path("binary/images.bin"), images_bin()).unwrap();
+    scratch.write("transforms.json", &transforms().to_string());
+    scratch.write("list.json", &own_list().to_string());
+    scratch
+}
+
+fn batch(scratch: &Scratch, list: &str, more: &[&str]) -> Done {
+    let args =
+        ["batch", "scan.ply", "--cameras", list, "--aov", "P,primid", "--spp", "1", "--quiet"];
+    scratch.run(&[&args, more].concat())
+}
+
+/// Names of the pictures without their endings.
+const NAMES: [&str; 3] = ["a", "left/b", "left/c d"];
+
+#[test]
+fn every_format_gives_pictures_whose_points_project_to_their_pixels() {
+    let scratch = scratch();
+    for list in ["text", "binary/images.bin", "transforms.json", "list.json"] {
+        batch(&scratch, list, &["-o", "out"]).good();
+        for (view, name) in views().iter().zip(NAMES) {
+            let file = format!("out/scan/{name}.exr");
+            let floats = scratch.floats(&file);
+            let [width, height] = view.size;
+            assert_eq!(floats["P.X"].len(), width * height, "{list} {name}");
+            let (mut hits, mut worst) = (0, 0.0f64);
+            for pixel in 0..width * height {
+                let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(floats[c][pixel]));
+                // The pyramid does not touch the origin.
+                if p == [0.0; 3] {
+                    continue;
+                }
+                hits += 1;
+                let [u, v] = view.project(DVec3::from(p));
+                worst = worst.max((u - (pixel % width) as f64).abs());
+                worst = worst.max((v - (pixel / width) as f64).abs());
+            }
+            assert!(hits > 30 && hits < width * height, "{list} {name}: {hits}");
+            assert!(worst < 1e-3, "{list} {name}: {worst}");
+        }
+        std::fs::remove_dir_all(scratch.path("out")).unwrap();
+    }
+}
+
+#[test]
+fn undistorted_pictures_leave_the_lens_out() {
+    let scratch = scratch();
+    batch(&scratch, "text", &["-o", "flat", "--undistort", "--name", "{image}-{frame:02}"]).good();
+    let (view, name) = (&views()[1], "flat/left/b-01.exr");
+    let floats = scratch.floats(name);
+    let flat = View { lens: [0.0; 4], ..views().into_iter().nth(1).unwrap() };
+    let off = |view: &View| {
+        let pixels = (0..floats["P.X"].len()).filter(|&pixel| floats["P.Z"][pixel] != 0.0);
+        let away = pixels.map(|pixel| {
+            let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(floats[c][pixel]));
+            (view.project(DVec3::from(p))[0] - (pixel % 52) as f64).abs()
+        });
+        away.fold(0.0, f64::max)
+    };
+    assert!(off(&flat) < 1e-3 && off(view) > 0.01, "{} {}", off(&flat), off(view));
+}
+
+#[test]
+fn ranges_resume_and_lists_of_frames_count_cameras() {
+    let scratch = scratch();
+    let listed = batch(&scratch, "list.json", &["--dry-run"]).good().stdout();
+    assert_eq!(listed.lines().count(), 3);
+    assert!(listed.contains("out/scan/left/b.exr"), "{listed}");
+    batch(&scratch, "list.json", &["--range", "1..2"]).good();
+    assert!(
+        scratch.path("out/scan/left/b.exr").exists() && !scratch.path("out/scan/a.exr").exists()
+    );
+    let args = ["batch", "scan.ply", "--cameras", "list.json", "--aov", "P,primid", "--spp", "1"];
+    let again = scratch.run(&[&args[..], &["--resume"]].concat()).good().stderr();
+    assert!(again.contains("2 frames rendered, 1 kept"), "{again}");
+    let job = json!({ "inputs": ["scan.ply"], "cameras": "list.json", "layers": ["P", "primid"],
+                      "set": { "/spp": 1 } });
+    scratch.write("job.json", &job.to_string());
+    let again = scratch.run(&["batch", "job.json", "--resume"]).good().stderr();
+    assert!(again.contains("0 frames rendered, 3 kept"), "{again}");
+}
+
+#[test]
+fn bad_lists_are_refused_with_their_place() {
+    let scratch = scratch();
+    let refused = |list: &str, more: &[&str], parts: &[&str]| {
+        let done = batch(&scratch, list, more);
+        assert_eq!(done.code(), 2, "{list}: {}", done.stderr());
+        for part in parts {
+            assert!(done.stderr().contains(part), "{part:?} is not in {}", done.stderr());
+        }
+        assert!(!scratch.path("out").exists());
+    };
+    refused("none", &[], &["none: found no such file"]);
+    refused("scan.ply", &[], &["found no ", "cameras.txt, expected a COLMAP model"]);
+    refused("text", &["--size", "8x8"], &["camera: found with a list of cameras"]);
+    refused("text", &["--name", "{imgae}"], &["{imgae}", "did you mean `image`?"]);
+    refused("text", &["--name", "same"], &["found \"same\" for 3 frames"]);
+    let done = scratch.run(&["batch", "scan.ply", "--name", "{image}"]);
+    assert!(
+        done.code() == 2 && done.stderr().contains("{image} without a list"),
+        "{}",
+        done.stderr()
+    );
+
+    let text = |name: &str, from: &str, to: &str, parts: &[&str]| {
+        scratch.write("bad/cameras.txt", &cameras_txt());
+        scratch.write("bad/images.txt", &images_txt());
+        let whole = String::from_utf8(scratch.read(&format!("bad/{name}"))).unwrap();
+        assert!(whole.contains(from), "{from:?} is not in {whole}");
+        scratch.write(&format!("bad/{name}"), &whole.replacen(from, to, 1));
+        refused("bad", &[], parts);
+    };
+    text(
+        "cameras.txt",
+        "5 OPENCV",
+        "5 OPENCVV",
+        &["bad/cameras.txt:2: ", "did you mean `OPENCV`?"],
+    );
+    text("cameras.txt", "5 OPENCV", "5 FOV", &["\"FOV\"", "SIMPLE_RADIAL_FISHEYE"]);
+    text(
+        "cameras.txt",
+        "40 30 44",
+        "40 30",
+        &["cameras.txt:2: found the end of the line, expected 8"],
+    );
+    text("cameras.txt", "40 30 44", "40 30 nan", &["found NaN, expected 8 parameters of OPENCV"]);
+    text("cameras.txt", "40 30 44", "40 30 -44", &["images.txt:", "(/camera/fx): found -44"]);
+    text("cameras.txt", "5 OPENCV 40", "5 OPENCV 0", &["(/camera/width): found 0"]);
+    text("cameras.txt", "-0.1 0.02", "-9 0.02", &["(/camera/distortion/k1): ", "folds inside"]);
+    text(
+        "images.txt",
+        "7 left/c d.png",
+        "8 left/c d.png",
+        &["images.txt:2: ", "of camera 8", "5, 6, 7"],
+    );
+    text("images.txt", "7 left/c d.png", "7", &["expected the name of a picture"]);
+    text("images.txt", "left/b.png", "../b.png", &["\"../b.png\"", "stays in its folder"]);
+    text("images.txt", "left/b.png", "a.png", &["would both be written"]);
+
+    let cut = |name: &str, bytes: &[u8], parts: &[&str]| {
+        std::fs::create_dir_all(scratch.path("cut")).unwrap();
+        std::fs::write(scratch.path("cut/cameras.bin"), cameras_bin()).unwrap();
+        std::fs::write(scratch.path("cut/images.bin"), images_bin()).unwrap();
+        std::fs::write(scratch.path(&format!("cut/{name}")), bytes).unwrap();
+        refused("cut", &[], parts);
+    };
+    let (cameras, images) = (cameras_bin(), images_bin());
+    for bytes in [&cameras[..cameras.len() - 1], &cameras[..30], &cameras[..3]] {
+        cut("cameras.bin", bytes, &["cut/cameras.bin: byte ", "the file is cut short"]);
+    }
+    for length in [images.len() - 1, images.len() - 30, 80, 9] {
+        cut("images.bin", &images[..length], &["cut/images.bin: byte ", "the file is cut short"]);
+    }
+    cut("cameras.bin", &[&cameras[..], &[0]].concat(), &["1 bytes after the last entry"]);
+    let mut many = images.clone();
+    many[..8].copy_from_slice(&u64::MAX.to_le_bytes());
+    cut("images.bin", &many, &["the file is cut short"]);
+    let mut fov = cameras.clone();
+    fov[12] = 7;
+    cut(
+        "cameras.bin",
+        &fov,
+        &["byte 12: found the camera model 7, expected one of 0 SIMPLE_PINHOLE"],
+    );
+
+    let json = |list: Value, parts: &[&str]| {
+        scratch.write("bad.json", &list.to_string());
+        refused("bad.json", &[], parts);
+    };
+    json(json!({ "images": [] }), &["bad.json: found neither `cameras` nor `frames`"]);
+    json(json!({ "cameras": [] }), &["found no camera, expected at least one"]);
+    let with = |mut list: Value, pointer: &str, value: Value| {
+        *list.pointer_mut(pointer).unwrap() = value;
+        list
+    };
+    json(with(transforms(), "/frames/1/fl_x", json!("x")), &["/frames/1/fl_x", "found \"x\""]);
+    json(with(transforms(), "/frames/1/w", json!(1.5)), &["/frames/1/w", "found 1.5"]);
+    json(with(transforms(), "/frames/1/w", json!(-4)), &["/frames/1/w", "found -4"]);
+    let matrix = "/frames/0/transform_matrix";
+    json(with(transforms(), matrix, json!([1, 2])), &[matrix, "4 rows of 4 numbers"]);
+    json(with(transforms(), &format!("{matrix}/0/0"), json!(9)), &["no rotation"]);
+    json(with(transforms(), "/camera_model", json!("FOV")), &["(/camera_model): found \"FOV\""]);
+    json(with(own_list(), "/cameras/2/camera/axes", json!("up")), &["/cameras/2/camera/axes"]);
+    let folded = with(own_list(), "/cameras/0/camera/distortion/k1", json!(-9));
+    json(folded, &["k1", "folds inside"]);
+}
+
+/// NeRF's files have one angle, no size and no endings.
+#[test]
+fn sizes_come_from_pictures_where_the_list_has_none() {
+    let scratch = scratch();
+    let view = &views()[2];
+    let angle = 2.0 * (12.0 / view.focal[0]).atan();
+    let list = json!({ "camera_angle_x": angle, "frames": [
+        { "file_path": "train/r_0", "rotation": 0.01, "transform_matrix": view.transform() }] });
+    scratch.write("nerf.json", &list.to_string());
+    let done = batch(&scratch, "nerf.json", &[]);
+    assert!(done.code() == 2 && done.stderr().contains("missing key `w`"), "{}", done.stderr());
+    scratch.write("train/x", "");
+    let mut encoder =
+        png::Encoder::new(std::fs::File::create(scratch.path("train/r_0.png")).unwrap(), 24, 28);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&[0; 24 * 28]).unwrap();
+    batch(&scratch, "nerf.json", &[]).good();
+    let floats = scratch.floats("out/scan/train/r_0.exr");
+    assert_eq!(floats["P.X"].len(), 24 * 28);
+    let square = View {
+        corner: [12.0, 14.0],
+        focal: [view.focal[0]; 2],
+        ..views().into_iter().nth(2).unwrap()
+    };
+    for pixel in (0..24 * 28).filter(|&pixel| floats["P.Z"][pixel] != 0.0) {
+        let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(floats[c][pixel]));
+        let [u, v] = square.project(DVec3::from(p));
+        let (i, j) = ((pixel % 24) as f64, (pixel / 24) as f64);
+        assert!((u - i).abs() < 1e-3 && (v - j).abs() < 1e-3, "{u} {v} at {i} {j}");
+    }
+}
