@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Subject, furnish::main_axis, furnish::trimesh, furnish::turn, points::Points};
+use super::{Subject, furnish::main_axis, furnish::trimesh, furnish::turn, points::UsedVertices};
 use crate::{
     error::{Error, Result},
     mesh::Mesh,
@@ -20,7 +20,7 @@ pub fn keep_coordinates(
 ) -> Result<()> {
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
-    let bounds = Points::new(mesh).bounds(|p| p);
+    let bounds = UsedVertices::new(mesh).bounds(|p| p);
     let (longest, middle) = (bounds.longest_side(), bounds.center());
     if !(longest > 0.0 && longest.is_finite()) {
         return Err(empty());
