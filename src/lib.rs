@@ -29,9 +29,11 @@
 //! [`Renderer`] traces rays. Everything runs on the threads of the current rayon pool.
 
 mod batch;
+mod colormap;
 mod farm;
 mod files;
 mod memory;
+mod nearest;
 mod paths;
 mod picture;
 mod renderer;

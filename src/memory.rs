@@ -11,10 +11,11 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::LayerPlan,
-    mesh,
+    mesh::{self, ReadOptions},
     output::tonemap::Depth,
     scene::{Backend, Scene, ShapeKind, Smooth},
     shading::Texture,
+    world::color_request,
 };
 
 use crate::{reserve::MemoryLimit, units};
@@ -68,8 +69,8 @@ pub struct DeclaredSizes {
 const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Reads the sizes from the header of a PLY file.
-pub fn promise(path: &Path) -> Result<DeclaredSizes> {
-    let summary = mesh::inspect_ply(path)?;
+pub fn promise(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
+    let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. The prediction
     // must not fail on such a header before that.
     let maximum = match summary.packed {
@@ -118,7 +119,9 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     for shape in &scene.shapes {
         match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
-                let promise = promise(&mesh.path).unwrap_or_else(|error| {
+                let textured = scene.materials[shape.material].texture.is_some();
+                let options = ReadOptions::default().color(color_request(mesh, textured));
+                let promise = promise(&mesh.path, &options).unwrap_or_else(|error| {
                     problems.extend(error.problems);
                     Default::default()
                 });
@@ -143,7 +146,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
 /// # Errors
 /// A header that cannot be read.
 pub fn predict_mesh(path: &Path) -> Result<Prediction> {
-    let promise = promise(path)?;
+    let promise = promise(path, &ReadOptions::default())?;
     Ok(Prediction {
         mesh_bytes: promise.array_bytes,
         primitives: promise.triangles,

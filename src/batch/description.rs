@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::{
     output::exr::Compression,
-    scene::written::{Angles, Name, Point, Smooth},
+    scene::written::{Angles, MeshColor, Name, Point, Smooth},
     studio::{Axis, LightsFollow, Turning},
 };
 
@@ -42,6 +42,9 @@ pub struct JobFile {
     /// Path of the texture of all meshes, in place of those that the mesh files or the template
     /// name.
     pub texture: Option<Name>,
+    /// Colours of all meshes, as `color` of a mesh in a scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color: Option<MeshColor>,
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,
     /// Picture width and height in pixels.

@@ -179,6 +179,7 @@ impl Run<'_> {
                 spp: None,
                 sequence: self.job.sequence(frame.number),
                 render_seconds: None,
+                legend: built.world.legend.as_ref(),
                 fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;

@@ -79,6 +79,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         tonemap: &tonemap,
         transparent: part.files.transparent,
         depth: part.files.depth,
+        legend: None,
         fingerprint: None,
         exr: exr::Options {
             attributes: &attributes,

@@ -9,6 +9,7 @@ pub mod exr;
 pub mod exr_check;
 pub mod exr_read;
 pub mod finished;
+pub mod legend;
 pub mod png;
 pub mod preview;
 pub mod srgb;
@@ -165,6 +166,8 @@ pub struct WriteOptions<'a> {
     pub transparent: bool,
     /// Number of bits of the PNG's channels.
     pub depth: tonemap::Depth,
+    /// Legend to draw into the PNG.
+    pub legend: Option<&'a legend::Legend>,
     /// Fingerprint of the render's inputs, for both files: an attribute of the EXR, a text of the
     /// PNG.
     pub fingerprint: Option<&'a str>,
@@ -218,9 +221,7 @@ impl Outputs {
             },
             || {
                 let path = self.png.target().to_owned();
-                let &WriteOptions { tonemap, transparent, depth, fingerprint, .. } = options;
-                let file = self.png.file();
-                png::write(film, tonemap, transparent, depth, fingerprint, file, &path)?;
+                png::write(film, options, self.png.file(), &path)?;
                 self.png.sync()
             },
         );

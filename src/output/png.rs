@@ -16,10 +16,13 @@ use png::{
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Film,
-    scene::Tonemap,
 };
 
-use super::tonemap::{self, Depth};
+use super::{
+    WriteOptions,
+    legend::Canvas,
+    tonemap::{self, Depth},
+};
 
 /// Writes the film's data window. `path` is for messages.
 ///
@@ -27,15 +30,17 @@ use super::tonemap::{self, Depth};
 /// `Retry` if the disk is full, `Limit` for a size that PNG cannot hold.
 pub fn write(
     film: &Film,
-    tonemap: &Tonemap,
-    transparent: bool,
-    depth: Depth,
-    fingerprint: Option<&str>,
+    options: &WriteOptions,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
-    let bytes = tonemap::to_samples(&film.pixels, tonemap, transparent, depth);
+    let &WriteOptions { tonemap, transparent, depth, fingerprint, legend, .. } = options;
+    let mut bytes = tonemap::to_samples(&film.pixels, tonemap, transparent, depth);
     let color = Color { alpha: transparent, srgb: tonemap.srgb, depth };
+    if let Some(legend) = legend {
+        let size = [film.window.width(), film.window.height()];
+        legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+    }
     encode(film, &bytes, color, fingerprint, file, path)
 }
 

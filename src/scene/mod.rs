@@ -15,7 +15,6 @@ mod flags;
 #[cfg(test)]
 mod hostile_tests;
 mod layers;
-mod nearest;
 mod node;
 mod overrides;
 mod parse;
@@ -27,6 +26,7 @@ mod structure;
 mod tests;
 mod write;
 
+pub use crate::nearest::{did_you_mean, list, nearest};
 pub use backend::{Backend, BackendFlags, EmbreeMode};
 pub use check::{MAX_PIXELS, begins_as_ply};
 pub use checked::*;
@@ -34,7 +34,6 @@ pub use description::Description;
 pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
-pub use nearest::{did_you_mean, list, nearest};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
 pub use write::hexadecimal;
@@ -50,6 +49,7 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Kind, Problem, Result};
+use crate::nearest;
 
 /// Maximum size of a scene file in bytes. Meshes and images are separate files.
 const MAX_FILE_BYTES: u64 = 256 << 20;

@@ -1,14 +1,15 @@
-//! Appearance of a surface: material, texture, vertex colours, shading normals.
+//! Appearance of a surface: material, texture, colours of a mesh, shading normals.
 
 use glam::{DVec2, Vec3};
 
+use super::mesh_colors::MeshColors;
 use super::points::{Points, lane, set_lane};
 use super::texture::Texture;
 use super::uv::UvSource;
 use crate::geometry::{Geometry, GeometryKind, Surfaces, round_towards};
-use crate::mesh::{Colors, Normals};
+use crate::mesh::Normals;
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::scene::{ColorSpace, Filter, Wrap};
+use crate::scene::{Filter, Wrap};
 
 /// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
@@ -35,15 +36,6 @@ pub struct Material {
     pub uv_scale: DVec2,
 }
 
-/// Vertex colours as stored, and how to decode them.
-#[derive(Debug, Clone)]
-pub struct VertexColors {
-    /// Values as stored in the file.
-    pub values: Colors,
-    /// Colour space of the values; decoding makes them linear.
-    pub space: ColorSpace,
-}
-
 /// Material and per-vertex data of a shape.
 #[derive(Debug, Clone)]
 pub struct Shape {
@@ -53,8 +45,8 @@ pub struct Shape {
     pub uv: UvSource,
     /// Unit normals of a smooth mesh.
     pub normals: Option<Normals>,
-    /// Vertex colours that multiply the material's colour.
-    pub colors: Option<VertexColors>,
+    /// Colours that multiply the material's colour.
+    pub colors: Option<MeshColors>,
 }
 
 /// Maps the primitives of a geometry to shapes.
@@ -171,15 +163,11 @@ impl Shapes {
         self.shapes[shape as usize].uv.at(geometry, packet, surfaces, i)
     }
 
-    /// Memory of the vertex data in bytes: normals, texture coordinates, colours.
+    /// Memory of the vertex and face data in bytes: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {
             let uv = shape.uv.bytes();
-            let colors = shape.colors.as_ref().map_or(0, |colors| match &colors.values {
-                Colors::U8(c) => size_of_val(&c[..]),
-                Colors::U16(c) => size_of_val(&c[..]),
-                Colors::F32(c) => size_of_val(&c[..]),
-            });
+            let colors = shape.colors.as_ref().map_or(0, MeshColors::bytes);
             let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
             (uv + colors) as u64 + normals
         });
@@ -200,7 +188,7 @@ impl Shapes {
         plain.then_some(material)
     }
 
-    /// Computes texture, vertex colours and shading normal of one lane.
+    /// Computes texture, colours and shading normal of one lane.
     #[inline(never)]
     fn details(
         &self,
@@ -228,7 +216,7 @@ impl Shapes {
                 set_lane(&mut out.base, i, color);
             }
         } else if let (Some(colors), Some(corners)) = (&shape.colors, corners) {
-            let color = weighted(weights, corners.map(|c| colors.at(c)));
+            let color = colors.at(prim, corners, weights);
             set_lane(&mut out.base, i, material.base * color);
         }
         if let (Some(normals), Some(corners), GeometryKind::Mesh(mesh)) =
@@ -293,21 +281,6 @@ fn smooth(corners: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 3], i: usize, o
             out.at.origin[axis][i] = outside;
         }
         out.at.lifted.0[i] = -1;
-    }
-}
-
-impl VertexColors {
-    fn at(&self, vertex: u32) -> Vec3 {
-        let i = vertex as usize;
-        let stored = match &self.values {
-            Colors::U8(c) => c[i].map(|x| f32::from(x) / 255.0),
-            Colors::U16(c) => c[i].map(|x| f32::from(x) / 65535.0),
-            Colors::F32(c) => c[i],
-        };
-        Vec3::from(match self.space {
-            ColorSpace::Linear => stored,
-            ColorSpace::Srgb => stored.map(|c| super::texture::linear_from_srgb(c.into()) as f32),
-        })
     }
 }
 

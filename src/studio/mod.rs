@@ -31,6 +31,7 @@ use crate::{
     monitor::Monitor,
     reserve::MemoryLimit,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
+    world::color_request,
 };
 
 /// Default margin between the mesh and the picture's borders, as a fraction of width and height.
@@ -60,6 +61,8 @@ pub struct Appearance {
     pub texture: Option<PathBuf>,
     /// True to remove the template's plane named `ground`.
     pub no_ground: bool,
+    /// Source of the colours of the mesh.
+    pub color: Option<written::MeshColor>,
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
@@ -131,7 +134,10 @@ pub fn show(
     light_samples: Option<u32>,
     monitor: &Monitor,
 ) -> Result<MeshScene> {
-    show_mesh(subject, points::read(subject, monitor)?, template, user, light_samples)
+    let wanted = furnish::wanted(subject, template, &user);
+    let request = wanted.as_ref().map(|(spec, textured)| color_request(spec, *textured));
+    let mesh = points::read(subject, request.unwrap_or_default(), monitor)?;
+    show_mesh(subject, mesh, template, user, light_samples)
 }
 
 /// [`show`] with a mesh in memory. The subject's path names it in messages, and says where the

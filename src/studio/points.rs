@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     error::Result,
-    mesh::{self, Mesh},
+    mesh::{self, ColorRequest, Mesh},
     monitor::Monitor,
     scene::begins_as_ply,
     world::Bounds,
@@ -14,9 +14,10 @@ use crate::{
 
 use super::Subject;
 
-/// Reads the mesh file of a subject.
-pub fn read(subject: &Subject, monitor: &Monitor) -> Result<Mesh> {
+/// Reads the mesh file of a subject, with the colours of `request`.
+pub fn read(subject: &Subject, request: ColorRequest, monitor: &Monitor) -> Result<Mesh> {
     let options = mesh::ReadOptions::default().repair(subject.repair).mmap(!subject.no_mmap);
+    let options = options.color(request);
     mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
 }
 

@@ -2,6 +2,7 @@
 //! origin.
 
 mod bounds;
+mod colors;
 mod fingerprint;
 mod origin;
 mod place;
@@ -9,7 +10,7 @@ mod resolution;
 mod sources;
 mod textures;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -19,13 +20,15 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
+use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind};
+use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
 use self::place::{MAX_COORDINATE, PlacedMesh};
 
 pub use self::bounds::Bounds;
+pub use self::colors::color_request;
 pub use self::fingerprint::{Contents, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
@@ -53,7 +56,8 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    fn mesh(&mut self, path: &Path, monitor: &Monitor) -> Result<Mesh> {
+    fn mesh(&mut self, spec: &Trimesh, textured: bool, monitor: &Monitor) -> Result<Mesh> {
+        let path = spec.path.as_path();
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
         // A limit from free memory was measured when the ready meshes were in memory already.
         let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
@@ -61,6 +65,7 @@ impl LoadOptions {
             Some(index) => self.ready.swap_remove(index).1,
             None => {
                 let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
+                let options = options.color(color_request(spec, textured));
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
         };
@@ -110,6 +115,8 @@ pub struct World {
     pub origin: Origin,
     /// The files that were opened, with their stamps.
     pub read: Read,
+    /// The colour map of the first mesh that shows a property.
+    pub legend: Option<Legend>,
 }
 
 impl World {
@@ -137,12 +144,12 @@ impl World {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = options.mesh(&spec.path, monitor);
+                let mesh = options.mesh(spec, textured, monitor);
                 monitor.check()?;
                 if let Ok(mesh) = &mesh {
                     read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
-                if let (Ok(mesh), false) = (&mesh, textured) {
+                if let (Ok(mesh), false) = (&mesh, textured || spec.color.is_some()) {
                     own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
@@ -177,6 +184,7 @@ impl World {
         } else {
             suspects.extend(meshes.iter().map(|(_, mesh)| mesh.collapse_suspect(origin)));
         }
+        let legend = meshes.iter().find_map(|(_, mesh)| mesh.legend().cloned());
         let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
         if let Some(room) = options.room {
             meshes.iter().try_fold(room, |room, (_, mesh)| mesh.fits(room))?;
@@ -196,7 +204,7 @@ impl World {
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         warnings.extend(settled);
         let world = Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene);
-        let world = Self { resolutions, read, ..world };
+        let world = Self { resolutions, read, legend, ..world };
         Ok((world, warnings))
     }
 
@@ -222,6 +230,7 @@ impl World {
             origin: chosen,
             geometry,
             read: Read::default(),
+            legend: None,
         }
     }
 

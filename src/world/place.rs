@@ -7,13 +7,15 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
+use super::colors;
 use super::resolution::{CollapseSuspect, Detail, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
 use crate::geometry::TriangleMesh;
-use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
+use crate::mesh::{self, Mesh, Positions, Uvs};
+use crate::output::legend::Legend;
 use crate::reserve::{self, MemoryLimit};
-use crate::scene::{ColorSpace, Smooth, Trimesh};
-use crate::shading::{Shape, UvSource, VertexColors};
+use crate::scene::{Smooth, Trimesh};
+use crate::shading::{MeshColors, Shape, UvSource};
 
 /// Bound on coordinates. Embree silently drops primitives beyond it (its `FLT_LARGE`). Its square
 /// is a hundredth of the largest f32.
@@ -22,6 +24,8 @@ pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 /// A mesh with its transform to world space: `linear (p - middle) + center`.
 pub struct PlacedMesh {
     mesh: Mesh,
+    colors: Option<MeshColors>,
+    legend: Option<Legend>,
     spec: Trimesh,
     /// Rotation and uniform scale.
     linear: DMat3,
@@ -33,7 +37,7 @@ pub struct PlacedMesh {
 impl PlacedMesh {
     /// Computes the transform and the world bounds of a mesh.
     pub fn new(
-        mesh: Mesh,
+        mut mesh: Mesh,
         spec: &Trimesh,
         textured: bool,
         warnings: &mut Vec<Problem>,
@@ -49,6 +53,7 @@ impl PlacedMesh {
             )
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
         }
+        let (colors, legend) = colors::take(&mut mesh, spec, textured, warnings)?;
         let used = mesh.used_vertices();
         let in_file = match spec.fit {
             Some(_) => bounds(&mesh, &used, |p| p),
@@ -68,7 +73,12 @@ impl PlacedMesh {
                 ),
             ));
         }
-        Ok(Self { mesh, spec: spec.clone(), linear, middle, bounds })
+        Ok(Self { mesh, colors, legend, spec: spec.clone(), linear, middle, bounds })
+    }
+
+    /// The colour map of the mesh, if it shows a property.
+    pub fn legend(&self) -> Option<&Legend> {
+        self.legend.as_ref()
     }
 
     /// Bounding box of all used vertices, in world space.
@@ -165,7 +175,7 @@ impl PlacedMesh {
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
         reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
-        let Self { mesh, spec, linear, .. } = self;
+        let Self { mesh, colors, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
                 all.par_iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
@@ -195,13 +205,7 @@ impl PlacedMesh {
             Some(Uvs::PerVertex(uv)) => UvSource::PerVertex(uv),
             Some(Uvs::PerCorner(uv)) => UvSource::PerCorner(uv),
         };
-        shape.colors = mesh.colors.filter(|_| spec.vertex_colors).map(|values| {
-            let stored = match values {
-                Colors::F32(_) => ColorSpace::Linear,
-                Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
-            };
-            VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
-        });
+        shape.colors = colors;
         // The last argument is `loop_only`: a linear list of triangles, for `bvh: false`.
         let placed = TriangleMesh::new(vertices, mesh.triangles, !spec.bvh);
         Ok(placed.with_stitches(&mesh.stitches))
@@ -292,6 +296,10 @@ fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
             notes.textures
         );
         warnings.push(Problem::new(&path, message).help("write one mesh file per texture"));
+    }
+    if notes.alpha_ignored && spec.vertex_colors {
+        let message = "the alpha of all its colours is 0; it is ignored";
+        warnings.push(Problem::new(&path, message));
     }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, format!("{count} {what}")));

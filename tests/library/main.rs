@@ -51,6 +51,7 @@ mod output {
 mod pictures {
     mod closed_forms;
     mod layers;
+    mod mesh_colors;
     mod noise_bias;
     mod sampling;
     mod sky;
@@ -58,6 +59,7 @@ mod pictures {
 }
 
 mod ply {
+    mod attributes;
     mod bad_input;
     mod layouts;
     mod streams;

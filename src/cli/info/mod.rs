@@ -110,6 +110,11 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     facts.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
     let missing = if summary.missing.is_empty() { "nothing" } else { &summary.missing.join(", ") };
     facts.add("missing", json!(summary.missing), format!("missing: {missing}"));
+    if let Some(of) = summary.colors_of {
+        facts.add("colors_of", json!(of), format!("colours: of each {of}"));
+    }
+    let line = format!("for --color: {}", list(&summary.scalars));
+    facts.add("scalars", json!(summary.scalars), line);
     if let Some(texture) = summary.texture_files.first() {
         facts.add("texture_file", json!(texture), format!("texture: {texture}"));
     }
@@ -125,7 +130,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     }
     let room = memory::machine();
     let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
-    let mesh = studio::read(&subject, &Monitor::default())?;
+    let mesh = studio::read(&subject, mesh::ColorRequest::default(), &Monitor::default())?;
     let triangles = mesh.triangles.len() as u64;
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, facts);
@@ -154,8 +159,12 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
 fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
-    let loaded =
-        studio::with_default_placement(path, &Template::studio(), &Overrides::default()).ok()?;
+    let loaded = studio::with_default_placement(
+        &Subject::new(path),
+        &Template::studio(),
+        &Overrides::default(),
+    )
+    .ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;

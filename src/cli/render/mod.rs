@@ -19,7 +19,7 @@ use crate::{
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
-    output::{ValueCounts, atomic::Part},
+    output::{ValueCounts, atomic::Part, legend::Legend},
     picture::{self, PictureHeader},
     render as renderer,
     world::{Contents, LoadOptions, World, fingerprint},
@@ -203,7 +203,8 @@ impl Run<'_> {
             render: rendered - built,
             ..Seconds::default()
         };
-        let (paths, oddities) = self.write(files, film, &info, hash.as_deref(), &mut stats)?;
+        let (paths, oddities) =
+            self.write(files, (film, world.legend.as_ref()), &info, hash.as_deref(), &mut stats)?;
         Ok((stats, paths, oddities))
     }
 
@@ -230,7 +231,7 @@ impl Run<'_> {
     fn write(
         &self,
         files: Files,
-        film: &Film,
+        (film, legend): (&Film, Option<&Legend>),
         info: &BuildInfo,
         hash: Option<&str>,
         stats: &mut Stats,
@@ -248,6 +249,7 @@ impl Run<'_> {
             spp: Some(&spp),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
+            legend,
             fingerprint: None,
         };
         let Files { mut picture, previews, mut texts } = files;

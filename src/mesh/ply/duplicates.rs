@@ -51,6 +51,9 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &ReadContext) -> Res
     if let Some(uvs) = &mut faces.uvs {
         remove(uvs, &repeated);
     }
+    if !repeated.is_empty() {
+        faces.attributes.retain(|i| repeated.binary_search(&(i as u32)).is_err());
+    }
     Ok(repeated.len() as u64)
 }
 

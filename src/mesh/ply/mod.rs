@@ -7,8 +7,10 @@
 //! Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
 //! and common usage.
 
+mod attributes;
 mod block;
 mod check;
+mod choice;
 mod context;
 mod duplicates;
 mod face;
@@ -18,6 +20,8 @@ mod lines;
 mod number;
 mod plan;
 mod polygon;
+mod records;
+mod request;
 mod row;
 mod scalar;
 mod source;
@@ -38,13 +42,16 @@ use self::source::{Bytes, Source, Stream};
 use self::table::{RowConsumer, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
-use super::{Mesh, Notes, Positions, Uvs};
+use super::{Mesh, MeshElement, Notes, Positions, Property, Uvs};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
 
+pub use request::{ColorRequest, ColorSource};
 pub use scalar::Scalar;
-pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
+pub use summary::{
+    ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect, inspect_with,
+};
 
 /// Default window in bytes: it fits into the caches and gives every thread enough work.
 const WINDOW: usize = 1 << 23;
@@ -64,11 +71,14 @@ pub struct ReadOptions<'a> {
     pub monitor: Option<&'a Monitor>,
     /// Limit of the memory for the arrays of the mesh.
     pub room: Option<MemoryLimit>,
+    /// The colours or the scalar property to read.
+    pub color: ColorRequest<'a>,
 }
 
 impl Default for ReadOptions<'_> {
     fn default() -> Self {
-        Self { repair: false, mmap: true, window: WINDOW, monitor: None, room: None }
+        let color = ColorRequest::default();
+        Self { repair: false, mmap: true, window: WINDOW, monitor: None, room: None, color }
     }
 }
 
@@ -91,6 +101,11 @@ impl<'a> ReadOptions<'a> {
     /// Returns the options with `room` changed.
     pub fn room(self, room: Option<MemoryLimit>) -> Self {
         Self { room, ..self }
+    }
+
+    /// Returns the options with `color` changed.
+    pub fn color(self, color: ColorRequest<'a>) -> Self {
+        Self { color, ..self }
     }
 
     /// Returns the options with `monitor` changed.
@@ -136,7 +151,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
 /// Reads a mesh from the complete bytes of a file.
 fn whole(bytes: &[u8], job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
     let header = header::parse(bytes, job.name)?;
-    let plan = plan::plan(&header, job.name)?;
+    let plan = plan::plan(&header, job.name, &options)?;
     let data = &bytes[header.data_start..];
     let (spans, trailing_bytes) = layout::locate(data, &header, job)?;
     let table = |at: usize| Table {
@@ -180,10 +195,10 @@ struct ParsedFile {
 
 /// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
 fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
-    let ParsedFile { header, plan, vertices, mut faces, trailing_bytes } = found;
+    let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
     let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
-    let Faces { triangles, uvs, mut tally } = faces;
+    let Faces { triangles, uvs, mut attributes, mut tally } = faces;
     if !options.repair {
         match &vertices.positions {
             Positions::F32(positions) => tally.verdict(positions, job.name)?,
@@ -215,13 +230,25 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
     let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
     let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
     let texture_file = named.cloned();
+    notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();
+    let of_vertices = vertices.attributes;
+    let property = plan.property.and_then(|(name, element)| {
+        let values = match element {
+            MeshElement::Vertex => of_vertices.scalars,
+            MeshElement::Face => attributes.scalars,
+        };
+        Some(Property { name, element, values: values? })
+    });
     Ok(Mesh {
         positions: vertices.positions,
         triangles,
         stitches: stitches.triangles,
         normals: vertices.normals,
         uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
-        colors: vertices.colors,
+        colors: of_vertices.colors,
+        face_colors: attributes.colors,
+        alpha: of_vertices.alpha.or(attributes.alpha),
+        property,
         texture_file,
         notes,
     })
