@@ -208,6 +208,7 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
         vertex_colors: mesh.colors.is_some() || mesh.face_colors.is_some(),
         vertex_color_space: None,
         color: None,
+        points: None,
     }
 }
 

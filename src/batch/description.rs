@@ -45,6 +45,10 @@ pub struct JobFile {
     /// Colours of all meshes, as `color` of a mesh in a scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<MeshColor>,
+    /// Draws every vertex of the meshes as a sphere of this radius, in the units of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub points: Option<f64>,
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,
     /// Picture width and height in pixels.

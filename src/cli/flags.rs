@@ -124,6 +124,11 @@ pub struct LookArgs {
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse_two, allow_hyphen_values = true, requires = "color")]
     pub color_range: Option<[f64; 2]>,
 
+    /// Draw every vertex of the .ply as a sphere of this radius, in the units of the file, in place
+    /// of its faces
+    #[arg(long, value_name = "RADIUS", allow_negative_numbers = true)]
+    pub points: Option<f64>,
+
     /// Remove the plane named `ground`; the studio's is always removed under --transparent
     #[arg(long)]
     pub no_ground: bool,
@@ -159,6 +164,7 @@ impl LookArgs {
             texture: self.texture.clone(),
             no_ground: self.no_ground,
             color,
+            points: self.points,
         })
     }
 }

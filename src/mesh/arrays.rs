@@ -155,6 +155,20 @@ pub struct Property {
     pub values: Scalars,
 }
 
+/// Textures of the faces, where a file has several.
+#[derive(Debug, Clone)]
+pub struct FaceTextures {
+    /// Names of the image files, in the order of their numbers.
+    pub files: Vec<String>,
+    /// For each triangle, an index into `files`, or [`FaceTextures::NO_TEXTURE`].
+    pub numbers: Vec<u16>,
+}
+
+impl FaceTextures {
+    /// Number of a triangle without a texture; the file has -1.
+    pub const NO_TEXTURE: u16 = u16::MAX;
+}
+
 /// A triangle mesh in file units.
 ///
 /// Every index is below the number of vertices. Every vertex that a triangle uses is finite. No
@@ -163,7 +177,7 @@ pub struct Property {
 pub struct Mesh {
     /// All vertices of the file, used or not.
     pub positions: Positions,
-    /// Three vertex indices per triangle.
+    /// Three vertex indices per triangle. Empty if the file was read as points.
     pub triangles: Vec<[u32; 3]>,
     /// Triangles with zero area whose three corners are different points, in file order. A scene
     /// keeps the ones that close T-junctions.
@@ -185,6 +199,8 @@ pub struct Mesh {
     /// The file name in `comment TextureFile NAME`. If there are several, this is the one that most
     /// triangles select by `texnumber`, or else the first.
     pub texture_file: Option<String>,
+    /// The textures of the triangles, if they have different ones and these were requested.
+    pub textures: Option<FaceTextures>,
     /// What the reader used, ignored, split and dropped.
     #[doc(hidden)]
     pub notes: Notes,
@@ -228,6 +244,7 @@ impl Mesh {
             alpha: None,
             property: None,
             texture_file: None,
+            textures: None,
             notes: Notes::default(),
         })
     }
@@ -246,14 +263,25 @@ impl Mesh {
         let colors: usize = colors.into_iter().flatten().map(Colors::bytes).sum();
         let property = self.property.as_ref().map(|property| &property.values);
         let scalars: usize = self.alpha.iter().chain(property).map(Scalars::bytes).sum();
-        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..]));
+        let numbers = self.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
+        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..])) + numbers;
         (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors + scalars) as u64
     }
 
-    /// Returns a flag for each vertex: true if a triangle uses it.
+    /// Returns true if the file was read as points, without its faces.
+    #[doc(hidden)]
+    pub fn is_cloud(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// Returns a flag for each vertex: true if a triangle uses it. All are used by a cloud of
+    /// points.
     #[doc(hidden)]
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
+        if self.is_cloud() {
+            return vec![true; count];
+        }
         let used: Vec<AtomicBool> =
             (0..count).into_par_iter().with_min_len(1 << 16).map(|_| false.into()).collect();
         self.triangles.par_iter().with_min_len(1 << 14).for_each(|triangle| {

@@ -196,6 +196,8 @@ pub struct Trimesh {
     pub vertex_color_space: Option<ColorSpace>,
     /// Source of the colours. `None`: the vertices of the file, else its faces.
     pub color: Option<MeshColor>,
+    /// Radius of the spheres that replace the faces, in the units of the file.
+    pub points: Option<f64>,
 }
 
 /// Source of the colours of a mesh. `place` is the place in the scene file, for messages.

@@ -26,14 +26,38 @@ pub struct Material {
     pub exponent: f32,
     /// Base colour where there is no texture.
     pub base: Vec3,
-    /// Texture of the base colour, as an index into [`Shapes::textures`].
-    pub texture: Option<u32>,
+    /// Texture of the base colour.
+    pub texture: Option<TextureChoice>,
     /// Filter of the texture lookup.
     pub filter: Filter,
     /// Wrap mode beyond the image; `None` is the shape's default.
     pub wrap: Option<Wrap>,
     /// Factor of u and v.
     pub uv_scale: DVec2,
+}
+
+/// The texture of a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TextureChoice {
+    /// One for the whole shape: an index into [`Shapes::textures`].
+    One(u32),
+    /// That of each triangle, by [`Shape::textures`].
+    ByFace,
+}
+
+/// The textures of the triangles of a mesh.
+#[derive(Debug, Clone)]
+pub struct FaceTextures {
+    /// For each triangle, an index into `textures`, or a larger number for none.
+    pub numbers: Vec<u16>,
+    /// Indices into [`Shapes::textures`]; `None` for an image that is missing.
+    pub textures: Vec<Option<u32>>,
+}
+
+impl FaceTextures {
+    fn of(&self, prim: u32) -> Option<u32> {
+        self.textures.get(usize::from(self.numbers[prim as usize])).copied().flatten()
+    }
 }
 
 /// Material and per-vertex data of a shape.
@@ -47,6 +71,8 @@ pub struct Shape {
     pub normals: Option<Normals>,
     /// Colours that multiply the material's colour.
     pub colors: Option<MeshColors>,
+    /// Textures of the triangles, if they have different ones.
+    pub textures: Option<Box<FaceTextures>>,
 }
 
 /// Maps the primitives of a geometry to shapes.
@@ -169,7 +195,8 @@ impl Shapes {
             let uv = shape.uv.bytes();
             let colors = shape.colors.as_ref().map_or(0, MeshColors::bytes);
             let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
-            (uv + colors) as u64 + normals
+            let numbers = shape.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
+            (uv + colors + numbers) as u64 + normals
         });
         shapes.sum()
     }
@@ -207,7 +234,12 @@ impl Shapes {
             _ => None,
         };
         let material = &self.materials[shape.material as usize];
-        if let Some(texture) = material.texture {
+        let texture = match material.texture {
+            None => None,
+            Some(TextureChoice::One(texture)) => Some(texture),
+            Some(TextureChoice::ByFace) => shape.textures.as_ref().and_then(|all| all.of(prim)),
+        };
+        if let Some(texture) = texture {
             if let Some(uv) = shape.uv.at(geometry, packet, surfaces, i) {
                 let uv = uv * material.uv_scale;
                 let wrap = material.wrap.map_or_else(|| shape.uv.wrap(), |wrap| [wrap, wrap]);
@@ -215,8 +247,11 @@ impl Shapes {
                 let color = texture.lookup(uv.x, uv.y, material.filter, wrap[0], wrap[1]);
                 set_lane(&mut out.base, i, color);
             }
-        } else if let (Some(colors), Some(corners)) = (&shape.colors, corners) {
-            let color = colors.at(prim, corners, weights);
+        } else if let Some(colors) = &shape.colors {
+            let color = match corners {
+                Some(corners) => colors.at(prim, corners, weights),
+                None => colors.of_sphere(prim),
+            };
             set_lane(&mut out.base, i, material.base * color);
         }
         if let (Some(normals), Some(corners), GeometryKind::Mesh(mesh)) =

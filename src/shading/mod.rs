@@ -14,7 +14,7 @@ mod uv;
 
 pub use image_file::TextureSize;
 pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
-pub use look::{Material, Owner, Shape, Shapes};
+pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
 pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, linear_from_srgb};

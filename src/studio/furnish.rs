@@ -74,6 +74,7 @@ fn looks(subject: &Subject, template: &Template, shape: &str) -> Result<Override
     ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
     let color = subject.looks.color.as_ref().map(|color| json!(color));
     ours.flag("--color", &format!("{shape}/color"), color);
+    ours.flag("--points", &format!("{shape}/points"), subject.looks.points);
     Ok(ours)
 }
 
@@ -159,7 +160,9 @@ fn colour(
             let white = json!([1.0, 1.0, 1.0]);
             ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
         }
-        let image = own_texture(subject, mesh).filter(|image| !colored && image.is_file());
+        // Several textures are found by the scene itself.
+        let single = !colored && mesh.textures.is_none();
+        let image = own_texture(subject, mesh).filter(|image| single && image.is_file());
         if let Some(image) = image {
             let path = seen_from(&image, &template.folder)?;
             ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
@@ -187,7 +190,8 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
 fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> Vec<Problem> {
     let place = || subject.path.display().to_string();
     let mut notes = Vec::new();
-    if template.builtin && subject.looks.texture.is_none() && !colored {
+    let shows_own = !colored && mesh.textures.is_none();
+    if template.builtin && subject.looks.texture.is_none() && shows_own {
         let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
         let unused = |name: &String, reason: String| {
             let message = format!("found the texture {name:?}, which is not used: {reason}");
@@ -246,7 +250,10 @@ fn place(
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
     let turned = |p: DVec3| linear * (p - middle);
-    let Bounds { min: low, max: high } = points.bounds(turned);
+    // The lowest and highest points of spheres, where points are drawn as such.
+    let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
+    let Bounds { min, max } = points.bounds(turned);
+    let (low, high) = (min - radius, max + radius);
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
     let up = camera.up[vertical].signum();
@@ -260,7 +267,7 @@ fn place(
     let (fov, aspect) = (camera.fov_deg, f64::from(camera.width) / f64::from(camera.height));
     let placed = points.iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
-    let lens = FieldOfView { fov_deg: fov, aspect, margin: subject.margin };
+    let lens = FieldOfView { fov_deg: fov, aspect, margin: subject.margin, radius };
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),
         true => {

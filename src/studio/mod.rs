@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     error::{Problem, Result},
-    mesh::Mesh,
+    mesh::{Mesh, ReadOptions},
     monitor::Monitor,
     reserve::MemoryLimit,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
@@ -63,6 +63,8 @@ pub struct Appearance {
     pub no_ground: bool,
     /// Source of the colours of the mesh.
     pub color: Option<written::MeshColor>,
+    /// Radius of spheres that replace the faces, in the units of the file.
+    pub points: Option<f64>,
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
@@ -136,7 +138,10 @@ pub fn show(
 ) -> Result<MeshScene> {
     let wanted = furnish::wanted(subject, template, &user);
     let request = wanted.as_ref().map(|(spec, textured)| color_request(spec, *textured));
-    let mesh = points::read(subject, request.unwrap_or_default(), monitor)?;
+    let points = wanted.as_ref().is_some_and(|(spec, _)| spec.points.is_some());
+    let textures = wanted.as_ref().is_none_or(|(spec, hidden)| !hidden && spec.color.is_none());
+    let options = ReadOptions::default().color(request.unwrap_or_default());
+    let mesh = points::read(subject, options.points(points).textures(textures), monitor)?;
     show_mesh(subject, mesh, template, user, light_samples)
 }
 

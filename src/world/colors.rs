@@ -57,7 +57,8 @@ pub(super) fn take(
             Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
         };
         let space = spec.vertex_color_space.unwrap_or(space);
-        MeshColors { element, source: ColorSource::Stored(StoredColors { values, alpha, space }) }
+        let source = ColorSource::Stored(StoredColors { values, alpha, space });
+        MeshColors { element, source, first_sphere: 0 }
     });
     Ok((stored, None))
 }
@@ -132,5 +133,5 @@ fn mapped(
     let legend = Legend { name: property.name, map: color.map, range, nan };
     let scalars = MappedScalars::new(property.values, color.map, range, color.nan);
     let source = ColorSource::Mapped(Box::new(scalars));
-    Ok((MeshColors { element: property.element, source }, legend))
+    Ok((MeshColors { element: property.element, source, first_sphere: 0 }, legend))
 }

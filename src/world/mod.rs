@@ -21,11 +21,12 @@ use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
-use crate::reserve::MemoryLimit;
+use crate::reserve::{self, MemoryLimit};
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
 use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
 
 use self::place::{MAX_COORDINATE, PlacedMesh};
+use self::textures::Given;
 
 pub use self::bounds::Bounds;
 pub use self::colors::color_request;
@@ -66,6 +67,8 @@ impl LoadOptions {
             None => {
                 let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
                 let options = options.color(color_request(spec, textured));
+                let options = options.points(spec.points.is_some());
+                let options = options.textures(!textured && spec.color.is_none());
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
         };
@@ -144,12 +147,12 @@ impl World {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = options.mesh(spec, textured, monitor);
+                let mut mesh = options.mesh(spec, textured, monitor);
                 monitor.check()?;
                 if let Ok(mesh) = &mesh {
                     read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
-                if let (Ok(mesh), false) = (&mesh, textured || spec.color.is_some()) {
+                if let (Ok(mesh), false) = (&mut mesh, textured || spec.color.is_some()) {
                     own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
@@ -170,7 +173,7 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let log = (&mut read, &mut warnings);
-        let own = textures::load_own(&own_textures, scene, left, &mut looks, log)?;
+        let own = textures::load_own(own_textures, scene, left, &mut looks, log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -179,13 +182,16 @@ impl World {
         let origin = chosen.position;
         let (mut resolutions, mut suspects) = (Vec::new(), Vec::new());
         if options.resolutions {
-            resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
+            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+            resolutions.extend(meshes.map(|(_, mesh)| mesh.resolution(origin)));
             warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         } else {
-            suspects.extend(meshes.iter().map(|(_, mesh)| mesh.collapse_suspect(origin)));
+            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+            suspects.extend(meshes.map(|(_, mesh)| mesh.collapse_suspect(origin)));
         }
         let legend = meshes.iter().find_map(|(_, mesh)| mesh.legend().cloned());
-        let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
+        let faces = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+        let without_area: Vec<_> = faces.map(|(_, mesh)| mesh.without_area()).collect();
         if let Some(room) = options.room {
             meshes.iter().try_fold(room, |room, (_, mesh)| mesh.fits(room))?;
         }
@@ -194,8 +200,9 @@ impl World {
             warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
         }
         let mut shapes = Shapes { materials, textures, ..shapes };
-        for (shape, material) in own {
+        for Given { shape, material, textures } in own {
             shapes.shapes[shape].material = material;
+            shapes.shapes[shape].textures = textures.map(Box::new);
         }
         monitor.check()?;
         let settled = suspects
@@ -342,11 +349,20 @@ fn gather(
             }
             ShapeKind::Trimesh(_) => UvSource::None,
         };
-        shapes.push(Shape { material: shape.material as u32, uv, normals: None, colors: None });
+        let material = shape.material as u32;
+        shapes.push(Shape { material, uv, normals: None, colors: None, textures: None });
     }
     let mut arrays = Vec::new();
     let mut owners = Vec::new();
+    // The shape of each cloud of points, and the end of its spheres.
+    let mut clouds: Vec<(u32, usize)> = Vec::new();
+    let single_spheres = spheres.len();
     for (index, mesh) in meshes {
+        if mesh.is_cloud() {
+            mesh.finish_points(origin, &mut shapes[index], &mut spheres)?;
+            clouds.push((index as u32, spheres.len()));
+            continue;
+        }
         owners.push(Owner::One(index as u32));
         arrays.push(mesh.finish(origin, &mut shapes[index])?);
     }
@@ -356,7 +372,17 @@ fn gather(
         arrays.push(TriangleMesh::new(corners, triangles, false));
         owners.push(Owner::Each(triangle_shapes));
     }
-    owners.extend([Owner::Each(quad_shapes), Owner::Each(sphere_shapes)]);
+    let sphere_owner = match clouds[..] {
+        [(cloud, _)] if single_spheres == 0 => Owner::One(cloud),
+        _ => {
+            reserve::exact(&mut sphere_shapes, spheres.len() - single_spheres, "scene")?;
+            for (cloud, end) in clouds {
+                sphere_shapes.resize(end, cloud);
+            }
+            Owner::Each(sphere_shapes)
+        }
+    };
+    owners.extend([Owner::Each(quad_shapes), sphere_owner]);
     let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
         let message = format!("{count} primitives are more than the 4294967294 that fit");
         Error::new(Kind::Limit, Problem::new("scene", message))

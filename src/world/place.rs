@@ -10,7 +10,7 @@ use super::bounds::Bounds;
 use super::colors;
 use super::resolution::{CollapseSuspect, Detail, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
-use crate::geometry::TriangleMesh;
+use crate::geometry::{Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh, Positions, Uvs};
 use crate::output::legend::Legend;
 use crate::reserve::{self, MemoryLimit};
@@ -20,6 +20,9 @@ use crate::shading::{MeshColors, Shape, UvSource};
 /// Bound on coordinates. Embree silently drops primitives beyond it (its `FLT_LARGE`). Its square
 /// is a hundredth of the largest f32.
 pub(super) const MAX_COORDINATE: f64 = 1.844e18;
+
+/// Bytes of a point: its sphere and the number of its shape.
+const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
 
 /// A mesh with its transform to world space: `linear (p - middle) + center`.
 pub struct PlacedMesh {
@@ -42,7 +45,7 @@ impl PlacedMesh {
         textured: bool,
         warnings: &mut Vec<Problem>,
     ) -> Result<Self> {
-        warn(&mesh, spec, warnings);
+        warn(&mesh, spec, textured, warnings);
         if textured && mesh.uvs.is_none() {
             return Err(Error::invalid(
                 &spec.place,
@@ -61,7 +64,11 @@ impl PlacedMesh {
         };
         let (linear, middle) = placement(spec, in_file);
         let offset = spec.center - linear * middle;
-        let bounds = bounds(&mesh, &used, |p| linear * p + offset);
+        let mut bounds = bounds(&mesh, &used, |p| linear * p + offset);
+        if let Some(radius) = spec.points {
+            let radius = radius * linear.x_axis.length();
+            bounds = Bounds { min: bounds.min - radius, max: bounds.max + radius };
+        }
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         // `!(a < b)` also refuses NaN.
         if !(furthest < MAX_COORDINATE) {
@@ -164,7 +171,8 @@ impl PlacedMesh {
     /// As [`MemoryLimit::check`].
     pub fn fits(&self, room: MemoryLimit) -> Result<MemoryLimit> {
         room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
-        let made = self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
+        let made =
+            !self.is_cloud() && self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
@@ -211,12 +219,54 @@ impl PlacedMesh {
         Ok(placed.with_stitches(&mesh.stitches))
     }
 
+    /// Returns true if the vertices are drawn as spheres.
+    pub fn is_cloud(&self) -> bool {
+        self.mesh.is_cloud()
+    }
+
+    /// Appends a sphere for every point to `spheres`, relative to `origin`, and sets the colours of
+    /// `shape`.
+    ///
+    /// # Errors
+    /// `Retry` (exit code 3) if the system refuses the memory. A radius that vanishes in the world.
+    pub fn finish_points(
+        self,
+        origin: DVec3,
+        shape: &mut Shape,
+        spheres: &mut Vec<Sphere>,
+    ) -> Result<()> {
+        let Self { mesh, colors, spec, linear, middle, .. } = self;
+        let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
+        if !radius.is_normal() {
+            let message = format!("found points of radius {radius:e}, expected more than 0");
+            return Err(Error::invalid(&spec.place, message));
+        }
+        let first = spheres.len();
+        reserve::exact(spheres, mesh.positions.len(), &spec.path.display().to_string())?;
+        let center = spec.center - origin;
+        let place = |p: DVec3| Sphere { center: linear * (p - middle) + center, radius };
+        match &mesh.positions {
+            Positions::F32(all) => {
+                let points = all.par_iter().map(|p| DVec3::from(p.map(f64::from)));
+                spheres.par_extend(points.map(place));
+            }
+            Positions::F64(all) => spheres.par_extend(all.par_iter().map(|&p| place(p.into()))),
+        }
+        // `gather` counts all primitives before their numbers are used.
+        let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
+        shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
+        Ok(())
+    }
+
     /// Memory in bytes that [`PlacedMesh::finish`] needs beside the mesh.
     ///
     /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 24 bytes per
     /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
     fn finish_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
+        if self.is_cloud() {
+            return (POINT_BYTES * vertices) as u64;
+        }
         let rounded = match self.mesh.positions {
             Positions::F32(_) => 0,
             Positions::F64(_) => 12 * vertices,
@@ -282,20 +332,29 @@ fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> 
     Bounds::from_points(used.len(), |i: usize| used[i].then(|| place(mesh.positions.get(i))))
 }
 
-fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
+fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
         (notes.duplicates_dropped, "duplicate triangles were dropped"),
-        (notes.repaired_dropped, "triangles with bad vertices were dropped (--repair)"),
+        (
+            notes.repaired_dropped,
+            match mesh.is_cloud() {
+                true => "points that are not finite were dropped (--repair)",
+                false => "triangles with bad vertices were dropped (--repair)",
+            },
+        ),
         (notes.faces_too_small, "faces with fewer than three corners were skipped"),
     ];
     let path = spec.path.display().to_string();
-    if notes.textures > 1 {
+    if notes.textures > 1 && textured {
         let message = format!(
             "its faces use {} textures (texnumber), but one of them is shown on all faces",
             notes.textures
         );
-        warnings.push(Problem::new(&path, message).help("write one mesh file per texture"));
+        warnings.push(
+            Problem::new(&path, message)
+                .help("without `tPath`, the textures that the file names are shown"),
+        );
     }
     if notes.alpha_ignored && spec.vertex_colors {
         let message = "the alpha of all its colours is 0; it is ignored";

@@ -53,6 +53,7 @@ mod pictures {
     mod layers;
     mod mesh_colors;
     mod noise_bias;
+    mod points;
     mod sampling;
     mod sky;
     mod texture_coordinates;

@@ -1,4 +1,5 @@
-//! The optional arrays that vertices and faces share: colours, their alpha, and one scalar.
+//! The optional arrays that vertices and faces share: colours, their alpha, one scalar, and
+//! numbers of textures.
 
 use super::context::ReadContext;
 use super::plan::{ATTRIBUTES, AttributePlan, ColorType, SCALAR};
@@ -13,7 +14,7 @@ const COLOR: usize = FIRST_ATTRIBUTE;
 /// Role of the alpha of a colour.
 const ALPHA: usize = FIRST_ATTRIBUTE + 3;
 
-/// The values of one row: colour, alpha, scalar. Unused ones are 0.
+/// The values of one row: colour, alpha, scalar, number of a texture. Unused ones are 0.
 pub(super) type RowAttributes = [f64; ATTRIBUTES];
 
 /// Arrays with one entry per vertex or per triangle. Only those that were requested are there.
@@ -22,6 +23,8 @@ pub(super) struct Attributes {
     pub(super) colors: Option<Colors>,
     pub(super) alpha: Option<Scalars>,
     pub(super) scalars: Option<Scalars>,
+    /// Numbers of textures.
+    pub(super) textures: Option<Vec<u16>>,
 }
 
 /// A number of elements to reserve in an array.
@@ -45,7 +48,10 @@ impl Capacity {
 /// Evaluates `$do` with the array of each kind bound to `$all`.
 macro_rules! each_array {
     ($attributes:expr, $all:ident => $do:expr) => {{
-        let Attributes { colors, alpha, scalars } = $attributes;
+        let Attributes { colors, alpha, scalars, textures } = $attributes;
+        if let Some($all) = textures {
+            $do
+        }
         match colors {
             Some(Colors::U8($all)) => $do,
             Some(Colors::U16($all)) => $do,
@@ -83,6 +89,7 @@ impl Attributes {
                 Scalar::F32 | Scalar::I8 | Scalar::I16 => Scalars::F32(Vec::new()),
                 Scalar::F64 | Scalar::I32 | Scalar::U32 => Scalars::F64(Vec::new()),
             }),
+            textures: (plan.textures > 0).then(Vec::new),
         }
     }
 
@@ -100,6 +107,9 @@ impl Attributes {
 
     /// Appends the next rows of the file, which were read with the same plan.
     pub(super) fn append(&mut self, next: Attributes) {
+        if let (Some(all), Some(next)) = (&mut self.textures, next.textures) {
+            all.extend(next);
+        }
         match (&mut self.colors, next.colors) {
             (Some(Colors::U8(all)), Some(Colors::U8(next))) => all.extend(next),
             (Some(Colors::U16(all)), Some(Colors::U16(next))) => all.extend(next),
@@ -120,7 +130,10 @@ impl Attributes {
     /// Appends the values of one row.
     #[inline]
     pub(super) fn push(&mut self, row: &RowAttributes) {
-        let &[r, g, b, alpha, scalar] = row;
+        let &[r, g, b, alpha, scalar, texture] = row;
+        if let Some(all) = &mut self.textures {
+            all.push(texture as u16);
+        }
         let rgb = [r, g, b];
         match &mut self.colors {
             Some(Colors::U8(all)) => all.push(rgb.map(|c| c as u8)),

@@ -1,8 +1,9 @@
 //! Decides which colours or which scalar property of a file are read.
 
+use super::ReadOptions;
 use super::header::{Element, Header, PropertyType};
-use super::plan::{ColorType, single};
-use super::request::{ColorRequest, ColorSource};
+use super::plan::{ColorType, has_strips, single};
+use super::request::ColorSource;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 use crate::mesh::MeshElement;
@@ -35,13 +36,14 @@ pub(super) struct Choice {
     pub(super) property: Option<(String, MeshElement)>,
 }
 
-/// Decides what to read for `request`.
+/// Decides what to read for `options.color`.
 ///
 /// # Errors
 /// A request for something that the file lacks. The message names the nearest property.
-pub(super) fn choose(header: &Header, file: &str, request: ColorRequest) -> Result<Choice> {
+pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Result<Choice> {
+    let request = options.color;
     let vertices = colors(header, MeshElement::Vertex);
-    let faces = colors(header, MeshElement::Face);
+    let faces = colors(header, MeshElement::Face).filter(|_| !options.points);
     let chosen = |colors_of, colors| Choice { colors_of, colors, scalar: None, property: None };
     let place = if request.place.is_empty() { file } else { request.place };
     let lacks = |what: &str| {
@@ -57,7 +59,9 @@ pub(super) fn choose(header: &Header, file: &str, request: ColorRequest) -> Resu
         ColorSource::Faces if faces.is_none() => lacks("faces"),
         ColorSource::Faces => Ok(chosen(MeshElement::Face, faces)),
         ColorSource::Property(name) => {
-            let Some((element, at, kind)) = property(header, name) else {
+            let found = property(header, name);
+            let usable = |element| !options.points || element == MeshElement::Vertex;
+            let Some((element, at, kind)) = found.filter(|found| usable(found.0)) else {
                 let known = scalars(header);
                 let message = format!("{file} has no scalar property {name:?}");
                 let near = did_you_mean(name, known.iter().map(String::as_str));
@@ -77,10 +81,9 @@ pub(super) fn choose(header: &Header, file: &str, request: ColorRequest) -> Resu
 /// faces beside strips.
 fn element(header: &Header, which: MeshElement) -> Option<&Element> {
     let find = |name: &str| header.elements.iter().find(|element| element.name == name);
-    let strips = find("tristrips").is_some_and(|strips| strips.count > 0);
     match which {
         MeshElement::Vertex => find("vertex"),
-        MeshElement::Face => find("face").filter(|face| face.count > 0 && !strips),
+        MeshElement::Face => find("face").filter(|face| face.count > 0 && !has_strips(header)),
     }
 }
 

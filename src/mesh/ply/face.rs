@@ -7,7 +7,7 @@ use super::block::Uniform;
 use super::check::{Checker, Tally};
 use super::context::ReadContext;
 use super::header::PropertyType;
-use super::plan::{FacePlan, ROLES, SCALAR, Step};
+use super::plan::{FacePlan, ROLES, SCALAR, Step, TEXTURE};
 use super::polygon;
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::row::{Fault, Row, RowResult};
@@ -395,6 +395,10 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                 Step::Texnumber(kind, role) => {
                     let number = values.number(kind)?;
                     self.texture = Some(number as i64);
+                    if plan.attributes.textures > 0 {
+                        let number = self.checker.texture(row, number, plan.attributes.textures);
+                        self.roles[TEXTURE] = number.into();
+                    }
                     if let Some(role) = role {
                         self.roles[role] = number;
                     }

@@ -3,8 +3,8 @@
 //! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
 //! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
 //! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
-//! header is trusted before the rows have been found in the file. Point clouds are refused.
-//! Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
+//! header is trusted before the rows have been found in the file. A file without faces is read only
+//! if its points are requested. Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
 //! and common usage.
 
 mod attributes;
@@ -19,6 +19,7 @@ mod layout;
 mod lines;
 mod number;
 mod plan;
+mod points;
 mod polygon;
 mod records;
 mod request;
@@ -42,7 +43,7 @@ use self::source::{Bytes, Source, Stream};
 use self::table::{RowConsumer, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
-use super::{Mesh, MeshElement, Notes, Positions, Property, Uvs};
+use super::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
@@ -73,12 +74,18 @@ pub struct ReadOptions<'a> {
     pub room: Option<MemoryLimit>,
     /// The colours or the scalar property to read.
     pub color: ColorRequest<'a>,
+    /// Reads the vertices as points: no faces, normals or texture coordinates.
+    pub points: bool,
+    /// Stores which of several textures each face has.
+    pub textures: bool,
 }
 
 impl Default for ReadOptions<'_> {
     fn default() -> Self {
         let color = ColorRequest::default();
-        Self { repair: false, mmap: true, window: WINDOW, monitor: None, room: None, color }
+        let (repair, points, textures) = (false, false, true);
+        let (monitor, room) = (None, None);
+        Self { repair, mmap: true, window: WINDOW, monitor, room, color, points, textures }
     }
 }
 
@@ -106,6 +113,16 @@ impl<'a> ReadOptions<'a> {
     /// Returns the options with `color` changed.
     pub fn color(self, color: ColorRequest<'a>) -> Self {
         Self { color, ..self }
+    }
+
+    /// Returns the options with `points` changed.
+    pub fn points(self, points: bool) -> Self {
+        Self { points, ..self }
+    }
+
+    /// Returns the options with `textures` changed.
+    pub fn textures(self, textures: bool) -> Self {
+        Self { textures, ..self }
     }
 
     /// Returns the options with `monitor` changed.
@@ -204,8 +221,11 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
             Positions::F32(positions) => tally.verdict(positions, job.name)?,
             Positions::F64(positions) => tally.verdict(positions, job.name)?,
         }
+        tally.texture_verdict(header.texture_files.len(), job.name)?;
     }
-    if triangles.is_empty() {
+    if options.points {
+        points::check(&mut vertices, &mut tally, job, options.repair)?;
+    } else if triangles.is_empty() {
         return Err(Error::invalid(
             job.name,
             format!(
@@ -230,6 +250,10 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
     let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
     let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
     let texture_file = named.cloned();
+    // One texture on all faces needs no numbers.
+    let several = tally.textures.len() > 1;
+    let numbers = attributes.textures.take().filter(|_| several);
+    let textures = numbers.map(|numbers| FaceTextures { files: header.texture_files, numbers });
     notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();
     let of_vertices = vertices.attributes;
     let property = plan.property.and_then(|(name, element)| {
@@ -250,6 +274,7 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
         alpha: of_vertices.alpha.or(attributes.alpha),
         property,
         texture_file,
+        textures,
         notes,
     })
 }

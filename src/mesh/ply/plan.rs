@@ -12,13 +12,15 @@ use crate::mesh::MeshElement;
 /// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, then the attributes. Rows of
 /// faces have the attributes only.
 pub(super) const ROLES: usize = COLOR + ATTRIBUTES;
-/// Number of roles that vertices and faces share: 3 colour, 1 alpha, 1 scalar.
-pub(super) const ATTRIBUTES: usize = 5;
+/// Number of roles that vertices and faces share: 3 colour, 1 alpha, 1 scalar, 1 texture number.
+pub(super) const ATTRIBUTES: usize = 6;
 
 const NORMAL: usize = 3;
 const UV: usize = 6;
 const COLOR: usize = 8;
 const ALPHA: usize = COLOR + 3;
+/// Role of the number of a face's texture.
+pub(super) const TEXTURE: usize = COLOR + 5;
 /// Role of the scalar property.
 pub(super) const SCALAR: usize = COLOR + 4;
 
@@ -44,11 +46,14 @@ pub(super) struct AttributePlan {
     pub(super) scalar: Option<Scalar>,
     /// First role of the property that the scalar shows: it may be a coordinate, too.
     pub(super) scalar_from: usize,
+    /// Number of textures that a face can select; 0 if its texture is not stored.
+    pub(super) textures: usize,
 }
 
 impl AttributePlan {
     /// No attribute is read.
-    const NOTHING: Self = Self { colors: None, alpha: None, scalar: None, scalar_from: SCALAR };
+    const NOTHING: Self =
+        Self { colors: None, alpha: None, scalar: None, scalar_from: SCALAR, textures: 0 };
 
     /// Selects the properties of `choice` in one element.
     fn new(choice: &Choice, element: MeshElement, columns: &mut Columns) -> Self {
@@ -71,7 +76,7 @@ impl AttributePlan {
 
     /// Returns true if any attribute is read.
     pub(super) fn any(&self) -> bool {
-        self.colors.is_some() || self.scalar.is_some()
+        self.colors.is_some() || self.scalar.is_some() || self.textures > 0
     }
 
     /// Size in bytes of the attributes of one vertex or triangle.
@@ -87,7 +92,8 @@ impl AttributePlan {
             Scalar::I32 | Scalar::U32 => 8,
             kind => kind.size() as u64,
         });
-        3 * each(self.colors) + each(self.alpha) + scalar
+        let texture = if self.textures > 0 { 2 } else { 0 };
+        3 * each(self.colors) + each(self.alpha) + scalar + texture
     }
 }
 
@@ -155,15 +161,22 @@ pub(super) struct MeshPlan {
 /// Decides which properties are read. Returns an error if the file cannot be a mesh. Messages name
 /// the file as `file`.
 pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result<MeshPlan> {
-    let choice = choose(header, file, options.color)?;
-    let vertex = vertex_plan(header, file, &choice)?;
+    let choice = choose(header, file, options)?;
+    let vertex = vertex_plan(header, file, &choice, options.points)?;
     let mut faces = Vec::new();
-    for (element, strips) in [("face", false), ("tristrips", true)] {
-        faces.extend(face_plan(header, element, strips, &choice, file)?);
+    let elements = [("face", false), ("tristrips", true)];
+    for (element, strips) in elements.into_iter().filter(|_| !options.points) {
+        faces.extend(face_plan(
+            header,
+            element,
+            strips,
+            (&choice, [options.textures, vertex.uvs]),
+            file,
+        )?);
     }
     // In file order: rows are read in this order.
     faces.sort_by_key(|face| face.element);
-    if faces.iter().all(|face| header.elements[face.element].count == 0) {
+    if !options.points && faces.iter().all(|face| header.elements[face.element].count == 0) {
         return Err(no_faces(header, &vertex, file));
     }
     let mut used = Vec::new();
@@ -185,10 +198,10 @@ pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result
 fn no_faces(header: &Header, vertex: &VertexPlan, file: &str) -> Error {
     let points = header.elements[vertex.element].count;
     Error::invalid(file, format!("has no faces: it is a point cloud of {points} points"))
-        .help("make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
+        .help("draw its points as spheres: --points RADIUS; or make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
 }
 
-fn vertex_plan(header: &Header, file: &str, choice: &Choice) -> Result<VertexPlan> {
+fn vertex_plan(header: &Header, file: &str, choice: &Choice, points: bool) -> Result<VertexPlan> {
     let element_index =
         header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
             let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
@@ -206,9 +219,11 @@ fn vertex_plan(header: &Header, file: &str, choice: &Choice) -> Result<VertexPla
                 .help("positions are the properties x y z")
         })?);
     }
-    assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
-    // Takes the first complete pair: `any` stops at the first `true`.
-    UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
+    if !points {
+        assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
+        // Takes the first complete pair: `any` stops at the first `true`.
+        UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
+    }
     let attributes = AttributePlan::new(choice, MeshElement::Vertex, &mut columns);
     let double = columns[..NORMAL].iter().flatten().any(|&at| {
         use Scalar as S;
@@ -229,6 +244,11 @@ fn vertex_plan(header: &Header, file: &str, choice: &Choice) -> Result<VertexPla
         uvs: columns[UV].is_some(),
         attributes,
     })
+}
+
+/// Returns true if the file has triangle strips. They have no attributes.
+pub(super) fn has_strips(header: &Header) -> bool {
+    header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0)
 }
 
 /// Returns the first role of the property `at`.
@@ -257,7 +277,7 @@ fn face_plan(
     header: &Header,
     which: &str,
     strips: bool,
-    choice: &Choice,
+    (choice, [textures, vertex_uvs]): (&Choice, [bool; 2]),
     file: &str,
 ) -> Result<Option<FacePlan>> {
     let Some(element_index) = header.elements.iter().position(|e| e.name == which) else {
@@ -281,7 +301,7 @@ fn face_plan(
     let is_texcoord_list = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
     let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
     let mut columns = [None; ROLES];
-    let attributes = match strips {
+    let mut attributes = match strips {
         true => AttributePlan::NOTHING,
         false => AttributePlan::new(choice, MeshElement::Face, &mut columns),
     };
@@ -292,6 +312,10 @@ fn face_plan(
             && matches!(shape, PropertyType::Single(kind) if kind.is_integer())
     };
     let texnumbers = (0..element.properties.len()).any(is_texnumber);
+    // Without texture coordinates, the numbers have no use.
+    if textures && texnumbers && (texcoords || vertex_uvs) && !has_strips(header) {
+        attributes.textures = header.texture_files.len();
+    }
     let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
         PropertyType::List { count, item } if at == corners => Step::Corners { count, item },
         PropertyType::List { count, item } if texcoords && is_texcoord_list(property) => {

@@ -95,6 +95,22 @@ impl Vertices {
     }
 }
 
+impl Vertices {
+    /// Keeps the positions and attributes for which `keep` returns true.
+    pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let mut at = 0;
+        let mut next = || {
+            at += 1;
+            keep(at - 1)
+        };
+        match &mut self.positions {
+            Positions::F32(all) => all.retain(|_| next()),
+            Positions::F64(all) => all.retain(|_| next()),
+        }
+        self.attributes.retain(keep);
+    }
+}
+
 /// Reads the arrays that `plan` selects.
 pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     match (&table.span.uniform, table.big) {

@@ -106,6 +106,7 @@ impl Check<'_, '_> {
             bvh: mesh.bvh,
             vertex_colors: mesh.vertexcolors,
             vertex_color_space: mesh.vertexcolorspace,
+            points: mesh.points,
             color: mesh.color.as_ref().map(|color| self.mesh_color(pointer, color)),
         }
     }

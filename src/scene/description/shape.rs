@@ -143,6 +143,11 @@ pub struct TriMesh {
     /// through a colour map. Default: by `vertexcolors`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<MeshColor>,
+    /// Draws every vertex of the file as a sphere of this radius, in the units of the file, in
+    /// place of its faces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub points: Option<f64>,
 }
 
 /// Edges across which the normals of a mesh are interpolated.

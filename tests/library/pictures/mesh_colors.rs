@@ -20,6 +20,10 @@ const SIDE: u32 = 33;
 fn render(ply: &Ply, more: Value) -> Result<(Film, Vec<Problem>), Error> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.ply"), ply.write(Encoding::Little)).unwrap();
+    for (name, color) in [("red.ppm", "255 0 0"), ("green.ppm", "0 255 0")] {
+        let image = format!("P3 1 1 255 {color}");
+        std::fs::write(folder.path().join(name), image).unwrap();
+    }
     let mut mesh = json!({ "type": "trimesh", "path": "m.ply", "material": { "kd": 0, "ka": 1 } });
     mesh.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
     let fov = 2.0 * (1f64 / 4.0).atan().to_degrees();
@@ -170,4 +174,39 @@ fn problems_name_the_place_in_the_scene() {
         assert!(text.contains(message) && text.contains("s.json:1:"), "{text}");
         assert!(text.contains("/scene/shapes/0/color"), "{text}");
     }
+}
+
+#[test]
+fn faces_have_the_textures_of_their_numbers() {
+    let shown = |names: &[&str], numbers: [f64; 2]| {
+        let ply = square(
+            &["float s", "float t"],
+            |_, _| 0.5,
+            &["int texnumber"],
+            |face, _| numbers[face],
+        );
+        let named = names
+            .iter()
+            .fold(ply, |ply, name| ply.comment(format!("comment TextureFile {name}").as_bytes()));
+        let material = json!({ "kd": 0, "ka": 1, "diffusecolor": [0.25, 0.5, 0.75] });
+        render(&named, json!({ "material": material }))
+    };
+    let (red, green, plain) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.25, 0.5, 0.75]);
+    let pair = ["red.ppm", "green.ppm"];
+    for (names, numbers, lower, upper) in [
+        (&pair[..], [0.0, 1.0], red, green),
+        (&pair, [1.0, 0.0], green, red),
+        (&pair, [1.0, 1.0], green, green),
+        (&pair, [-1.0, 1.0], plain, green),
+        (&["red.ppm", "red.ppm", "green.ppm"], [1.0, 2.0], red, green),
+        (&["red.ppm", "no.ppm", "none.ppm"], [1.0, 0.0], plain, red),
+    ] {
+        let (film, warnings) = shown(names, numbers).unwrap();
+        check(&film, |x, y| if y > x { upper } else { lower });
+        let missing = warnings.iter().filter(|w| w.message.contains("no.ppm")).count();
+        let expected = usize::from(names.contains(&"no.ppm"));
+        assert_eq!((missing, warnings.len()), (expected, expected), "{warnings:?}");
+    }
+    let error = shown(&pair, [0.0, 2.0]).err().expect("out of range").to_string();
+    assert!(error.contains("m.ply: face 1: texnumber 2 is out of range"), "{error}");
 }

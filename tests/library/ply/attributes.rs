@@ -241,3 +241,49 @@ fn requests_that_a_file_cannot_meet() {
     assert!(error.starts_with("error: s.json:3:9: t.ply has no colours"), "{error}");
     assert!(read(&bytes).is_ok());
 }
+
+#[test]
+fn points_are_read_without_their_faces() {
+    let more = [&RGB[..], &["float nx", "float ny", "float nz", "float quality"]].concat();
+    let ply = vertices(5, &more, |i, k| (10 * k + i) as f64);
+    let with_faces = ply.clone().faces(&[&[0, 1, 2], &[0, 1, 99]]);
+    for ply in [&ply, &with_faces] {
+        for encoding in ALL {
+            let bytes = ply.write(encoding);
+            let options = ReadOptions::default().points(true);
+            let mesh = read_ply_bytes(&bytes, "t.ply", options).unwrap();
+            assert!(mesh.is_cloud() && mesh.normals.is_none() && mesh.positions.len() == 5);
+            let Some(Colors::U8(colors)) = &mesh.colors else { panic!("colours") };
+            assert_eq!(colors[4], [4, 14, 24]);
+            assert_eq!(mesh.used_vertices(), [true; 5]);
+            let color = ColorRequest { source: ColorSource::Property("quality"), place: "" };
+            let mesh = read_ply_bytes(&bytes, "t.ply", options.color(color)).unwrap();
+            assert_eq!(values(&mesh), [60.0, 61.0, 62.0, 63.0, 64.0]);
+            let color = ColorRequest { source: ColorSource::Faces, place: "" };
+            assert!(read_ply_bytes(&bytes, "t.ply", options.color(color)).is_err());
+        }
+    }
+}
+
+#[test]
+fn points_that_are_not_finite_are_refused_or_dropped() {
+    let mut ply = vertices(5, &RGB, |i, _| i as f64);
+    ply.elements[0].2[1][2] = V::N(f64::NAN);
+    ply.elements[0].2[3][0] = V::N(f64::INFINITY);
+    for encoding in [ALL[1], ALL[2]] {
+        let bytes = ply.write(encoding);
+        let options = ReadOptions::default().points(true);
+        let error = read_ply_bytes(&bytes, "t.ply", options).unwrap_err();
+        let text = error.to_string();
+        assert_eq!(error.exit_code(), 2);
+        let message = "t.ply: vertex 1: (1, 1, NaN) is not finite; such points in all: 2";
+        assert!(text.contains(message) && text.contains("--repair drops the 2"), "{text}");
+        let mesh = read_ply_bytes(&bytes, "t.ply", options.repair(true)).unwrap();
+        let Some(Colors::U8(colors)) = &mesh.colors else { panic!("colours") };
+        assert_eq!(colors[..], [[0; 3], [2; 3], [4; 3]]);
+        assert_eq!((mesh.positions.len(), mesh.notes.repaired_dropped), (3, 2));
+    }
+    let none = Ply::new().element("vertex", &XYZ, Vec::new()).write(ALL[1]);
+    let error = read_ply_bytes(&none, "t.ply", ReadOptions::default().points(true)).unwrap_err();
+    assert!(error.to_string().contains("no point is left of 0"), "{error}");
+}
