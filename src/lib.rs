@@ -91,5 +91,5 @@ pub mod world;
 
 pub use error::{Error, Kind as ErrorKind, Problem, Result};
 pub use film::{Channel, ChannelKind, Film, Planes, Window};
-pub use mesh::{Colors, Mesh, Positions, Uvs};
+pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
 pub use renderer::{Hit, LoadedScene, Ray, Renderer};

@@ -6,7 +6,7 @@ use lightpath::{
     film::{Film, Window},
     monitor::Monitor,
     render,
-    scene::{self, Source},
+    scene::{self, Backend, Source},
     simd::Isa,
     world::{LoadOptions, World},
 };
