@@ -285,7 +285,10 @@ mod tests {
         assert!(crevice.is_clear);
         let hit = crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1.0, |_| true).unwrap();
         assert!((hit.t - 1e-7).abs() < 1e-10);
-        assert!(crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8).is_none(), "the light is nearer");
+        assert!(
+            crevice.meet(DVec3::new(-1.0, 0.0, 0.5), 1e-8, |_| true).is_none(),
+            "the light is nearer"
+        );
     }
 
     /// Two faces that hang from one edge, both on the viewer's side of it. The one in front hides

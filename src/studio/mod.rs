@@ -138,7 +138,9 @@ pub fn show(
 ) -> Result<MeshScene> {
     let wanted = furnish::wanted(subject, template, &user);
     let request = wanted.as_ref().map(|(spec, textured)| color_request(spec, *textured));
-    let points = wanted.as_ref().is_some_and(|(spec, _)| spec.points.is_some());
+    // A scene with errors is reported after the mesh is read.
+    let asked = subject.looks.points.is_some();
+    let points = wanted.as_ref().map_or(asked, |(spec, _)| spec.points.is_some());
     let textures = wanted.as_ref().is_none_or(|(spec, hidden)| !hidden && spec.color.is_none());
     let options = ReadOptions::default().color(request.unwrap_or_default());
     let mesh = points::read(subject, options.points(points).textures(textures), monitor)?;

@@ -4,6 +4,7 @@
 mod bounds;
 mod colors;
 mod fingerprint;
+mod gather;
 mod origin;
 mod place;
 mod resolution;
@@ -13,18 +14,19 @@ mod textures;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use crate::camera::Camera;
-use crate::error::{Error, Failures, Kind, Problem, Result};
-use crate::geometry::{Geometry, Sphere, TriangleMesh};
+use crate::error::{Error, Failures, Problem, Result};
+use crate::geometry::Geometry;
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
-use crate::reserve::{self, MemoryLimit};
+use crate::reserve::MemoryLimit;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
-use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
+use crate::shading::{Area, Emitter, Light, Shapes};
 
+use self::gather::gather;
 use self::place::{MAX_COORDINATE, PlacedMesh};
 use self::textures::Given;
 
@@ -314,83 +316,4 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
         }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
-}
-
-/// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
-/// quads and all spheres.
-fn gather(
-    scene: &Scene,
-    meshes: Vec<(usize, PlacedMesh)>,
-    origin: DVec3,
-) -> Result<(Geometry, Shapes)> {
-    let local = |p: DVec3| (p - origin).as_vec3().to_array();
-    let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
-    let (mut quads, mut quad_shapes) = (Vec::new(), Vec::new());
-    let (mut spheres, mut sphere_shapes) = (Vec::new(), Vec::new());
-    let (mut corners, mut triangle_shapes) = (Vec::new(), Vec::new());
-    for (index, shape) in scene.shapes.iter().enumerate() {
-        let index = index as u32;
-        let textured = scene.materials[shape.material].texture.is_some();
-        let uv = match &shape.kind {
-            ShapeKind::Sphere { center, radius, pole } => {
-                spheres.push(Sphere { center: *center - origin, radius: *radius });
-                sphere_shapes.push(index);
-                UvSource::Sphere { pole: *pole }
-            }
-            ShapeKind::Plane { corners } => {
-                quads.push(corners.map(local));
-                quad_shapes.push(index);
-                linear(textured, || UvFrame::from_quad(&corners.map(|p| p - origin)))
-            }
-            ShapeKind::Triangle { corners: triangle } => {
-                corners.extend(triangle.map(local));
-                triangle_shapes.push(index);
-                linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
-            }
-            ShapeKind::Trimesh(_) => UvSource::None,
-        };
-        let material = shape.material as u32;
-        shapes.push(Shape { material, uv, normals: None, colors: None, textures: None });
-    }
-    let mut arrays = Vec::new();
-    let mut owners = Vec::new();
-    // The shape of each cloud of points, and the end of its spheres.
-    let mut clouds: Vec<(u32, usize)> = Vec::new();
-    let single_spheres = spheres.len();
-    for (index, mesh) in meshes {
-        if mesh.is_cloud() {
-            mesh.finish_points(origin, &mut shapes[index], &mut spheres)?;
-            clouds.push((index as u32, spheres.len()));
-            continue;
-        }
-        owners.push(Owner::One(index as u32));
-        arrays.push(mesh.finish(origin, &mut shapes[index])?);
-    }
-    if !triangle_shapes.is_empty() {
-        let triangles =
-            (0..triangle_shapes.len() as u32).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect();
-        arrays.push(TriangleMesh::new(corners, triangles, false));
-        owners.push(Owner::Each(triangle_shapes));
-    }
-    let sphere_owner = match clouds[..] {
-        [(cloud, _)] if single_spheres == 0 => Owner::One(cloud),
-        _ => {
-            reserve::exact(&mut sphere_shapes, spheres.len() - single_spheres, "scene")?;
-            for (cloud, end) in clouds {
-                sphere_shapes.resize(end, cloud);
-            }
-            Owner::Each(sphere_shapes)
-        }
-    };
-    owners.extend([Owner::Each(quad_shapes), sphere_owner]);
-    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
-        let message = format!("{count} primitives are more than the 4294967294 that fit");
-        Error::new(Kind::Limit, Problem::new("scene", message))
-    })?;
-    Ok((geometry, Shapes { owners, shapes, materials: Vec::new(), textures: Vec::new() }))
-}
-
-/// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.
-fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
-    if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
 }

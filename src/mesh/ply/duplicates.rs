@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::context::ReadContext;
-use super::face::Faces;
+use super::faces::Faces;
 use crate::error::Result;
 use crate::reserve;
 

@@ -14,6 +14,7 @@ mod choice;
 mod context;
 mod duplicates;
 mod face;
+mod faces;
 mod header;
 mod layout;
 mod lines;
@@ -35,7 +36,7 @@ mod vertex;
 use std::path::Path;
 
 use self::context::ReadContext;
-use self::face::Faces;
+use self::faces::Faces;
 use self::header::{Element, Format, Header};
 use self::plan::MeshPlan;
 use self::row::{Row, RowResult};

@@ -11,7 +11,8 @@ use std::time::Duration;
 
 use super::block::{Span, too_short};
 use super::context::ReadContext;
-use super::face::{self, Faces};
+use super::face;
+use super::faces::Faces;
 use super::header::{self, Element, Format, Header, MAX_HEADER};
 use super::layout::BinaryRows;
 use super::lines::Lines;
