@@ -29,9 +29,11 @@
 //! [`Renderer`] traces rays. Everything runs on the threads of the current rayon pool.
 
 mod batch;
+mod colormap;
 mod farm;
 mod files;
 mod memory;
+mod nearest;
 mod paths;
 mod picture;
 mod poses;
@@ -92,5 +94,5 @@ pub mod world;
 
 pub use error::{Error, Kind as ErrorKind, Problem, Result};
 pub use film::{Channel, ChannelKind, Film, Planes, Window};
-pub use mesh::{Colors, Mesh, Positions, Uvs};
+pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
 pub use renderer::{Hit, LoadedScene, Ray, Renderer};

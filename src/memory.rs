@@ -11,10 +11,11 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::LayerPlan,
-    mesh,
+    mesh::{self, ReadOptions},
     output::tonemap::Depth,
     scene::{Backend, Scene, ShapeKind, Smooth},
     shading::Texture,
+    world::color_request,
 };
 
 use crate::{reserve::MemoryLimit, units};
@@ -63,17 +64,20 @@ pub struct DeclaredSizes {
     pub array_bytes: u64,
     /// Bytes of the vertex normals, if the file has none.
     pub missing_normal_bytes: u64,
-    /// Number of triangles after polygons are split.
+    /// Number of triangles after polygons are split, or of points drawn as spheres.
     pub triangles: u64,
 }
+
+/// Bytes of the sphere of a point and the number of its shape.
+const SPHERE_BYTES: u64 = 36;
 
 /// Maximum number of bytes that one byte of gzip data can unpack to. zstd can reach more, but not
 /// on a mesh.
 const MAX_PACKING_RATIO: u64 = 1032;
 
-/// Reads the sizes from the header of a PLY file.
-pub fn promise(path: &Path) -> Result<DeclaredSizes> {
-    let summary = mesh::inspect_ply(path)?;
+/// Reads the sizes from the header of a PLY file, for a reader with these options.
+pub fn promise(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
+    let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. The prediction
     // must not fail on such a header before that.
     let maximum = match summary.packed {
@@ -81,6 +85,14 @@ pub fn promise(path: &Path) -> Result<DeclaredSizes> {
         Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
     };
     let implausible = summary.triangles.max(summary.vertices) > maximum;
+    if options.points && !implausible {
+        let spheres = summary.vertices.saturating_mul(SPHERE_BYTES);
+        return Ok(DeclaredSizes {
+            array_bytes: summary.array_bytes.saturating_add(spheres),
+            missing_normal_bytes: 0,
+            triangles: summary.vertices,
+        });
+    }
     Ok(match implausible {
         true => DeclaredSizes::default(),
         false => DeclaredSizes {
@@ -122,12 +134,15 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
         let primitives = match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
-                let promise = promise(&mesh.path).unwrap_or_else(|error| {
+                let textured = scene.materials[shape.material].texture.is_some();
+                let options = ReadOptions::default().color(color_request(mesh, textured));
+                let options = options.points(mesh.points.is_some());
+                let promise = promise(&mesh.path, &options).unwrap_or_else(|error| {
                     problems.extend(error.problems);
                     Default::default()
                 });
-                let normals =
-                    if mesh.smooth != Smooth::Off { promise.missing_normal_bytes } else { 0 };
+                let smooth = mesh.smooth != Smooth::Off && mesh.points.is_none();
+                let normals = if smooth { promise.missing_normal_bytes } else { 0 };
                 let bytes = promise.array_bytes.saturating_add(normals);
                 sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
                 promise.triangles
@@ -149,8 +164,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
 ///
 /// # Errors
 /// A header that cannot be read.
-pub fn predict_mesh(path: &Path) -> Result<Prediction> {
-    let promise = promise(path)?;
+pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
+    let promise = promise(path, &ReadOptions::default().points(points))?;
     Ok(Prediction {
         mesh_bytes: promise.array_bytes,
         primitives: promise.triangles,

@@ -9,7 +9,9 @@ use crate::{
     film::{Dropped, Film},
     layers::{LayerPlan, Mattes},
     monitor::Monitor,
-    output::{Outputs, ValueCounts, WriteOptions, atomic::Part, exr, tonemap::Depth},
+    output::{
+        Outputs, ValueCounts, WriteOptions, atomic::Part, exr, legend::Legend, tonemap::Depth,
+    },
     paths,
     scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
@@ -154,6 +156,8 @@ pub struct PictureHeader<'a> {
     pub sequence: exr::Sequence,
     /// Render time in seconds, if the file is to hold it.
     pub render_seconds: Option<f32>,
+    /// Legend of the PNG.
+    pub legend: Option<&'a Legend>,
     /// Fingerprint of the inputs, for a later check whether they would give the same picture.
     pub fingerprint: Option<&'a str>,
 }
@@ -183,6 +187,7 @@ pub fn write(
         transparent: scene.has_alpha(),
         over: says.over,
         depth: storage.depth,
+        legend: says.legend.filter(|_| scene.legend),
         fingerprint: says.fingerprint,
         exr: exr::Options {
             attributes: &attributes,

@@ -207,8 +207,10 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
         center: glam::DVec3::ZERO,
         smooth: if mesh.normals.is_some() { Smooth::All } else { Smooth::Off },
         bvh: true,
-        vertex_colors: mesh.colors.is_some(),
+        vertex_colors: mesh.colors.is_some() || mesh.face_colors.is_some(),
         vertex_color_space: None,
+        color: None,
+        points: None,
     }
 }
 
@@ -292,6 +294,7 @@ impl Renderer<'_> {
             over: None,
             sequence: Sequence::default(),
             render_seconds: None,
+            legend: self.loaded.world.legend.as_ref(),
             fingerprint: None,
         };
         let storage = Storage::default();

@@ -70,6 +70,14 @@ fn three(text: &str) -> Option<[f64; 3]> {
     parts?.try_into().ok()
 }
 
+/// Parses two different numbers: `-0.5,2`.
+pub fn parse_two(text: &str) -> Result<[f64; 2], String> {
+    let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let range = parts.and_then(|parts| <[f64; 2]>::try_from(parts).ok());
+    let range = range.filter(|[low, high]| low != high && low.abs().max(high.abs()) <= 1e300);
+    range.ok_or_else(|| "expected two different numbers, for example -0.5,2".to_string())
+}
+
 /// Parses a margin: `0.08`. It must be below 0.5, where nothing would be left of the picture.
 pub fn parse_margin(text: &str) -> Result<f64, String> {
     let margin = text.parse().ok().filter(|margin| (0.0..0.5).contains(margin));

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::{
     output::exr::Compression,
-    scene::written::{Angles, Name, Point, Smooth},
+    scene::written::{Angles, MeshColor, Name, Point, Smooth},
     studio::{Axis, LightsFollow, Quality, Turning},
 };
 
@@ -44,6 +44,13 @@ pub struct JobFile {
     pub texture: Option<Name>,
     /// Numbers of samples of the built-in studio. Excludes `template`.
     pub quality: Option<Quality>,
+    /// Colours of all meshes, as `color` of a mesh in a scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color: Option<MeshColor>,
+    /// Draws every vertex of the meshes as a sphere of this radius, in the units of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub points: Option<f64>,
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,
     /// Picture width and height in pixels.

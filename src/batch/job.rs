@@ -171,6 +171,8 @@ impl Job {
                 texture: file.texture.as_ref().map(|path| base.join(&path.0)),
                 no_ground: file.ground == Some(false),
                 quality: file.quality,
+                color: file.color,
+                points: file.points,
             },
             pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
             turntable: file.turntable.as_ref().map(turntable),

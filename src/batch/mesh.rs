@@ -180,6 +180,7 @@ impl Run<'_> {
                 over: None,
                 sequence: self.job.sequence(frame.number),
                 render_seconds: None,
+                legend: built.world.legend.as_ref(),
                 fingerprint: frame.fingerprint.as_deref(),
             };
             let storage = self.job.storage;

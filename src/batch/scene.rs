@@ -89,7 +89,10 @@ pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
 /// Errors of the scene.
 pub fn with_default_placement(job: &Job, input: &Input) -> Result<Scene> {
     let loaded = match studio::is_mesh(&input.path) {
-        true => studio::with_default_placement(&input.path, &job.template, &input.overrides)?,
+        true => {
+            let subject = Subject { looks: job.looks.clone(), ..Subject::new(&input.path) };
+            studio::with_default_placement(&subject, &job.template, &input.overrides)?
+        }
         false => {
             let source = Source::File(&input.path);
             studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?

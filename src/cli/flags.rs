@@ -9,10 +9,13 @@ use rayon::ThreadPool;
 use crate::{
     error::{Error, Kind, Problem, Result},
     output::{ValueCounts, exr::Compression},
-    scene::{SamplerKind, ToneOperator, written::Accelerator},
+    scene::{
+        SamplerKind, ToneOperator,
+        written::{Accelerator, ColorMap, MeshColor},
+    },
     simd::Isa,
     studio::{Appearance, Axis, Quality, smooth},
-    units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth},
+    units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two},
 };
 
 use super::{machine, print};
@@ -70,6 +73,10 @@ pub struct SceneArgs {
     #[arg(long)]
     pub transparent: bool,
 
+    /// Draw the colour map of --color PROPERTY into the PNG, with ticks and the property's name
+    #[arg(long)]
+    pub legend: bool,
+
     /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, diffuse, specular,
     /// ambient, reflection, background, light_GROUP, shadow_GROUP, variance, samples, primid,
     /// objectid, cryptomatte... or all
@@ -105,6 +112,24 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
+    /// Colours of the .ply: of its vertices, of its faces, or a number that they have (see `info`)
+    /// through a colour map [default: vertex, else face]
+    #[arg(long, value_name = "vertex|face|PROPERTY")]
+    pub color: Option<String>,
+
+    /// Colour map of --color PROPERTY [default: viridis]
+    #[arg(long, value_name = "NAME", requires = "color")]
+    pub color_map: Option<ColorMap>,
+
+    /// Numbers at the ends of the colour map [default: those of the .ply]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_two, allow_hyphen_values = true, requires = "color")]
+    pub color_range: Option<[f64; 2]>,
+
+    /// Draw every vertex of the .ply as a sphere of this radius, in the units of the file, in place
+    /// of its faces
+    #[arg(long, value_name = "RADIUS", allow_negative_numbers = true)]
+    pub points: Option<f64>,
+
     /// Numbers of samples of the built-in studio; --spp and --light-samples win
     #[arg(long, value_name = "NAME")]
     pub quality: Option<Quality>,
@@ -116,13 +141,37 @@ pub struct LookArgs {
 
 impl LookArgs {
     /// Converts the flags to [`Appearance`].
-    pub fn appearance(&self) -> Appearance {
-        Appearance {
+    ///
+    /// # Errors
+    /// A colour map for colours that the file stores.
+    pub fn appearance(&self) -> Result<Appearance> {
+        let mut color = self.color.as_deref().map(MeshColor::from_name);
+        match &mut color {
+            Some(MeshColor::Property(color)) => {
+                color.map = self.color_map.unwrap_or(color.map);
+                color.range = self.color_range;
+            }
+            Some(MeshColor::Stored(_)) => {
+                let flags = [
+                    ("--color-map", self.color_map.is_some()),
+                    ("--color-range", self.color_range.is_some()),
+                ];
+                if let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) {
+                    let found = self.color.as_deref().unwrap_or_default();
+                    let message = format!("found with --color {found}, expected --color PROPERTY");
+                    return Err(Error::invalid(flag, message));
+                }
+            }
+            None => {}
+        }
+        Ok(Appearance {
             smooth: self.smooth.map(smooth),
             texture: self.texture.clone(),
             no_ground: self.no_ground,
             quality: self.quality,
-        }
+            color,
+            points: self.points,
+        })
     }
 }
 

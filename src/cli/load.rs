@@ -109,7 +109,7 @@ fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
         None => Template::builtin("<studio>", studio),
     };
     if let Some(limit) = max_memory {
-        memory::predict_mesh(subject.path)?.check(limit)?;
+        memory::predict_mesh(subject.path, subject.looks.points.is_some())?.check(limit)?;
     }
     let room = max_memory.map(memory::room).or_else(memory::machine);
     let subject = Subject { room, ..subject };

@@ -79,6 +79,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         transparent: part.files.transparent,
         over: None,
         depth: part.files.depth,
+        legend: None,
         fingerprint: None,
         exr: exr::Options {
             attributes: &attributes,

@@ -33,6 +33,7 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     all.flag("--tonemap", "/tonemap/operator", args.tonemap.map(|operator| json!(operator)));
     all.flag("--backend", "/scene/accelerator", args.backend.map(|backend| json!(backend)));
     all.flag("--transparent", "/output/transparent", args.transparent.then_some(true));
+    all.flag("--legend", "/output/legend", args.legend.then_some(true));
     all.flag("--adaptive-shadows", "/adaptiveshadows", args.adaptive_shadows.then_some(true));
     all.flag("--aov", "/output/layers", args.aov.clone());
     all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);

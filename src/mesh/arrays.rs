@@ -51,8 +51,8 @@ pub enum Uvs {
     PerCorner(Vec<[[f32; 2]; 3]>),
 }
 
-/// Vertex colours as stored. Integers are fractions of their type's maximum and sRGB-encoded,
-/// unless the scene says otherwise. Floats are linear.
+/// Colours as stored. Integers are fractions of their type's maximum and sRGB-encoded, unless the
+/// scene says otherwise. Floats are linear.
 #[derive(Debug, Clone)]
 pub enum Colors {
     /// 8-bit integers, 255 = 1.
@@ -63,6 +63,112 @@ pub enum Colors {
     F32(Vec<[f32; 3]>),
 }
 
+impl Colors {
+    /// Returns the size of the array in bytes.
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::U8(all) => size_of_val(&all[..]),
+            Self::U16(all) => size_of_val(&all[..]),
+            Self::F32(all) => size_of_val(&all[..]),
+        }
+    }
+}
+
+/// One number per vertex or triangle, in a type that holds every value of the file's type.
+#[derive(Debug, Clone)]
+pub enum Scalars {
+    /// `uchar`.
+    U8(Vec<u8>),
+    /// `ushort`.
+    U16(Vec<u16>),
+    /// `float`, `char` and `short`.
+    F32(Vec<f32>),
+    /// `double`, `int` and `uint`.
+    F64(Vec<f64>),
+}
+
+impl Scalars {
+    /// Returns the number of values.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(all) => all.len(),
+            Self::U16(all) => all.len(),
+            Self::F32(all) => all.len(),
+            Self::F64(all) => all.len(),
+        }
+    }
+
+    /// Returns true if there is no value.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns value `i`. The conversion to `f64` is exact.
+    #[inline]
+    pub fn get(&self, i: usize) -> f64 {
+        match self {
+            Self::U8(all) => all[i].into(),
+            Self::U16(all) => all[i].into(),
+            Self::F32(all) => all[i].into(),
+            Self::F64(all) => all[i],
+        }
+    }
+
+    /// Returns the size of the array in bytes.
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::U8(all) => size_of_val(&all[..]),
+            Self::U16(all) => size_of_val(&all[..]),
+            Self::F32(all) => size_of_val(&all[..]),
+            Self::F64(all) => size_of_val(&all[..]),
+        }
+    }
+}
+
+/// What has a colour or a property of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshElement {
+    /// The vertices of the file.
+    Vertex,
+    /// The faces of the file. Arrays hold one value per triangle.
+    Face,
+}
+
+impl MeshElement {
+    /// Returns the name of the element in a PLY file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vertex => "vertex",
+            Self::Face => "face",
+        }
+    }
+}
+
+/// The values of a scalar property of the file.
+#[derive(Debug, Clone)]
+pub struct Property {
+    /// Name of the property, such as `quality`.
+    pub name: String,
+    /// Whether vertices or faces have the property.
+    pub element: MeshElement,
+    /// One value per vertex or per triangle.
+    pub values: Scalars,
+}
+
+/// Textures of the faces, where a file has several.
+#[derive(Debug, Clone)]
+pub struct FaceTextures {
+    /// Names of the image files, in the order of their numbers.
+    pub files: Vec<String>,
+    /// For each triangle, an index into `files`, or [`FaceTextures::NO_TEXTURE`].
+    pub numbers: Vec<u16>,
+}
+
+impl FaceTextures {
+    /// Number of a triangle without a texture; the file has -1.
+    pub const NO_TEXTURE: u16 = u16::MAX;
+}
+
 /// A triangle mesh in file units.
 ///
 /// Every index is below the number of vertices. Every vertex that a triangle uses is finite. No
@@ -71,7 +177,7 @@ pub enum Colors {
 pub struct Mesh {
     /// All vertices of the file, used or not.
     pub positions: Positions,
-    /// Three vertex indices per triangle.
+    /// Three vertex indices per triangle. Empty if the file was read as points.
     pub triangles: Vec<[u32; 3]>,
     /// Triangles with zero area whose three corners are different points, in file order. A scene
     /// keeps the ones that close T-junctions.
@@ -81,11 +187,20 @@ pub struct Mesh {
     pub normals: Option<Vec<[f32; 3]>>,
     /// Texture coordinates, if the file has any.
     pub uvs: Option<Uvs>,
-    /// Vertex colours, if the file has any.
+    /// Vertex colours, if the file has any and they were requested.
     pub colors: Option<Colors>,
+    /// Colours of the faces, one per triangle. Read where the file has no vertex colours.
+    pub face_colors: Option<Colors>,
+    /// Alpha of `colors`, else of `face_colors`. `None` if all are opaque, or all are 0. Integers
+    /// are fractions of their type's maximum.
+    pub alpha: Option<Scalars>,
+    /// The scalar property that was requested.
+    pub property: Option<Property>,
     /// The file name in `comment TextureFile NAME`. If there are several, this is the one that most
     /// triangles select by `texnumber`, or else the first.
     pub texture_file: Option<String>,
+    /// The textures of the triangles, if they have different ones and these were requested.
+    pub textures: Option<FaceTextures>,
     /// What the reader used, ignored, split and dropped.
     #[doc(hidden)]
     pub notes: Notes,
@@ -125,7 +240,11 @@ impl Mesh {
             normals: None,
             uvs: None,
             colors: None,
+            face_colors: None,
+            alpha: None,
+            property: None,
             texture_file: None,
+            textures: None,
             notes: Notes::default(),
         })
     }
@@ -140,19 +259,29 @@ impl Mesh {
             Uvs::PerVertex(all) => size_of_val(&all[..]),
             Uvs::PerCorner(all) => size_of_val(&all[..]),
         });
-        let colors = self.colors.as_ref().map_or(0, |colors| match colors {
-            Colors::U8(all) => size_of_val(&all[..]),
-            Colors::U16(all) => size_of_val(&all[..]),
-            Colors::F32(all) => size_of_val(&all[..]),
-        });
-        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..]));
-        (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors) as u64
+        let colors = [&self.colors, &self.face_colors];
+        let colors: usize = colors.into_iter().flatten().map(Colors::bytes).sum();
+        let property = self.property.as_ref().map(|property| &property.values);
+        let scalars: usize = self.alpha.iter().chain(property).map(Scalars::bytes).sum();
+        let numbers = self.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
+        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..])) + numbers;
+        (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors + scalars) as u64
     }
 
-    /// Returns a flag for each vertex: true if a triangle uses it.
+    /// Returns true if the file was read as points, without its faces.
+    #[doc(hidden)]
+    pub fn is_cloud(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// Returns a flag for each vertex: true if a triangle uses it. All are used by a cloud of
+    /// points.
     #[doc(hidden)]
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
+        if self.is_cloud() {
+            return vec![true; count];
+        }
         let used: Vec<AtomicBool> =
             (0..count).into_par_iter().with_min_len(1 << 16).map(|_| false.into()).collect();
         self.triangles.par_iter().with_min_len(1 << 14).for_each(|triangle| {
@@ -187,6 +316,8 @@ pub struct Notes {
     pub repaired_dropped: u64,
     /// Number of different `texnumber` values: the textures that the faces select.
     pub textures: u64,
+    /// True if the alpha of all colours is 0. It is ignored: the writer did not set it.
+    pub alpha_ignored: bool,
     /// Number of bytes after the last row. The header may declare too few rows.
     pub trailing_bytes: u64,
     /// Identity and time stamp of the file when it was opened. `None` for a pipe.

@@ -9,8 +9,9 @@ pub use arrays::*;
 pub use creases::{Normals, creased_normals};
 pub use normals::{Point, vertex_normals};
 pub use ply::{
-    ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar, TriangleCount,
-    inspect as inspect_ply, read as read_ply, read_bytes as read_ply_bytes,
+    ColorRequest, ColorSource, ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar,
+    TriangleCount, inspect as inspect_ply, inspect_with as inspect_ply_with, read as read_ply,
+    read_bytes as read_ply_bytes,
 };
 
 use std::path::Path;

@@ -9,6 +9,7 @@ pub mod exr;
 pub mod exr_check;
 pub mod exr_read;
 pub mod finished;
+pub mod legend;
 pub mod over;
 pub mod png;
 pub mod preview;
@@ -50,6 +51,8 @@ pub struct WriteOptions<'a> {
     pub over: Option<&'a [[f32; 3]]>,
     /// Number of bits of the PNG's channels.
     pub depth: tonemap::Depth,
+    /// Legend to draw into the PNG.
+    pub legend: Option<&'a legend::Legend>,
     /// Fingerprint of the render's inputs, for both files: an attribute of the EXR, a text of the
     /// PNG.
     pub fingerprint: Option<&'a str>,
@@ -103,19 +106,7 @@ impl Outputs {
             },
             || {
                 let path = self.png.target().to_owned();
-                let &WriteOptions { tonemap, transparent, over, depth, fingerprint, .. } = options;
-                let file = self.png.file();
-                match over {
-                    Some(plate) => {
-                        let pixels = over::over(&film.pixels, plate);
-                        let bytes = tonemap::to_samples(&pixels, tonemap, false, depth);
-                        let color = png::Color { alpha: false, srgb: tonemap.srgb, depth };
-                        png::encode(film, &bytes, color, fingerprint, file, &path)?;
-                    }
-                    None => {
-                        png::write(film, tonemap, transparent, depth, fingerprint, file, &path)?;
-                    }
-                }
+                png::write(film, options, self.png.file(), &path)?;
                 self.png.sync()
             },
         );

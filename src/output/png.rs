@@ -16,10 +16,14 @@ use png::{
 use crate::{
     error::{Error, Kind, Problem, Result},
     film::Film,
-    scene::Tonemap,
 };
 
-use super::tonemap::{self, Depth};
+use super::{
+    WriteOptions,
+    legend::Canvas,
+    over,
+    tonemap::{self, Depth},
+};
 
 /// Writes the film's data window. `path` is for messages.
 ///
@@ -27,15 +31,20 @@ use super::tonemap::{self, Depth};
 /// `Retry` if the disk is full, `Limit` for a size that PNG cannot hold.
 pub fn write(
     film: &Film,
-    tonemap: &Tonemap,
-    transparent: bool,
-    depth: Depth,
-    fingerprint: Option<&str>,
+    options: &WriteOptions,
     file: &mut impl Write,
     path: &Path,
 ) -> Result<()> {
-    let bytes = tonemap::to_samples(&film.pixels, tonemap, transparent, depth);
-    let color = Color { alpha: transparent, srgb: tonemap.srgb, depth };
+    let &WriteOptions { tonemap, over, depth, fingerprint, legend, .. } = options;
+    let composite = over.map(|plate| over::over(&film.pixels, plate));
+    let pixels = composite.as_deref().unwrap_or(&film.pixels);
+    let alpha = options.transparent && over.is_none();
+    let mut bytes = tonemap::to_samples(pixels, tonemap, alpha, depth);
+    let color = Color { alpha, srgb: tonemap.srgb, depth };
+    if let Some(legend) = legend {
+        let size = [film.window.width(), film.window.height()];
+        legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+    }
     encode(film, &bytes, color, fingerprint, file, path)
 }
 

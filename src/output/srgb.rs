@@ -7,6 +7,11 @@ pub fn from_linear(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// Decodes an sRGB value in [0, 1] to a linear one.
+pub fn to_linear(x: f64) -> f64 {
+    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
 /// Returns `from_linear(x)` as a byte, rounded half up, for x in [0, 1].
 pub fn byte(x: f64) -> u8 {
     BYTES.lookup(x)

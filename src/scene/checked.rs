@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-pub use super::description::{ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
+pub use super::description::{ColorMap, ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
 pub use crate::sampler::Kind as SamplerKind;
 
 use crate::calibration::{Calibration, Distortion, Inverse};
@@ -58,6 +58,8 @@ pub struct Scene {
     pub light_groups: LightGroups,
     /// True if alpha is coverage instead of 1.
     pub transparent: bool,
+    /// True to draw the legend of a colour map into the PNG.
+    pub legend: bool,
 }
 
 impl Scene {
@@ -264,10 +266,56 @@ pub struct Trimesh {
     pub smooth: Smooth,
     /// Switch of the coursework: false loops over the triangles (`coursework` backend only).
     pub bvh: bool,
-    /// True to multiply `diffusecolor` by the vertex colours of the file.
+    /// True to multiply `diffusecolor` by the colours of the file.
     pub vertex_colors: bool,
-    /// Encoding of the vertex colours; `None`: implied by the colour type of the file.
+    /// Encoding of the colours; `None`: implied by their type in the file.
     pub vertex_color_space: Option<ColorSpace>,
+    /// Source of the colours. `None`: the vertices of the file, else its faces.
+    pub color: Option<MeshColor>,
+    /// Radius of the spheres that replace the faces, in the units of the file.
+    pub points: Option<f64>,
+}
+
+/// Source of the colours of a mesh. `place` is the place in the scene file, for messages.
+#[derive(Debug, Clone)]
+pub enum MeshColor {
+    /// Colours of the vertices.
+    Vertex {
+        /// Place of the request.
+        place: String,
+    },
+    /// Colours of the faces.
+    Face {
+        /// Place of the request.
+        place: String,
+    },
+    /// A property through a colour map.
+    Property(Box<PropertyColor>),
+}
+
+impl MeshColor {
+    /// Returns the place of the request.
+    pub fn place_mut(&mut self) -> &mut String {
+        match self {
+            Self::Vertex { place } | Self::Face { place } => place,
+            Self::Property(color) => &mut color.place,
+        }
+    }
+}
+
+/// A scalar property of a mesh, shown through a colour map.
+#[derive(Debug, Clone)]
+pub struct PropertyColor {
+    /// Place of `property` in the scene file, for messages.
+    pub place: String,
+    /// Name of the property.
+    pub property: String,
+    /// Colour map.
+    pub map: ColorMap,
+    /// Values at the ends of the map, which differ. `None`: the range of the file's values.
+    pub range: Option<[f64; 2]>,
+    /// Colour of values that are not finite.
+    pub nan: Vec3,
 }
 
 /// Edges across which the normals of a mesh are interpolated. Normals of the file are used in every

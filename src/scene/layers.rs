@@ -1,6 +1,6 @@
 //! Layers of the EXR and their names in `output.layers`, and the light groups of a scene.
 
-use super::nearest::nearest;
+use crate::nearest::nearest;
 
 /// A layer of the EXR in addition to the beauty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

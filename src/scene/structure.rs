@@ -232,6 +232,9 @@ fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
 }
 
 fn is_type(schema: &Value, node: &Node) -> bool {
+    if words(schema).is_some() {
+        return node.text().is_some();
+    }
     let name = match node.kind {
         NodeKind::Null => "null",
         NodeKind::Bool(_) => "boolean",

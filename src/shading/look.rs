@@ -1,15 +1,16 @@
-//! Appearance of a surface: material, texture, vertex colours, shading normals.
+//! Appearance of a surface: material, texture, colours of a mesh, shading normals.
 
 use glam::{DVec2, Vec3};
 
+use super::mesh_colors::MeshColors;
 use super::points::{Points, set_lane};
 use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
 use crate::geometry::{Geometry, GeometryKind, Surfaces};
-use crate::mesh::{Colors, Normals};
+use crate::mesh::Normals;
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::scene::{ColorSpace, Filter, Role, Wrap};
+use crate::scene::{Filter, Role, Wrap};
 
 /// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
@@ -26,8 +27,8 @@ pub struct Material {
     pub exponent: f32,
     /// Base colour where there is no texture.
     pub base: Vec3,
-    /// Texture of the base colour, as an index into [`Shapes::textures`].
-    pub texture: Option<u32>,
+    /// Texture of the base colour.
+    pub texture: Option<TextureChoice>,
     /// Filter of the texture lookup.
     pub filter: Filter,
     /// Wrap mode beyond the image; `None` is the shape's default.
@@ -36,13 +37,28 @@ pub struct Material {
     pub uv_scale: DVec2,
 }
 
-/// Vertex colours as stored, and how to decode them.
+/// The texture of a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TextureChoice {
+    /// One for the whole shape: an index into [`Shapes::textures`].
+    One(u32),
+    /// That of each triangle, by [`Shape::textures`].
+    ByFace,
+}
+
+/// The textures of the triangles of a mesh.
 #[derive(Debug, Clone)]
-pub struct VertexColors {
-    /// Values as stored in the file.
-    pub values: Colors,
-    /// Colour space of the values; decoding makes them linear.
-    pub space: ColorSpace,
+pub struct FaceTextures {
+    /// For each triangle, an index into `textures`, or a larger number for none.
+    pub numbers: Vec<u16>,
+    /// Indices into [`Shapes::textures`]; `None` for an image that is missing.
+    pub textures: Vec<Option<u32>>,
+}
+
+impl FaceTextures {
+    fn of(&self, prim: u32) -> Option<u32> {
+        self.textures.get(usize::from(self.numbers[prim as usize])).copied().flatten()
+    }
 }
 
 /// Material and per-vertex data of a shape.
@@ -54,8 +70,10 @@ pub struct Shape {
     pub uv: UvSource,
     /// Unit normals of a smooth mesh.
     pub normals: Option<Normals>,
-    /// Vertex colours that multiply the material's colour.
-    pub colors: Option<VertexColors>,
+    /// Colours that multiply the material's colour.
+    pub colors: Option<MeshColors>,
+    /// Textures of the triangles, if they have different ones.
+    pub textures: Option<Box<FaceTextures>>,
     /// What camera rays return that hit it.
     pub role: Role,
 }
@@ -197,17 +215,14 @@ impl Shapes {
         self.shapes[shape as usize].uv.at(geometry, packet, surfaces, i)
     }
 
-    /// Memory of the vertex data in bytes: normals, texture coordinates, colours.
+    /// Memory of the vertex and face data in bytes: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
         let shapes = self.shapes.iter().map(|shape| {
             let uv = shape.uv.bytes();
-            let colors = shape.colors.as_ref().map_or(0, |colors| match &colors.values {
-                Colors::U8(c) => size_of_val(&c[..]),
-                Colors::U16(c) => size_of_val(&c[..]),
-                Colors::F32(c) => size_of_val(&c[..]),
-            });
+            let colors = shape.colors.as_ref().map_or(0, MeshColors::bytes);
             let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
-            (uv + colors) as u64 + normals
+            let numbers = shape.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
+            (uv + colors + numbers) as u64 + normals
         });
         shapes.sum()
     }
@@ -231,7 +246,7 @@ impl Shapes {
         plain.then_some((material, shape.normals.as_ref()))
     }
 
-    /// Computes texture and vertex colours of one lane.
+    /// Computes texture and colours of one lane.
     #[inline(never)]
     fn details(
         &self,
@@ -249,7 +264,12 @@ impl Shapes {
             _ => None,
         };
         let material = &self.materials[shape.material as usize];
-        if let Some(texture) = material.texture {
+        let texture = match material.texture {
+            None => None,
+            Some(TextureChoice::One(texture)) => Some(texture),
+            Some(TextureChoice::ByFace) => shape.textures.as_ref().and_then(|all| all.of(prim)),
+        };
+        if let Some(texture) = texture {
             if let Some(uv) = shape.uv.at(geometry, packet, surfaces, i) {
                 let uv = uv * material.uv_scale;
                 let wrap = material.wrap.map_or_else(|| shape.uv.wrap(), |wrap| [wrap, wrap]);
@@ -257,8 +277,11 @@ impl Shapes {
                 let color = texture.lookup(uv.x, uv.y, material.filter, wrap[0], wrap[1]);
                 set_lane(&mut out.base, i, color);
             }
-        } else if let (Some(colors), Some(corners)) = (&shape.colors, corners) {
-            let color = weighted(weights, corners.map(|c| colors.at(c)));
+        } else if let Some(colors) = &shape.colors {
+            let color = match corners {
+                Some(corners) => colors.at(prim, corners, weights),
+                None => colors.of_sphere(prim),
+            };
             set_lane(&mut out.base, i, material.base * color);
         }
     }
@@ -309,19 +332,4 @@ fn set(m: &Material, i: usize, out: &mut Points) {
 
 fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
     values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
-}
-
-impl VertexColors {
-    fn at(&self, vertex: u32) -> Vec3 {
-        let i = vertex as usize;
-        let stored = match &self.values {
-            Colors::U8(c) => c[i].map(|x| f32::from(x) / 255.0),
-            Colors::U16(c) => c[i].map(|x| f32::from(x) / 65535.0),
-            Colors::F32(c) => c[i],
-        };
-        Vec3::from(match self.space {
-            ColorSpace::Linear => stored,
-            ColorSpace::Srgb => stored.map(|c| super::texture::linear_from_srgb(c.into()) as f32),
-        })
-    }
 }

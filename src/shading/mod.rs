@@ -6,6 +6,7 @@ mod image_file;
 mod light;
 mod light_plane;
 mod look;
+mod mesh_colors;
 mod pnm;
 mod points;
 mod smooth;
@@ -14,7 +15,8 @@ mod uv;
 
 pub use image_file::TextureSize;
 pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
-pub use look::{Material, Owner, Shape, Shapes, VertexColors};
+pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
+pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
 pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, linear_from_srgb};
 pub use uv::{UvFrame, UvSource};

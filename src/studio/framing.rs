@@ -15,6 +15,8 @@ pub struct FieldOfView {
     pub aspect: f64,
     /// Margin to keep free at each border, as a fraction of the picture's width and height.
     pub margin: f64,
+    /// Radius of the spheres around all points; 0 for points alone.
+    pub radius: f64,
 }
 
 /// Returns the camera position from which all points lie within the picture without its margin.
@@ -32,8 +34,10 @@ pub fn frame(
 ) -> Option<DVec3> {
     let view = View::new(direction, up, lens);
     let mut extent = Extent::EMPTY;
+    // A sphere reaches its radius times |n| along n.
+    let beyond = view.slants().map(|slant| lens.radius * slant.length());
     for p in points {
-        extent.add(view.reach(p), view.depth(p), [0.0; 5]);
+        extent.add(view.reach(p), view.depth(p), beyond);
     }
     view.position(&extent)
 }
@@ -51,15 +55,15 @@ pub fn frame_turning(
     let view = View::new(direction, up, lens);
     // A circle of radius r around c reaches n.c + r |n across the axis| along n.
     let across = |n: DVec3| (n - axis * n.dot(axis)).length();
-    let [x, y, z] = view.axes;
-    let slants = [x - z * view.tx, -x - z * view.tx, y - z * view.ty, -y - z * view.ty, z];
-    let across = slants.map(across);
+    let slants = view.slants();
+    let (across, beyond) = (slants.map(across), slants.map(|slant| lens.radius * slant.length()));
     let mut extent = Extent::EMPTY;
     for p in points {
         let offset = p - pivot;
         let centre = pivot + axis * offset.dot(axis);
         let radius = (p - centre).length();
-        extent.add(view.reach(centre), view.depth(centre), across.map(|s| radius * s));
+        let reach = std::array::from_fn(|k| radius * across[k] + beyond[k]);
+        extent.add(view.reach(centre), view.depth(centre), reach);
     }
     view.position(&extent)
 }
@@ -114,6 +118,12 @@ impl View {
         [px - sx, -px - sx, py - sy, -py - sy]
     }
 
+    /// Directions in which [`Self::reach`] and [`Self::depth`] measure.
+    fn slants(&self) -> [DVec3; 5] {
+        let [x, y, z] = self.axes;
+        [x - z * self.tx, -x - z * self.tx, y - z * self.ty, -y - z * self.ty, z]
+    }
+
     #[inline(always)]
     fn depth(&self, p: DVec3) -> f64 {
         p.dot(self.axes[2])
@@ -139,7 +149,7 @@ mod tests {
     use super::*;
 
     fn lens(fov_deg: f64, aspect: f64) -> FieldOfView {
-        FieldOfView { fov_deg, aspect, margin: 0.08 }
+        FieldOfView { fov_deg, aspect, margin: 0.08, radius: 0.0 }
     }
 
     /// An asymmetric cloud of points, without randomness.

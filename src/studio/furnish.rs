@@ -45,12 +45,12 @@ pub fn furnish(
     warnings: &mut Vec<Problem>,
 ) -> Result<FittedTemplate> {
     let shape = first_trimesh(template)?;
-    let mut ours = Overrides::default();
-    ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
-    let smooth = subject.looks.smooth.as_ref().map(|smooth| json!(smooth));
-    ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
-    colour(subject, &mesh, template, &shape, &mut ours)?;
-    warnings.extend(notes(subject, &mesh, template));
+    let mut ours = looks(subject, template, &shape)?;
+    // Colours that the user or the template asks for are shown in place of a texture.
+    let wanted = wanted(subject, template, user);
+    let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
+    colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
+    warnings.extend(notes(subject, &mesh, template, colored));
     // The framing depends on the template and on the user's overrides.
     let mut loaded = load(template, &ours, user)?;
     if subject.calibrated {
@@ -74,16 +74,44 @@ pub fn furnish(
     Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
 }
 
+/// Returns overrides for the path and the look of the mesh, which need no mesh.
+fn looks(subject: &Subject, template: &Template, shape: &str) -> Result<Overrides> {
+    let mut ours = Overrides::default();
+    ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
+    let smooth = subject.looks.smooth.as_ref().map(|smooth| json!(smooth));
+    ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
+    let color = subject.looks.color.as_ref().map(|color| json!(color));
+    ours.flag("--color", &format!("{shape}/color"), color);
+    ours.flag("--points", &format!("{shape}/points"), subject.looks.points);
+    Ok(ours)
+}
+
+/// Returns the shape of the mesh before it is placed, and whether its material has a texture. It
+/// decides which data of the file are read. `None` if the scene has errors, which [`furnish`]
+/// reports.
+pub fn wanted(subject: &Subject, template: &Template, user: &Overrides) -> Option<(Trimesh, bool)> {
+    let shape = first_trimesh(template).ok()?;
+    let ours = looks(subject, template, &shape).ok()?;
+    let loaded = load(template, &ours, user).ok()?;
+    let index: usize = shape.rsplit('/').next()?.parse().ok()?;
+    let material = &loaded.scene.materials[loaded.scene.shapes.get(index)?.material];
+    let textured = material.texture.is_some() || subject.looks.texture.is_some();
+    let mut spec = trimesh(&loaded, &shape)?.clone();
+    if let (Some(color), true) = (&mut spec.color, subject.looks.color.is_some()) {
+        // Messages name the flag rather than the override that it becomes.
+        "--color".clone_into(color.place_mut());
+    }
+    Some((spec, textured))
+}
+
 /// Loads the template with the mesh at its default position. The memory of that scene can be
 /// predicted before the mesh is read.
 pub fn with_default_placement(
-    path: &Path,
+    subject: &Subject,
     template: &Template,
     user: &Overrides,
 ) -> Result<Loaded> {
-    let mut ours = Overrides::default();
-    let path = within(template, path)?;
-    ours.flag("FILE.ply", &format!("{}/path", first_trimesh(template)?), Some(path));
+    let ours = looks(subject, template, &first_trimesh(template)?)?;
     load(template, &ours, user)
 }
 
@@ -122,7 +150,7 @@ fn colour(
     subject: &Subject,
     mesh: &Mesh,
     template: &Template,
-    shape: &str,
+    (shape, colored): (&str, bool),
     ours: &mut Overrides,
 ) -> Result<()> {
     let material = material(template, shape)?;
@@ -136,11 +164,14 @@ fn colour(
         ours.flag("--texture", &format!("{material}/tPath"), Some(path));
     }
     if template.builtin {
-        if mesh.colors.is_some() {
+        if mesh.colors.is_some() || mesh.face_colors.is_some() || mesh.property.is_some() {
             let white = json!([1.0, 1.0, 1.0]);
             ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
         }
-        if let Some(image) = own_texture(subject, mesh).filter(|image| image.is_file()) {
+        // Several textures are found by the scene itself.
+        let single = !colored && mesh.textures.is_none();
+        let image = own_texture(subject, mesh).filter(|image| single && image.is_file());
+        if let Some(image) = image {
             let path = seen_from(&image, &template.folder)?;
             ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
         }
@@ -164,10 +195,11 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
 }
 
 /// Returns warnings: parts of a mesh that are not shown, and a mesh that seems to lie on its side.
-fn notes(subject: &Subject, mesh: &Mesh, template: &Template) -> Vec<Problem> {
+fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> Vec<Problem> {
     let place = || subject.path.display().to_string();
     let mut notes = Vec::new();
-    if template.builtin && subject.looks.texture.is_none() {
+    let shows_own = !colored && mesh.textures.is_none();
+    if template.builtin && subject.looks.texture.is_none() && shows_own {
         let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
         let unused = |name: &String, reason: String| {
             let message = format!("found the texture {name:?}, which is not used: {reason}");
@@ -227,7 +259,10 @@ fn place(
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
     let turned = |p: DVec3| linear * (p - middle);
-    let Bounds { min: low, max: high } = points.bounds(turned);
+    // The lowest and highest points of spheres, where points are drawn as such.
+    let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
+    let Bounds { min, max } = points.bounds(turned);
+    let (low, high) = (min - radius, max + radius);
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
     let up = camera.up[vertical].signum();
@@ -246,7 +281,7 @@ fn place(
     let aspect = f64::from(camera.width) / f64::from(camera.height);
     let placed = points.iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
-    let lens = FieldOfView { fov_deg, aspect, margin: subject.margin };
+    let lens = FieldOfView { fov_deg, aspect, margin: subject.margin, radius };
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),
         true => {

@@ -32,9 +32,10 @@ use subject::GROUND;
 
 use crate::{
     error::{Problem, Result},
-    mesh::Mesh,
+    mesh::{Mesh, ReadOptions},
     monitor::Monitor,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
+    world::color_request,
 };
 
 /// A scene made from a mesh.
@@ -63,7 +64,15 @@ pub fn show(
     light_samples: Option<u32>,
     monitor: &Monitor,
 ) -> Result<MeshScene> {
-    show_mesh(subject, points::read(subject, monitor)?, template, user, light_samples)
+    let wanted = furnish::wanted(subject, template, &user);
+    let request = wanted.as_ref().map(|(spec, textured)| color_request(spec, *textured));
+    // A scene with errors is reported after the mesh is read.
+    let asked = subject.looks.points.is_some();
+    let points = wanted.as_ref().map_or(asked, |(spec, _)| spec.points.is_some());
+    let textures = wanted.as_ref().is_none_or(|(spec, hidden)| !hidden && spec.color.is_none());
+    let options = ReadOptions::default().color(request.unwrap_or_default());
+    let mesh = points::read(subject, options.points(points).textures(textures), monitor)?;
+    show_mesh(subject, mesh, template, user, light_samples)
 }
 
 /// [`show`] with a mesh in memory. The subject's path names it in messages, and says where the

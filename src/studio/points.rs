@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::{
     error::Result,
-    mesh::{self, Mesh},
+    mesh::{self, Mesh, ReadOptions},
     monitor::Monitor,
     scene::begins_as_ply,
     world::Bounds,
@@ -14,9 +14,9 @@ use crate::{
 
 use super::subject::Subject;
 
-/// Reads the mesh file of a subject.
-pub fn read(subject: &Subject, monitor: &Monitor) -> Result<Mesh> {
-    let options = mesh::ReadOptions::default().repair(subject.repair).mmap(!subject.no_mmap);
+/// Reads the mesh file of a subject: the data that `options` select.
+pub fn read(subject: &Subject, options: ReadOptions, monitor: &Monitor) -> Result<Mesh> {
+    let options = options.repair(subject.repair).mmap(!subject.no_mmap);
     mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
 }
 
@@ -26,7 +26,7 @@ pub fn is_mesh(path: &Path) -> bool {
     [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)
 }
 
-/// The vertices that triangles use, in file units.
+/// The vertices that triangles use, or all of a cloud of points, in file units.
 #[derive(Debug)]
 pub struct UsedVertices<'m> {
     mesh: &'m Mesh,

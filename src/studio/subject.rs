@@ -35,6 +35,10 @@ pub struct Appearance {
     pub texture: Option<PathBuf>,
     /// True to remove the template's plane named `ground`.
     pub no_ground: bool,
+    /// Source of the colours of the mesh.
+    pub color: Option<written::MeshColor>,
+    /// Radius of spheres that replace the faces, in the units of the file.
+    pub points: Option<f64>,
     /// Numbers of samples of the built-in studio, in place of its own.
     pub quality: Option<Quality>,
 }

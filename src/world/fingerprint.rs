@@ -75,8 +75,12 @@ impl ContentHashes {
     }
 
     /// SHA-256 of a mesh file, followed by the hashes of the images that it names.
-    fn sha256_of_mesh(&mut self, path: &Path) -> Result<Option<String>> {
+    fn sha256_of_mesh(&mut self, path: &Path, points: bool) -> Result<Option<String>> {
         let Some(mut all) = self.sha256_of(path)? else { return Ok(None) };
+        if points {
+            // Spheres show no image.
+            return Ok(Some(all));
+        }
         for name in mesh::inspect_ply(path)?.texture_files {
             let image = beside(path, &name);
             if image.is_file() {
@@ -121,7 +125,9 @@ pub fn fingerprint(
     }
     for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
         if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
-            let Some(mut hash) = contents.sha256_of_mesh(&spec.path)? else { return Ok(None) };
+            let Some(mut hash) = contents.sha256_of_mesh(&spec.path, spec.points.is_some())? else {
+                return Ok(None);
+            };
             // Mattes of a mesh without a name are named after its file.
             if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
                 hash += &stem.to_string_lossy();

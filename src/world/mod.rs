@@ -2,31 +2,36 @@
 //! origin.
 
 mod bounds;
+mod colors;
 mod fingerprint;
+mod gather;
 mod origin;
 mod place;
 mod resolution;
 mod sources;
 mod textures;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use crate::camera::{self, Camera};
-use crate::error::{Error, Failures, Kind, Problem, Result};
-use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
+use crate::error::{Error, Failures, Problem, Result};
+use crate::geometry::Geometry;
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
-use crate::ray::RayKind;
+use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, LightKind, Role, SamplerKind, Scene, ShapeKind};
-use crate::shading::{Area, Emitter, Light, Owner, Shape, Shapes, UvFrame, UvSource};
+use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::shading::{Area, Emitter, Light, Shapes};
 
+use self::gather::gather;
 use self::place::{MAX_COORDINATE, PlacedMesh};
+use self::textures::Given;
 
 pub use self::bounds::Bounds;
+pub use self::colors::color_request;
 pub use self::fingerprint::{ContentHashes, fingerprint};
 pub use self::origin::Origin;
 pub use self::place::placement;
@@ -54,7 +59,8 @@ pub struct LoadOptions {
 }
 
 impl LoadOptions {
-    fn mesh(&mut self, path: &Path, monitor: &Monitor) -> Result<Mesh> {
+    fn mesh(&mut self, spec: &Trimesh, textured: bool, monitor: &Monitor) -> Result<Mesh> {
+        let path = spec.path.as_path();
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
         // A limit from free memory was measured when the ready meshes were in memory already.
         let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
@@ -62,6 +68,9 @@ impl LoadOptions {
             Some(index) => self.ready.swap_remove(index).1,
             None => {
                 let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
+                let options = options.color(color_request(spec, textured));
+                let options = options.points(spec.points.is_some());
+                let options = options.textures(!textured && spec.color.is_none());
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
         };
@@ -113,6 +122,8 @@ pub struct World {
     pub origin: Origin,
     /// The files that were opened, with their stamps.
     pub read: ReadFiles,
+    /// The colour map of the first mesh that shows a property.
+    pub legend: Option<Legend>,
 }
 
 impl World {
@@ -140,12 +151,12 @@ impl World {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
                 let textured = scene.materials[shape.material].texture.is_some();
-                let mesh = options.mesh(&spec.path, monitor);
+                let mut mesh = options.mesh(spec, textured, monitor);
                 monitor.check()?;
                 if let Ok(mesh) = &mesh {
                     read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
-                if let (Ok(mesh), false) = (&mesh, textured) {
+                if let (Ok(mesh), false) = (&mut mesh, textured || spec.color.is_some()) {
                     own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
@@ -166,7 +177,7 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let log = (&mut read, &mut warnings);
-        let own = textures::load_own(&own_textures, scene, left, &mut looks, log)?;
+        let own = textures::load_own(own_textures, scene, left, &mut looks, log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -175,12 +186,16 @@ impl World {
         let origin = chosen.position;
         let (mut resolutions, mut suspects) = (Vec::new(), Vec::new());
         if options.resolutions {
-            resolutions.extend(meshes.iter().map(|(_, mesh)| mesh.resolution(origin)));
+            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+            resolutions.extend(meshes.map(|(_, mesh)| mesh.resolution(origin)));
             warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         } else {
-            suspects.extend(meshes.iter().map(|(_, mesh)| mesh.collapse_suspect(origin)));
+            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+            suspects.extend(meshes.map(|(_, mesh)| mesh.collapse_suspect(origin)));
         }
-        let without_area: Vec<_> = meshes.iter().map(|(_, mesh)| mesh.without_area()).collect();
+        let legend = meshes.iter().find_map(|(_, mesh)| mesh.legend().cloned());
+        let faces = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
+        let without_area: Vec<_> = faces.map(|(_, mesh)| mesh.without_area()).collect();
         if let Some(room) = options.room {
             meshes.iter().try_fold(room, |room, (_, mesh)| mesh.fits(room))?;
         }
@@ -189,8 +204,9 @@ impl World {
             warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
         }
         let mut shapes = Shapes { materials, textures, ..shapes };
-        for (shape, material) in own {
+        for Given { shape, material, textures } in own {
             shapes.shapes[shape].material = material;
+            shapes.shapes[shape].textures = textures.map(Box::new);
         }
         monitor.check()?;
         let settled = suspects
@@ -199,7 +215,7 @@ impl World {
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         warnings.extend(settled);
         let world = Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene);
-        let world = Self { resolutions, read, ..world };
+        let world = Self { resolutions, read, legend, ..world };
         Ok((world, warnings))
     }
 
@@ -227,6 +243,7 @@ impl World {
             origin: chosen,
             geometry,
             read: ReadFiles::default(),
+            legend: None,
         }
     }
 
@@ -304,88 +321,4 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
         }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
-}
-
-/// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
-/// quads and all spheres.
-fn gather(
-    scene: &Scene,
-    meshes: Vec<(usize, PlacedMesh)>,
-    origin: DVec3,
-) -> Result<(Geometry, Shapes)> {
-    let local = |p: DVec3| (p - origin).as_vec3().to_array();
-    let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
-    let (mut quads, mut quad_shapes) = (Vec::new(), Vec::new());
-    let (mut spheres, mut sphere_shapes) = (Vec::new(), Vec::new());
-    let (mut corners, mut triangle_shapes) = (Vec::new(), Vec::new());
-    for (index, shape) in scene.shapes.iter().enumerate() {
-        let index = index as u32;
-        let textured = scene.materials[shape.material].texture.is_some();
-        let uv = match &shape.kind {
-            ShapeKind::Sphere { center, radius, pole } => {
-                spheres.push(Sphere { center: *center - origin, radius: *radius });
-                sphere_shapes.push(index);
-                UvSource::Sphere { pole: *pole }
-            }
-            ShapeKind::Plane { corners } => {
-                quads.push(corners.map(local));
-                quad_shapes.push(index);
-                linear(textured, || UvFrame::from_quad(&corners.map(|p| p - origin)))
-            }
-            ShapeKind::Triangle { corners: triangle } => {
-                corners.extend(triangle.map(local));
-                triangle_shapes.push(index);
-                linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
-            }
-            ShapeKind::Trimesh(_) => UvSource::None,
-        };
-        let (material, role) = (shape.material as u32, shape.role);
-        shapes.push(Shape { material, uv, normals: None, colors: None, role });
-    }
-    let mut arrays = Vec::new();
-    let mut owners = Vec::new();
-    for (index, mesh) in meshes {
-        owners.push(Owner::One(index as u32));
-        arrays.push(mesh.finish(origin, &mut shapes[index])?);
-    }
-    if !triangle_shapes.is_empty() {
-        let triangles =
-            (0..triangle_shapes.len() as u32).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect();
-        arrays.push(TriangleMesh::new(corners, triangles, false));
-        owners.push(Owner::Each(triangle_shapes));
-    }
-    owners.extend([Owner::Each(quad_shapes), Owner::Each(sphere_shapes)]);
-    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
-        let message = format!("{count} primitives are more than the 4294967294 that fit");
-        Error::new(Kind::Limit, Problem::new("scene", message))
-    })?;
-    let geometry = with_unseen(geometry, scene, &owners);
-    let has_roles = shapes.iter().any(|shape| shape.role != Role::Surface);
-    let (materials, textures) = (Vec::new(), Vec::new());
-    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles }))
-}
-
-/// Sets which primitives each kind of ray passes through. `owners` are the shapes by geometry id.
-fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
-    let unseen = RayKind::ALL.map(|kind| {
-        let mut unseen = Unseen::NONE;
-        let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
-        for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
-            match owner {
-                Owner::One(shape) if passes(*shape) => unseen.push(ends[0]..ends[1]),
-                Owner::One(_) => {}
-                Owner::Each(shapes) => {
-                    let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
-                    hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));
-                }
-            }
-        }
-        unseen
-    });
-    geometry.with_unseen(unseen)
-}
-
-/// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.
-fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
-    if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
 }

@@ -7,21 +7,28 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::bounds::Bounds;
+use super::colors;
 use super::resolution::{CollapseSuspect, Detail, Resolution, ulp};
 use crate::error::{Error, Problem, Result};
-use crate::geometry::TriangleMesh;
-use crate::mesh::{self, Colors, Mesh, Positions, Uvs};
+use crate::geometry::{Sphere, TriangleMesh};
+use crate::mesh::{self, Mesh, Positions, Uvs};
+use crate::output::legend::Legend;
 use crate::reserve::{self, MemoryLimit};
-use crate::scene::{ColorSpace, Smooth, Trimesh};
-use crate::shading::{Shape, UvSource, VertexColors};
+use crate::scene::{Smooth, Trimesh};
+use crate::shading::{MeshColors, Shape, UvSource};
 
 /// Bound on coordinates. Embree silently drops primitives beyond it (its `FLT_LARGE`). Its square
 /// is a hundredth of the largest f32.
 pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 
+/// Bytes of a point: its sphere and the number of its shape.
+const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
+
 /// A mesh with its transform to world space: `linear (p - middle) + center`.
 pub struct PlacedMesh {
     mesh: Mesh,
+    colors: Option<MeshColors>,
+    legend: Option<Legend>,
     spec: Trimesh,
     /// Rotation and uniform scale.
     linear: DMat3,
@@ -33,12 +40,12 @@ pub struct PlacedMesh {
 impl PlacedMesh {
     /// Computes the transform and the world bounds of a mesh.
     pub fn new(
-        mesh: Mesh,
+        mut mesh: Mesh,
         spec: &Trimesh,
         textured: bool,
         warnings: &mut Vec<Problem>,
     ) -> Result<Self> {
-        warn(&mesh, spec, warnings);
+        warn(&mesh, spec, textured, warnings);
         if textured && mesh.uvs.is_none() {
             return Err(Error::invalid(
                 &spec.place,
@@ -49,6 +56,7 @@ impl PlacedMesh {
             )
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
         }
+        let (colors, legend) = colors::take(&mut mesh, spec, textured, warnings)?;
         let used = mesh.used_vertices();
         let in_file = match spec.fit {
             Some(_) => bounds(&mesh, &used, |p| p),
@@ -56,7 +64,11 @@ impl PlacedMesh {
         };
         let (linear, middle) = placement(spec, in_file);
         let offset = spec.center - linear * middle;
-        let bounds = bounds(&mesh, &used, |p| linear * p + offset);
+        let mut bounds = bounds(&mesh, &used, |p| linear * p + offset);
+        if let Some(radius) = spec.points {
+            let radius = radius * linear.x_axis.length();
+            bounds = Bounds { min: bounds.min - radius, max: bounds.max + radius };
+        }
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         // `!(a < b)` also refuses NaN.
         if !(furthest < MAX_COORDINATE) {
@@ -68,7 +80,12 @@ impl PlacedMesh {
                 ),
             ));
         }
-        Ok(Self { mesh, spec: spec.clone(), linear, middle, bounds })
+        Ok(Self { mesh, colors, legend, spec: spec.clone(), linear, middle, bounds })
+    }
+
+    /// The colour map of the mesh, if it shows a property.
+    pub fn legend(&self) -> Option<&Legend> {
+        self.legend.as_ref()
     }
 
     /// Bounding box of all used vertices, in world space.
@@ -154,7 +171,8 @@ impl PlacedMesh {
     /// As [`MemoryLimit::check`].
     pub fn fits(&self, room: MemoryLimit) -> Result<MemoryLimit> {
         room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
-        let made = self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
+        let made =
+            !self.is_cloud() && self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
@@ -165,7 +183,7 @@ impl PlacedMesh {
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
         reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
-        let Self { mesh, spec, linear, .. } = self;
+        let Self { mesh, colors, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
                 all.par_iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
@@ -195,16 +213,49 @@ impl PlacedMesh {
             Some(Uvs::PerVertex(uv)) => UvSource::PerVertex(uv),
             Some(Uvs::PerCorner(uv)) => UvSource::PerCorner(uv),
         };
-        shape.colors = mesh.colors.filter(|_| spec.vertex_colors).map(|values| {
-            let stored = match values {
-                Colors::F32(_) => ColorSpace::Linear,
-                Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
-            };
-            VertexColors { values, space: spec.vertex_color_space.unwrap_or(stored) }
-        });
+        shape.colors = colors;
         // The last argument is `loop_only`: a linear list of triangles, for `bvh: false`.
         let placed = TriangleMesh::new(vertices, mesh.triangles, !spec.bvh);
         Ok(placed.with_stitches(&mesh.stitches))
+    }
+
+    /// Returns true if the vertices are drawn as spheres.
+    pub fn is_cloud(&self) -> bool {
+        self.mesh.is_cloud()
+    }
+
+    /// Appends a sphere for every point to `spheres`, relative to `origin`, and sets the colours of
+    /// `shape`.
+    ///
+    /// # Errors
+    /// `Retry` (exit code 3) if the system refuses the memory. A radius that vanishes in the world.
+    pub fn finish_points(
+        self,
+        origin: DVec3,
+        shape: &mut Shape,
+        spheres: &mut Vec<Sphere>,
+    ) -> Result<()> {
+        let Self { mesh, colors, spec, linear, middle, .. } = self;
+        let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
+        if !radius.is_normal() {
+            let message = format!("found points of radius {radius:e}, expected more than 0");
+            return Err(Error::invalid(&spec.place, message));
+        }
+        let first = spheres.len();
+        reserve::exact(spheres, mesh.positions.len(), &spec.path.display().to_string())?;
+        let center = spec.center - origin;
+        let place = |p: DVec3| Sphere { center: linear * (p - middle) + center, radius };
+        match &mesh.positions {
+            Positions::F32(all) => {
+                let points = all.par_iter().map(|p| DVec3::from(p.map(f64::from)));
+                spheres.par_extend(points.map(place));
+            }
+            Positions::F64(all) => spheres.par_extend(all.par_iter().map(|&p| place(p.into()))),
+        }
+        // `gather` counts all primitives before their numbers are used.
+        let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
+        shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
+        Ok(())
     }
 
     /// Memory in bytes that [`PlacedMesh::finish`] needs beside the mesh.
@@ -213,6 +264,9 @@ impl PlacedMesh {
     /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
     fn finish_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
+        if self.is_cloud() {
+            return (POINT_BYTES * vertices) as u64;
+        }
         let rounded = match self.mesh.positions {
             Positions::F32(_) => 0,
             Positions::F64(_) => 12 * vertices,
@@ -278,20 +332,33 @@ fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> 
     Bounds::from_points(used.len(), |i: usize| used[i].then(|| place(mesh.positions.get(i))))
 }
 
-fn warn(mesh: &Mesh, spec: &Trimesh, warnings: &mut Vec<Problem>) {
+fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
         (notes.duplicates_dropped, "duplicate triangles were dropped"),
-        (notes.repaired_dropped, "triangles with bad vertices were dropped (--repair)"),
+        (
+            notes.repaired_dropped,
+            match mesh.is_cloud() {
+                true => "points that are not finite were dropped (--repair)",
+                false => "triangles with bad vertices were dropped (--repair)",
+            },
+        ),
         (notes.faces_too_small, "faces with fewer than three corners were skipped"),
     ];
     let path = spec.path.display().to_string();
-    if notes.textures > 1 {
+    if notes.textures > 1 && textured {
         let message = format!(
             "its faces use {} textures (texnumber), but one of them is shown on all faces",
             notes.textures
         );
-        warnings.push(Problem::new(&path, message).help("write one mesh file per texture"));
+        warnings.push(
+            Problem::new(&path, message)
+                .help("without `tPath`, the textures that the file names are shown"),
+        );
+    }
+    if notes.alpha_ignored && spec.vertex_colors {
+        let message = "the alpha of all its colours is 0; it is ignored";
+        warnings.push(Problem::new(&path, message));
     }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, format!("{count} {what}")));

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
-use crate::shading::{DEFAULT_MAX_BYTES, Material, Negative, Texture};
+use crate::shading::{DEFAULT_MAX_BYTES, FaceTextures, Material, Negative, Texture, TextureChoice};
 
 use super::sources::{ReadFiles, beside};
 
@@ -55,7 +55,7 @@ pub fn load(
             kr: m.kr,
             exponent: m.specular_exponent,
             base: m.diffuse_color,
-            texture,
+            texture: texture.map(TextureChoice::One),
             filter: spec.map_or(Filter::Bilinear, |t| t.filter),
             wrap: spec.and_then(|t| t.wrap),
             uv_scale: spec.map_or(glam::DVec2::ONE, |t| t.scale),
@@ -83,55 +83,111 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Res
     Texture::load_within(path, space, most)
 }
 
-/// Index of a shape, and the image that its mesh file names.
-pub type Own = (usize, PathBuf);
+/// The images that a mesh file names, for a shape whose material has no texture.
+pub struct Own {
+    shape: usize,
+    /// `None` for an image that is not used or not there.
+    images: Vec<Option<PathBuf>>,
+    /// For each triangle, an index into `images`, if there are several.
+    numbers: Option<Vec<u16>>,
+}
 
-/// A warning if a mesh names several images, because only one of them is used.
+/// The material of a shape with the images that its mesh names.
+pub struct Given {
+    /// Index of the shape.
+    pub shape: usize,
+    /// Index of the new material.
+    pub material: u32,
+    /// Textures of the triangles, if they have different ones.
+    pub textures: Option<FaceTextures>,
+}
+
+/// A warning if a mesh names several images and only one of them is used.
 pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
     let message = format!("found {count} texture files; only {shown:?} is used");
-    (count > 1).then(|| Problem::new(path.display().to_string(), message))
+    let only_one = count > 1 && mesh.textures.is_none();
+    only_one.then(|| Problem::new(path.display().to_string(), message))
 }
 
-/// The image that the mesh at `path` names, if it can be shown. For meshes whose material has no
-/// texture.
-pub fn own(mesh: &Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
-    let name = mesh.texture_file.as_ref().filter(|_| mesh.uvs.is_some())?;
-    let image = beside(path, name);
-    if image.is_file() {
-        warnings.extend(several_textures_warning(mesh, path));
-        return Some((shape, image));
+/// The images that the mesh at `path` names, if any can be shown. Takes the numbers of the
+/// triangles' textures from the mesh.
+pub fn own(mesh: &mut Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
+    mesh.uvs.as_ref()?;
+    let mut image = |name: &str| {
+        let image = beside(path, name);
+        if image.is_file() {
+            return Some(image);
+        }
+        let place = path.display().to_string();
+        let reason = format!("there is no file {}", image.display());
+        let message = format!("the texture {name:?} is not used: {reason}");
+        warnings.push(Problem::new(place, message));
+        None
+    };
+    if let Some(mesh::FaceTextures { files, numbers }) = mesh.textures.take() {
+        let mut used = vec![false; files.len()];
+        for &number in &numbers {
+            if let Some(used) = used.get_mut(usize::from(number)) {
+                *used = true;
+            }
+        }
+        let named = files.iter().zip(used);
+        let images = named.map(|(name, used)| if used { image(name) } else { None });
+        return Some(Own { shape, images: images.collect(), numbers: Some(numbers) });
     }
-    let place = path.display().to_string();
-    let reason = format!("there is no file {}", image.display());
-    let message = format!("the texture {name:?} is not used: {reason}");
-    warnings.push(Problem::new(place, message));
-    None
+    let image = image(mesh.texture_file.as_ref()?)?;
+    warnings.extend(several_textures_warning(mesh, path));
+    Some(Own { shape, images: vec![Some(image)], numbers: None })
 }
 
-/// Loads the images that meshes name, and creates a material with its image for each of these
-/// shapes. Returns pairs of shape and material. All textures together take at most `budget` bytes.
+/// Loads the images that meshes name, and creates a material with them for each of these shapes.
+/// All textures together take at most `budget` bytes.
 pub fn load_own(
-    own: &[Own],
+    own: Vec<Own>,
     scene: &Scene,
     budget: Option<MemoryLimit>,
     looks: &mut (Vec<Texture>, Vec<Material>),
     (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
-) -> Result<Vec<(usize, u32)>> {
+) -> Result<Vec<Given>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
     let mut given = Vec::new();
-    for (shape, path) in own {
-        let taken: u64 = textures.iter().map(Texture::bytes).sum();
-        let texture = one(path, None, budget.map(|budget| budget.less(taken)));
-        let Some(texture) = failures.keep(texture) else { continue };
-        let place = path.display().to_string();
-        warn_of_negative(&place, path, &texture, warnings);
-        read.0.push((path.clone(), texture.stamp()));
-        let plain = &materials[scene.shapes[*shape].material];
-        let material = Material { texture: Some(textures.len() as u32), ..plain.clone() };
-        textures.push(texture);
-        given.push((*shape, materials.len() as u32));
+    for Own { shape, images, numbers } in own {
+        // A file may name an image twice.
+        let mut loaded: HashMap<PathBuf, Option<u32>> = HashMap::new();
+        let mut slots = Vec::with_capacity(images.len());
+        for path in images {
+            let Some(path) = path else {
+                slots.push(None);
+                continue;
+            };
+            let slot = match loaded.get(&path) {
+                Some(slot) => *slot,
+                None => {
+                    let taken: u64 = textures.iter().map(Texture::bytes).sum();
+                    let texture = one(&path, None, budget.map(|budget| budget.less(taken)));
+                    failures.keep(texture).map(|texture| {
+                        let place = path.display().to_string();
+                        warn_of_negative(&place, &path, &texture, warnings);
+                        read.0.push((path.clone(), texture.stamp()));
+                        textures.push(texture);
+                        textures.len() as u32 - 1
+                    })
+                }
+            };
+            loaded.insert(path, slot);
+            slots.push(slot);
+        }
+        let texture = match (&numbers, slots.first()) {
+            (Some(_), _) => Some(TextureChoice::ByFace),
+            (None, Some(Some(slot))) => Some(TextureChoice::One(*slot)),
+            (None, _) => continue,
+        };
+        let plain = &materials[scene.shapes[shape].material];
+        let material = Material { texture, ..plain.clone() };
+        let textures = numbers.map(|numbers| FaceTextures { numbers, textures: slots });
+        given.push(Given { shape, material: materials.len() as u32, textures });
         materials.push(material);
     }
     failures.check()?;

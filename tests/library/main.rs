@@ -53,14 +53,17 @@ mod pictures {
     mod closed_forms;
     mod data_layers;
     mod layers;
+    mod mesh_colors;
     mod noise_bias;
     mod plate;
+    mod points;
     mod sampling;
     mod sky;
     mod texture_coordinates;
 }
 
 mod ply {
+    mod attributes;
     mod bad_input;
     mod layouts;
     mod streams;

@@ -246,8 +246,11 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = place.rotate.map(Angles);
     }
     file.margin = place.margin.or(file.margin);
-    let Appearance { smooth, texture, no_ground, quality } = mesh.looks.appearance();
+    let Appearance { smooth, texture, no_ground, color, points, quality } =
+        mesh.looks.appearance()?;
     file.smooth = smooth.or(file.smooth.take());
+    file.color = color.or(file.color.take());
+    file.points = points.or(file.points);
     if let Some(texture) = &texture {
         file.texture = Some(from_here(texture)?);
     }

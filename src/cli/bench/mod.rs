@@ -20,6 +20,7 @@ use crate::{
         result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult},
     },
     memory,
+    mesh::ReadOptions,
     monitor::Monitor,
     scene::{self, Backend, Source},
     simd::Isa,
@@ -84,7 +85,9 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
     let mut failures = Failures::default();
     for input in inputs {
         match studio::is_mesh(input) {
-            true => drop(failures.keep(memory::promise(input))),
+            true => {
+                let _ = failures.keep(memory::promise(input, &ReadOptions::default()));
+            }
             false => drop(failures.keep(scene::load(Source::File(input), &[]))),
         }
     }

@@ -25,7 +25,7 @@ use crate::{
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
     scene::{Backend, Overrides},
-    studio::{self, Subject, Template, UsedVertices},
+    studio::{self, Appearance, Subject, Template, UsedVertices},
     units,
     world::{Bounds, Detail},
 };
@@ -92,7 +92,7 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
 const LARGE_MESH_BYTES: u64 = 256 << 20;
 
 fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
-    let summary = mesh::inspect_ply(path)?;
+    let (summary, cloud) = inspect(path)?;
     let packed = summary.packed.map_or(String::new(), |packing| format!(", packed with {packing}"));
     facts.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
     let elements = summary.elements.iter().map(|element| {
@@ -110,10 +110,16 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     facts.add("ignored", json!(summary.ignored), format!("ignored: {}", list(&summary.ignored)));
     let missing = if summary.missing.is_empty() { "nothing" } else { &summary.missing.join(", ") };
     facts.add("missing", json!(summary.missing), format!("missing: {missing}"));
-    if let Some(texture) = summary.texture_files.first() {
-        facts.add("texture_file", json!(texture), format!("texture: {texture}"));
+    if let Some(of) = summary.colors_of {
+        facts.add("colors_of", json!(of), format!("colours: of each {of}"));
     }
-    if let Some(prediction) = prediction(path, args) {
+    let line = format!("for --color: {}", list(&summary.scalars));
+    facts.add("scalars", json!(summary.scalars), line);
+    if let Some(texture) = summary.texture_files.first() {
+        let all = list(&summary.texture_files);
+        facts.add("texture_file", json!(texture), format!("texture: {all}"));
+    }
+    if let Some(prediction) = prediction(path, args, cloud) {
         let line = format!(
             "memory in the studio: about {} at most: {prediction}",
             units::bytes(prediction.peak_bytes)
@@ -125,7 +131,12 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     }
     let room = memory::machine();
     let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
-    let mesh = studio::read(&subject, &Monitor::default())?;
+    let wanted = mesh::ReadOptions::default().points(cloud).textures(false);
+    let mesh = studio::read(&subject, wanted, &Monitor::default())?;
+    if cloud {
+        points(&mesh, facts);
+        return Ok(());
+    }
     let triangles = mesh.triangles.len() as u64;
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, facts);
@@ -142,6 +153,41 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     Ok(())
 }
 
+/// Reads the header of a mesh, or of a cloud of points. The second value is true for a cloud.
+fn inspect(path: &Path) -> Result<(mesh::PlySummary, bool)> {
+    mesh::inspect_ply(path).map(|summary| (summary, false)).or_else(|error| {
+        let options = mesh::ReadOptions::default().points(true);
+        let Ok(summary) = mesh::inspect_ply_with(path, &options) else { return Err(error) };
+        let is_face = |name: &str| matches!(name, "face" | "tristrips");
+        let mut elements = summary.elements.iter();
+        let faces = elements.any(|element| is_face(&element.name) && element.count > 0);
+        if faces { Err(error) } else { Ok((summary, true)) }
+    })
+}
+
+/// Adds the facts of a cloud of points.
+fn points(mesh: &mesh::Mesh, facts: &mut Facts) {
+    let count = mesh.positions.len();
+    facts.add("points", json!(count), units::plural(count, "point"));
+    facts.add_count(
+        "trailing_bytes",
+        mesh.notes.trailing_bytes,
+        "bytes after the last declared row",
+    );
+    let Bounds { min: low, max: high } = Points::new(mesh).bounds(|p| p);
+    let size = high - low;
+    let line = format!("bounds of the points: {low} to {high}, size {size}");
+    facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
+    // Half the distance of points that lie evenly on the box, to one digit.
+    let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
+    let radius = (area / count as f64).sqrt() / 2.0;
+    if radius.is_normal() {
+        let radius: f64 = format!("{radius:.0e}").parse().unwrap_or(radius);
+        let line = format!("a radius to start with: --points {radius}");
+        facts.add("radius", json!(radius), line);
+    }
+}
+
 /// Adds the resolution of single precision relative to the middle of the mesh.
 fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
     let origin = bounds.origin();
@@ -153,9 +199,12 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
 }
 
 /// Predicts the memory of a render in the built-in studio from the header alone.
-fn prediction(path: &Path, args: &InfoArgs) -> Option<Prediction> {
+fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
+    let looks = Appearance { points: cloud.then_some(1.0), ..Appearance::default() };
+    let subject = Subject { looks, ..Subject::new(path) };
     let loaded =
-        studio::with_default_placement(path, &Template::studio(), &Overrides::default()).ok()?;
+        studio::with_default_placement(&subject, &Template::studio(), &Overrides::default())
+            .ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;
@@ -174,11 +223,7 @@ fn notes(notes: &mesh::Notes, facts: &mut Facts) {
         ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
         ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
         ("duplicates_dropped", notes.duplicates_dropped, "duplicate triangles dropped"),
-        (
-            "textures",
-            notes.textures.saturating_sub(1),
-            "more textures named by texnumber, not shown",
-        ),
+        ("textures", notes.textures.saturating_sub(1), "more textures selected by texnumber"),
         ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
     ];
     for (key, count, what) in counts {

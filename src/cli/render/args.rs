@@ -12,6 +12,7 @@ use crate::{
         },
         progress::ProgressMode,
     },
+    error::Result,
     integrate::Relative,
     output::{exr::Sequence, tonemap::Depth},
     picture::Storage,
@@ -100,17 +101,20 @@ pub struct MeshArgs {
 
 impl MeshArgs {
     /// Returns the mesh at `path` with the settings of these flags.
-    pub fn subject<'a>(&self, path: &'a Path) -> Subject<'a> {
+    ///
+    /// # Errors
+    /// As for [`LookArgs::appearance`].
+    pub fn subject<'a>(&self, path: &'a Path) -> Result<Subject<'a>> {
         let plain = Subject::new(path);
-        Subject {
+        Ok(Subject {
             up: self.placement.up,
             rotate: self.placement.rotate,
             margin: self.placement.margin.unwrap_or(plain.margin),
-            looks: self.looks.appearance(),
+            looks: self.looks.appearance()?,
             repair: self.reading.repair,
             no_mmap: self.reading.no_mmap,
             ..plain
-        }
+        })
     }
 }
 

@@ -260,6 +260,7 @@ impl Run<'_> {
             over: behind.as_deref(),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
+            legend: world.legend.as_ref(),
             fingerprint: None,
         };
         let Files { mut picture, previews, dataset, mut texts } = files;

@@ -44,7 +44,7 @@ pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
         light_samples: args.scene.light_samples,
         template: args.mesh.template.as_deref(),
         max_memory: args.machine.max_memory,
-        subject: args.mesh.subject(&args.input),
+        subject: args.mesh.subject(&args.input)?,
         ..SceneRequest::new(&args.input)
     })
 }

@@ -4,8 +4,8 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Kind, Problem, Result};
-use crate::mesh::Notes;
 use crate::mesh::normals::{Point, cross, sub};
+use crate::mesh::{FaceTextures, Notes};
 
 /// A face, as element name and row.
 type Face = (&'static str, u64);
@@ -23,6 +23,8 @@ pub(super) struct Tally {
     pub(super) unusable: u64,
     /// Number of triangles for each `texnumber`.
     pub(super) textures: BTreeMap<i64, u64>,
+    bad_textures: u64,
+    first_bad_texture: Option<(Face, f64)>,
     bad_indices: u64,
     first_bad_index: Option<(Face, i64)>,
     /// Non-finite vertices that triangles use, with repeats.
@@ -42,6 +44,8 @@ impl Tally {
         for (number, triangles) in next.textures {
             *self.textures.entry(number).or_default() += triangles;
         }
+        self.bad_textures += next.bad_textures;
+        self.first_bad_texture = self.first_bad_texture.or(next.first_bad_texture);
         self.bad_indices += next.bad_indices;
         self.first_bad_index = self.first_bad_index.or(next.first_bad_index);
         self.bad_vertices.extend(next.bad_vertices);
@@ -61,6 +65,21 @@ impl Tally {
         notes.polygons_split = self.split;
         notes.degenerate_dropped = self.degenerate;
         notes.repaired_dropped = self.unusable;
+    }
+
+    /// Returns an error if a face selects a texture that the file does not name.
+    pub(super) fn texture_verdict(&self, files: usize, name: &str) -> Result<()> {
+        let Some(((element, row), number)) = self.first_bad_texture else { return Ok(()) };
+        let textures = match files {
+            1 => "the file names 1 texture (0)".to_string(),
+            n => format!("the file names {n} textures (0 to {})", n - 1),
+        };
+        let all = self.bad_textures;
+        let message = format!(
+            "texnumber {number} is out of range: {textures}; numbers out of range in all: {all}"
+        );
+        Err(Error::invalid(format!("{name}: {element} {row}"), message)
+            .help("--repair shows these faces without a texture, as -1 does"))
     }
 
     /// Returns an error if a face uses an index out of range or a non-finite vertex.
@@ -118,6 +137,19 @@ impl<'a, P: Point> Checker<'a, P> {
             self.bad_index(row, value);
             None
         }
+    }
+
+    /// Returns the number of a face's texture, one of `files`. -1 is no texture.
+    #[inline]
+    pub(super) fn texture(&mut self, row: u64, number: f64, files: usize) -> u16 {
+        if number >= 0.0 && number < files as f64 {
+            return number as u16;
+        }
+        if number != -1.0 {
+            self.tally.bad_textures += 1;
+            self.tally.first_bad_texture.get_or_insert(((self.element, row), number));
+        }
+        FaceTextures::NO_TEXTURE
     }
 
     #[cold]

@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::context::ReadContext;
-use super::face::Faces;
+use super::faces::Faces;
 use crate::error::Result;
 use crate::reserve;
 
@@ -50,6 +50,9 @@ pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &ReadContext) -> Res
     remove(&mut faces.triangles, &repeated);
     if let Some(uvs) = &mut faces.uvs {
         remove(uvs, &repeated);
+    }
+    if !repeated.is_empty() {
+        faces.attributes.retain(|i| repeated.binary_search(&(i as u32)).is_err());
     }
     Ok(repeated.len() as u64)
 }

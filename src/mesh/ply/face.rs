@@ -2,12 +2,15 @@
 
 use rayon::prelude::*;
 
+use super::attributes::{Attributes, Capacity};
 use super::block::Uniform;
 use super::check::{Checker, Tally};
 use super::context::ReadContext;
+use super::faces::Faces;
 use super::header::PropertyType;
-use super::plan::{FacePlan, Step};
+use super::plan::{FacePlan, ROLES, SCALAR, Step, TEXTURE};
 use super::polygon;
+use super::records::{FIRST_ATTRIBUTE, Records};
 use super::row::{Fault, Row, RowResult};
 use super::scalar::{Native, Scalar};
 use super::table::{Reader, RowConsumer, Table};
@@ -21,24 +24,15 @@ const GRAIN: usize = 1 << 14;
 /// Marks a dropped triangle in the bulk path. No mesh has a vertex with this index.
 const DROPPED: [u32; 3] = [u32::MAX; 3];
 
-/// The triangles of one element of faces or strips.
-#[derive(Default)]
-pub(super) struct Faces {
-    pub(super) triangles: Vec<[u32; 3]>,
-    /// One entry per triangle, if any face has texture coordinates.
-    pub(super) uvs: Option<Vec<[[f32; 2]; 3]>>,
-    pub(super) tally: Tally,
-}
-
 /// Reads, checks and splits the faces of `table`.
 pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
-        if uniform.lengths[plan.corners] == 3 && !plan.texcoords {
+        if uniform.lengths[plan.corners] == 3 && !plan.texcoords && !plan.texnumbers {
             let faces = all_triangles(table, plan, uniform, big, positions)?;
             return table.job.check().map(|()| faces);
         }
     }
-    let mut all = Faces::default();
+    let mut all = Faces { attributes: Attributes::new(&plan.attributes), ..Faces::default() };
     let read = |reader: &mut Reader| {
         let mut part = BlockFaces::new(plan, table.job, positions);
         reader.feed(&mut part)?;
@@ -46,38 +40,6 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
     };
     table.blocks(read, |part| all.append(part, &table.job))?;
     Ok(all)
-}
-
-impl Faces {
-    /// Appends the next triangles of the file. Missing texture coordinates become zero.
-    ///
-    /// # Errors
-    /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Faces, job: &ReadContext) -> Result<()> {
-        job.fits(self.bytes().saturating_add(next.bytes()))?;
-        if self.uvs.is_some() || next.uvs.is_some() {
-            let uvs = self.uvs.get_or_insert_default();
-            let all = self.triangles.len() + next.triangles.len();
-            reserve::growing(uvs, all - uvs.len(), job.name)?;
-            uvs.resize(self.triangles.len(), Default::default());
-            uvs.extend(next.uvs.unwrap_or_default());
-            uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
-        }
-        if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
-            self.triangles = next.triangles;
-        } else {
-            reserve::growing(&mut self.triangles, next.triangles.len(), job.name)?;
-            self.triangles.extend(next.triangles);
-        }
-        self.tally.add(next.tally);
-        Ok(())
-    }
-
-    /// Size in bytes of the arrays.
-    pub(super) fn bytes(&self) -> u64 {
-        let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
-        (size_of_val(&self.triangles[..]) + uvs) as u64
-    }
 }
 
 /// Reads an element in which every face is a triangle and every row has the same size.
@@ -92,17 +54,34 @@ fn all_triangles<P: Point>(
         PropertyType::List { item, .. } | PropertyType::Single(item) => item,
     };
     let at = uniform.offsets[plan.corners];
-    match item {
+    let mut faces = match item {
         Scalar::I32 => copy::<i32, P>(table, uniform, at, big, positions),
         Scalar::U32 => copy::<u32, P>(table, uniform, at, big, positions),
         Scalar::I16 => copy::<i16, P>(table, uniform, at, big, positions),
         Scalar::U16 => copy::<u16, P>(table, uniform, at, big, positions),
         Scalar::I8 => copy::<i8, P>(table, uniform, at, big, positions),
         _ => copy::<u8, P>(table, uniform, at, big, positions),
+    }?;
+    if plan.attributes.any() {
+        let mut attributes = Attributes::new(&plan.attributes);
+        let count = faces.triangles.len();
+        let bytes = plan.attributes.bytes().saturating_mul(count as u64);
+        table.job.fits(faces.bytes().saturating_add(bytes))?;
+        attributes.reserve(Capacity::Total(count), &table.job)?;
+        attributes.fill(&Records::new(table, &plan.columns, uniform, big));
+        if faces.tally.degenerate + faces.tally.unusable > 0 {
+            attributes.retain(|i| faces.triangles[i] != DROPPED);
+        }
+        faces.attributes = attributes;
     }
+    if faces.tally.degenerate + faces.tally.unusable > 0 {
+        faces.triangles.retain(|triangle| *triangle != DROPPED);
+    }
+    Ok(faces)
 }
 
-/// Copies and checks rows. Their three corners of type `T` start at byte `at` of the row.
+/// Copies and checks rows. Their three corners of type `T` start at byte `at` of the row. The
+/// triangles to drop are marked.
 fn copy<T: Native + Into<i64>, P: Point>(
     table: &Table,
     uniform: &Uniform,
@@ -142,10 +121,7 @@ fn copy<T: Native + Into<i64>, P: Point>(
     let mut tally = Tally::default();
     tallies.into_iter().for_each(|next| tally.add(next));
     tally.faces = count as u64;
-    if tally.degenerate + tally.unusable > 0 {
-        triangles.retain(|triangle| *triangle != DROPPED);
-    }
-    Ok(Faces { triangles, uvs: None, tally })
+    Ok(Faces { triangles, tally, ..Faces::default() })
 }
 
 /// Number of corners from which a polygon's memory is reserved before it is split.
@@ -173,10 +149,12 @@ struct BlockFaces<'a, P> {
     triangles: Vec<[u32; 3]>,
     uvs: Vec<[[f32; 2]; 3]>,
     any_uvs: bool,
+    attributes: Attributes,
     /// The `texnumber` of the current face. The fields below belong to the current face too.
     texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
+    roles: [f64; ROLES],
     points: Vec<[f64; 3]>,
     split: Vec<[u32; 3]>,
 }
@@ -191,9 +169,11 @@ impl<'a, P: Point> BlockFaces<'a, P> {
             triangles: Vec::new(),
             uvs: Vec::new(),
             any_uvs: false,
+            attributes: Attributes::new(&plan.attributes),
             texture: None,
             corners: Vec::new(),
             texcoords: Vec::new(),
+            roles: [0.0; ROLES],
             points: Vec::new(),
             split: Vec::new(),
         }
@@ -201,7 +181,8 @@ impl<'a, P: Point> BlockFaces<'a, P> {
 
     fn finish(self) -> Faces {
         let uvs = self.any_uvs.then_some(self.uvs);
-        Faces { triangles: self.triangles, uvs, tally: self.checker.tally }
+        let (triangles, attributes) = (self.triangles, self.attributes);
+        Faces { triangles, uvs, attributes, tally: self.checker.tally }
     }
 
     /// Adds the current face, after its corners have been read.
@@ -280,6 +261,9 @@ impl<'a, P: Point> BlockFaces<'a, P> {
             return;
         };
         self.triangles.push(triangle);
+        if self.plan.attributes.any() {
+            self.attributes.push(&std::array::from_fn(|i| self.roles[FIRST_ATTRIBUTE + i]));
+        }
         if let Some(number) = self.texture {
             *self.checker.tally.textures.entry(number).or_default() += 1;
         }
@@ -356,11 +340,22 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                         push(&mut self.texcoords, values.number(item)? as f32, self.job)?;
                     }
                 }
-                Step::Texnumber(kind) => self.texture = Some(values.number(kind)? as i64),
-                Step::Value(kind, _) => values.skip(kind, 1)?,
+                Step::Texnumber(kind, role) => {
+                    let number = values.number(kind)?;
+                    self.texture = Some(number as i64);
+                    if plan.attributes.textures > 0 {
+                        let number = self.checker.texture(row, number, plan.attributes.textures);
+                        self.roles[TEXTURE] = number.into();
+                    }
+                    if let Some(role) = role {
+                        self.roles[role] = number;
+                    }
+                }
+                Step::Value(kind, role) => self.roles[role] = values.number(kind)?,
                 Step::Skip(shape) => values.skip_property(shape)?,
             }
         }
+        self.roles[SCALAR] = self.roles[plan.attributes.scalar_from];
         if plan.strips { Ok(()) } else { self.face(row) }
     }
 }

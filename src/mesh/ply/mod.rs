@@ -3,21 +3,27 @@
 //! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
 //! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
 //! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
-//! header is trusted before the rows have been found in the file. Point clouds are refused.
-//! Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
+//! header is trusted before the rows have been found in the file. A file without faces is read only
+//! if its points are requested. Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
 //! and common usage.
 
+mod attributes;
 mod block;
 mod check;
+mod choice;
 mod context;
 mod duplicates;
 mod face;
+mod faces;
 mod header;
 mod layout;
 mod lines;
 mod number;
 mod plan;
+mod points;
 mod polygon;
+mod records;
+mod request;
 mod row;
 mod scalar;
 mod source;
@@ -30,7 +36,7 @@ mod vertex;
 use std::path::Path;
 
 use self::context::ReadContext;
-use self::face::Faces;
+use self::faces::Faces;
 use self::header::{Element, Format, Header};
 use self::plan::MeshPlan;
 use self::row::{Row, RowResult};
@@ -38,13 +44,16 @@ use self::source::{Bytes, Source, Stream};
 use self::table::{RowConsumer, Table};
 use self::unpack::Packing;
 use self::vertex::Vertices;
-use super::{Mesh, Notes, Positions, Uvs};
+use super::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
 use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
 
+pub use request::{ColorRequest, ColorSource};
 pub use scalar::Scalar;
-pub use summary::{ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect};
+pub use summary::{
+    ElementSummary, PlySummary, PropertySummary, TriangleCount, inspect, inspect_with,
+};
 
 /// Default window in bytes: it fits into the caches and gives every thread enough work.
 const WINDOW: usize = 1 << 23;
@@ -64,11 +73,20 @@ pub struct ReadOptions<'a> {
     pub monitor: Option<&'a Monitor>,
     /// Limit of the memory for the arrays of the mesh.
     pub room: Option<MemoryLimit>,
+    /// The colours or the scalar property to read.
+    pub color: ColorRequest<'a>,
+    /// Reads the vertices as points: no faces, normals or texture coordinates.
+    pub points: bool,
+    /// Stores which of several textures each face has.
+    pub textures: bool,
 }
 
 impl Default for ReadOptions<'_> {
     fn default() -> Self {
-        Self { repair: false, mmap: true, window: WINDOW, monitor: None, room: None }
+        let color = ColorRequest::default();
+        let (repair, points, textures) = (false, false, true);
+        let (monitor, room) = (None, None);
+        Self { repair, mmap: true, window: WINDOW, monitor, room, color, points, textures }
     }
 }
 
@@ -91,6 +109,21 @@ impl<'a> ReadOptions<'a> {
     /// Returns the options with `room` changed.
     pub fn room(self, room: Option<MemoryLimit>) -> Self {
         Self { room, ..self }
+    }
+
+    /// Returns the options with `color` changed.
+    pub fn color(self, color: ColorRequest<'a>) -> Self {
+        Self { color, ..self }
+    }
+
+    /// Returns the options with `points` changed.
+    pub fn points(self, points: bool) -> Self {
+        Self { points, ..self }
+    }
+
+    /// Returns the options with `textures` changed.
+    pub fn textures(self, textures: bool) -> Self {
+        Self { textures, ..self }
     }
 
     /// Returns the options with `monitor` changed.
@@ -136,7 +169,7 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
 /// Reads a mesh from the complete bytes of a file.
 fn whole(bytes: &[u8], job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
     let header = header::parse(bytes, job.name)?;
-    let plan = plan::plan(&header, job.name)?;
+    let plan = plan::plan(&header, job.name, &options)?;
     let data = &bytes[header.data_start..];
     let (spans, trailing_bytes) = layout::locate(data, &header, job)?;
     let table = |at: usize| Table {
@@ -180,17 +213,20 @@ struct ParsedFile {
 
 /// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
 fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
-    let ParsedFile { header, plan, vertices, mut faces, trailing_bytes } = found;
+    let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
     let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
-    let Faces { triangles, uvs, mut tally } = faces;
+    let Faces { triangles, uvs, mut attributes, mut tally } = faces;
     if !options.repair {
         match &vertices.positions {
             Positions::F32(positions) => tally.verdict(positions, job.name)?,
             Positions::F64(positions) => tally.verdict(positions, job.name)?,
         }
+        tally.texture_verdict(header.texture_files.len(), job.name)?;
     }
-    if triangles.is_empty() {
+    if options.points {
+        points::check(&mut vertices, &mut tally, job, options.repair)?;
+    } else if triangles.is_empty() {
         return Err(Error::invalid(
             job.name,
             format!(
@@ -215,14 +251,31 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
     let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
     let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
     let texture_file = named.cloned();
+    // One texture on all faces needs no numbers.
+    let several = tally.textures.len() > 1;
+    let numbers = attributes.textures.take().filter(|_| several);
+    let textures = numbers.map(|numbers| FaceTextures { files: header.texture_files, numbers });
+    notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();
+    let of_vertices = vertices.attributes;
+    let property = plan.property.and_then(|(name, element)| {
+        let values = match element {
+            MeshElement::Vertex => of_vertices.scalars,
+            MeshElement::Face => attributes.scalars,
+        };
+        Some(Property { name, element, values: values? })
+    });
     Ok(Mesh {
         positions: vertices.positions,
         triangles,
         stitches: stitches.triangles,
         normals: vertices.normals,
         uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
-        colors: vertices.colors,
+        colors: of_vertices.colors,
+        face_colors: attributes.colors,
+        alpha: of_vertices.alpha.or(attributes.alpha),
+        property,
         texture_file,
+        textures,
         notes,
     })
 }

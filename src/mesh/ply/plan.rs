@@ -2,23 +2,32 @@
 //!
 //! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
 
+use super::ReadOptions;
+use super::choice::{Choice, choose};
 use super::header::{Element, Header, Property, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
+use crate::mesh::MeshElement;
 
-/// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, 8-10 colour.
-pub(super) const ROLES: usize = 11;
+/// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, then the attributes. Rows of
+/// faces have the attributes only.
+pub(super) const ROLES: usize = COLOR + ATTRIBUTES;
+/// Number of roles that vertices and faces share: 3 colour, 1 alpha, 1 scalar, 1 texture number.
+pub(super) const ATTRIBUTES: usize = 6;
 
 const NORMAL: usize = 3;
 const UV: usize = 6;
 const COLOR: usize = 8;
+const ALPHA: usize = COLOR + 3;
+/// Role of the number of a face's texture.
+pub(super) const TEXTURE: usize = COLOR + 5;
+/// Role of the scalar property.
+pub(super) const SCALAR: usize = COLOR + 4;
 
 const UV_NAMES: [[&str; 2]; 4] =
     [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
-const COLOR_NAMES: [[&str; 3]; 3] =
-    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
-/// The type of vertex colours.
+/// The type of colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ColorType {
     U8,
@@ -26,10 +35,72 @@ pub(super) enum ColorType {
     F32,
 }
 
+/// For each role, the index of its property within the element.
+pub(super) type Columns = [Option<usize>; ROLES];
+
+/// The types of the attributes that are read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AttributePlan {
+    pub(super) colors: Option<ColorType>,
+    pub(super) alpha: Option<ColorType>,
+    pub(super) scalar: Option<Scalar>,
+    /// First role of the property that the scalar shows: it may be a coordinate, too.
+    pub(super) scalar_from: usize,
+    /// Number of textures that a face can select; 0 if its texture is not stored.
+    pub(super) textures: usize,
+}
+
+impl AttributePlan {
+    /// No attribute is read.
+    const NOTHING: Self =
+        Self { colors: None, alpha: None, scalar: None, scalar_from: SCALAR, textures: 0 };
+
+    /// Selects the properties of `choice` in one element.
+    fn new(choice: &Choice, element: MeshElement, columns: &mut Columns) -> Self {
+        let mut plan = Self::NOTHING;
+        if let Some(colors) = choice.colors.filter(|_| choice.colors_of == element) {
+            for (role, at) in colors.rgb.into_iter().enumerate() {
+                columns[COLOR + role] = Some(at);
+            }
+            columns[ALPHA] = colors.alpha;
+            plan.colors = Some(colors.kind);
+            plan.alpha = colors.alpha.map(|_| colors.kind);
+        }
+        if let Some((at, kind)) = choice.scalar.filter(|_| choice.colors_of == element) {
+            columns[SCALAR] = Some(at);
+            plan.scalar = Some(kind);
+            plan.scalar_from = role_of(columns, at).unwrap_or(SCALAR);
+        }
+        plan
+    }
+
+    /// Returns true if any attribute is read.
+    pub(super) fn any(&self) -> bool {
+        self.colors.is_some() || self.scalar.is_some() || self.textures > 0
+    }
+
+    /// Size in bytes of the attributes of one vertex or triangle.
+    pub(super) fn bytes(&self) -> u64 {
+        let each = |kind: Option<ColorType>| match kind {
+            None => 0,
+            Some(ColorType::U8) => 1,
+            Some(ColorType::U16) => 2,
+            Some(ColorType::F32) => 4,
+        };
+        let scalar = self.scalar.map_or(0, |kind| match kind {
+            Scalar::I8 | Scalar::I16 => 4,
+            Scalar::I32 | Scalar::U32 => 8,
+            kind => kind.size() as u64,
+        });
+        let texture = if self.textures > 0 { 2 } else { 0 };
+        3 * each(self.colors) + each(self.alpha) + scalar + texture
+    }
+}
+
 /// How one property of a row is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// A number of a vertex: its type and its role.
+    /// A number of a row: its type and its role.
     Value(Scalar, usize),
     /// The corners of a face or strip.
     Corners {
@@ -41,8 +112,8 @@ pub(super) enum Step {
         count: Scalar,
         item: Scalar,
     },
-    /// The index of the face's texture among the textures of the file.
-    Texnumber(Scalar),
+    /// The index of the face's texture among the textures of the file; it may have a role, too.
+    Texnumber(Scalar, Option<usize>),
     Skip(PropertyType),
 }
 
@@ -52,14 +123,13 @@ pub(super) struct VertexPlan {
     /// Index of the element in the header.
     pub(super) element: usize,
     pub(super) steps: Vec<Step>,
-    /// For each role, the index of its property within the element.
-    pub(super) columns: [Option<usize>; ROLES],
+    pub(super) columns: Columns,
     /// True if a coordinate has a declared type that `f32` cannot hold exactly: `double`, `int` or
     /// `uint`.
     pub(super) double: bool,
     pub(super) normals: bool,
     pub(super) uvs: bool,
-    pub(super) colors: Option<ColorType>,
+    pub(super) attributes: AttributePlan,
 }
 
 /// How the rows of `face` or `tristrips` are converted to triangles.
@@ -70,13 +140,18 @@ pub(super) struct FacePlan {
     /// Index within the element of the property that holds the corners.
     pub(super) corners: usize,
     pub(super) texcoords: bool,
+    pub(super) texnumbers: bool,
     pub(super) strips: bool,
+    pub(super) columns: Columns,
+    pub(super) attributes: AttributePlan,
 }
 
 #[derive(Debug)]
 pub(super) struct MeshPlan {
     pub(super) vertex: VertexPlan,
     pub(super) faces: Vec<FacePlan>,
+    /// Name of the scalar property that is read, and its element.
+    pub(super) property: Option<(String, MeshElement)>,
     /// Names `element.property` of the properties that are read.
     pub(super) used: Vec<String>,
     /// Names `element.property` of the properties that are skipped.
@@ -85,15 +160,23 @@ pub(super) struct MeshPlan {
 
 /// Decides which properties are read. Returns an error if the file cannot be a mesh. Messages name
 /// the file as `file`.
-pub(super) fn plan(header: &Header, file: &str) -> Result<MeshPlan> {
-    let vertex = vertex_plan(header, file)?;
+pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result<MeshPlan> {
+    let choice = choose(header, file, options)?;
+    let vertex = vertex_plan(header, file, &choice, options.points)?;
     let mut faces = Vec::new();
-    for (element, strips) in [("face", false), ("tristrips", true)] {
-        faces.extend(face_plan(header, element, strips, file)?);
+    let elements = [("face", false), ("tristrips", true)];
+    for (element, strips) in elements.into_iter().filter(|_| !options.points) {
+        faces.extend(face_plan(
+            header,
+            element,
+            strips,
+            (&choice, [options.textures, vertex.uvs]),
+            file,
+        )?);
     }
     // In file order: rows are read in this order.
     faces.sort_by_key(|face| face.element);
-    if faces.iter().all(|face| header.elements[face.element].count == 0) {
+    if !options.points && faces.iter().all(|face| header.elements[face.element].count == 0) {
         return Err(no_faces(header, &vertex, file));
     }
     let mut used = Vec::new();
@@ -109,16 +192,16 @@ pub(super) fn plan(header: &Header, file: &str) -> Result<MeshPlan> {
             list.push(format!("{}.{}", element.name, property.name));
         }
     }
-    Ok(MeshPlan { vertex, faces, used, ignored })
+    Ok(MeshPlan { vertex, faces, property: choice.property, used, ignored })
 }
 
 fn no_faces(header: &Header, vertex: &VertexPlan, file: &str) -> Error {
     let points = header.elements[vertex.element].count;
     Error::invalid(file, format!("has no faces: it is a point cloud of {points} points"))
-        .help("make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
+        .help("draw its points as spheres: --points RADIUS; or make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
 }
 
-fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
+fn vertex_plan(header: &Header, file: &str, choice: &Choice, points: bool) -> Result<VertexPlan> {
     let element_index =
         header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
             let names: Vec<_> = header.elements.iter().map(|e| e.name.as_str()).collect();
@@ -136,20 +219,18 @@ fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
                 .help("positions are the properties x y z")
         })?);
     }
-    assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
-    // Takes the first complete pair: `any` stops at the first `true`.
-    UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
-    let colors = COLOR_NAMES.iter().find_map(|names| {
-        let kind = color_type(element, names)?;
-        assign(element, names, &mut columns[COLOR..]).then_some(kind)
-    });
+    if !points {
+        assign(element, &["nx", "ny", "nz"], &mut columns[NORMAL..UV]);
+        // Takes the first complete pair: `any` stops at the first `true`.
+        UV_NAMES.iter().any(|names| assign(element, names, &mut columns[UV..COLOR]));
+    }
+    let attributes = AttributePlan::new(choice, MeshElement::Vertex, &mut columns);
     let double = columns[..NORMAL].iter().flatten().any(|&at| {
         use Scalar as S;
         matches!(element.properties[at].shape, PropertyType::Single(S::F64 | S::I32 | S::U32))
     });
-    let steps = (0..element.properties.len()).map(|at| {
-        let shape = element.properties[at].shape;
-        match (shape, columns.iter().position(|c| *c == Some(at))) {
+    let steps = element.properties.iter().enumerate().map(|(at, property)| {
+        match (property.shape, role_of(&columns, at)) {
             (PropertyType::Single(kind), Some(role)) => Step::Value(kind, role),
             (shape, _) => Step::Skip(shape),
         }
@@ -161,12 +242,22 @@ fn vertex_plan(header: &Header, file: &str) -> Result<VertexPlan> {
         double,
         normals: columns[NORMAL].is_some(),
         uvs: columns[UV].is_some(),
-        colors,
+        attributes,
     })
 }
 
+/// Returns true if the file has triangle strips. They have no attributes.
+pub(super) fn has_strips(header: &Header) -> bool {
+    header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0)
+}
+
+/// Returns the first role of the property `at`.
+fn role_of(columns: &Columns, at: usize) -> Option<usize> {
+    columns.iter().position(|column| *column == Some(at))
+}
+
 /// Returns the index of the property called `name` if it is a scalar and not a list.
-fn single(element: &Element, name: &str) -> Option<usize> {
+pub(super) fn single(element: &Element, name: &str) -> Option<usize> {
     let at = element.find(name)?;
     matches!(element.properties[at].shape, PropertyType::Single(_)).then_some(at)
 }
@@ -182,22 +273,13 @@ fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> b
     true
 }
 
-/// Returns the common type of three colour channels. `None` if a channel is missing, if the types
-/// differ, or if colours cannot have this type.
-fn color_type(element: &Element, names: &[&str; 3]) -> Option<ColorType> {
-    let shapes = names.map(|name| element.find(name).map(|at| element.properties[at].shape));
-    if shapes.iter().any(|shape| *shape != shapes[0]) {
-        return None;
-    }
-    match shapes[0]? {
-        PropertyType::Single(Scalar::U8) => Some(ColorType::U8),
-        PropertyType::Single(Scalar::U16) => Some(ColorType::U16),
-        PropertyType::Single(Scalar::F32 | Scalar::F64) => Some(ColorType::F32),
-        _ => None,
-    }
-}
-
-fn face_plan(header: &Header, which: &str, strips: bool, file: &str) -> Result<Option<FacePlan>> {
+fn face_plan(
+    header: &Header,
+    which: &str,
+    strips: bool,
+    (choice, [textures, vertex_uvs]): (&Choice, [bool; 2]),
+    file: &str,
+) -> Result<Option<FacePlan>> {
     let Some(element_index) = header.elements.iter().position(|e| e.name == which) else {
         return Ok(None);
     };
@@ -218,18 +300,45 @@ fn face_plan(header: &Header, which: &str, strips: bool, file: &str) -> Result<O
     };
     let is_texcoord_list = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
     let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
+    let mut columns = [None; ROLES];
+    let mut attributes = match strips {
+        true => AttributePlan::NOTHING,
+        false => AttributePlan::new(choice, MeshElement::Face, &mut columns),
+    };
+    let is_texnumber = |at: usize| {
+        let Property { name, shape } = &element.properties[at];
+        !strips
+            && name == "texnumber"
+            && matches!(shape, PropertyType::Single(kind) if kind.is_integer())
+    };
+    let texnumbers = (0..element.properties.len()).any(is_texnumber);
+    // Without texture coordinates, the numbers have no use.
+    if textures && texnumbers && (texcoords || vertex_uvs) && !has_strips(header) {
+        attributes.textures = header.texture_files.len();
+    }
     let steps = element.properties.iter().enumerate().map(|(at, property)| match property.shape {
         PropertyType::List { count, item } if at == corners => Step::Corners { count, item },
         PropertyType::List { count, item } if texcoords && is_texcoord_list(property) => {
             Step::Texcoords { count, item }
         }
-        PropertyType::Single(kind)
-            if texcoords && property.name == "texnumber" && kind.is_integer() =>
-        {
-            Step::Texnumber(kind)
+        PropertyType::Single(kind) if is_texnumber(at) => {
+            Step::Texnumber(kind, role_of(&columns, at))
         }
-        shape => Step::Skip(shape),
+        shape => match (shape, role_of(&columns, at)) {
+            (PropertyType::Single(kind), Some(role)) => Step::Value(kind, role),
+            _ => Step::Skip(shape),
+        },
     });
     let steps = steps.collect();
-    Ok(Some(FacePlan { element: element_index, steps, corners, texcoords, strips }))
+    let element = element_index;
+    Ok(Some(FacePlan {
+        element,
+        steps,
+        corners,
+        texcoords,
+        texnumbers,
+        strips,
+        columns,
+        attributes,
+    }))
 }

@@ -11,7 +11,8 @@ use std::time::Duration;
 
 use super::block::{Span, too_short};
 use super::context::ReadContext;
-use super::face::{self, Faces};
+use super::face;
+use super::faces::Faces;
 use super::header::{self, Element, Format, Header, MAX_HEADER};
 use super::layout::BinaryRows;
 use super::lines::Lines;
@@ -168,7 +169,7 @@ impl<'a> Window<'a> {
             self.fill(2 * self.data().len(), job)?;
         }
         let header = header::parse(self.data(), job.name)?;
-        let plan = plan::plan(&header, job.name)?;
+        let plan = plan::plan(&header, job.name, &options)?;
         if plan.faces.iter().any(|face| face.element < plan.vertex.element) {
             // Faces can only be checked after the vertices are read.
             self.fill(usize::MAX, job)?;
@@ -272,7 +273,8 @@ impl PartialMesh {
     ) -> Result<()> {
         if index == plan.vertex.element {
             let job = &table.job;
-            self.vertices.reserve(plausible_rows(table.element, length), job)?;
+            let count = plausible_rows(table.element, length);
+            self.vertices.reserve(count, &plan.vertex, job)?;
             self.vertices.append(vertex::read(table, &plan.vertex)?, job)?;
         } else if let Some(part) = plan.faces.iter().find(|face| face.element == index) {
             let next = match &self.vertices.positions {

@@ -4,12 +4,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::ReadOptions;
+use super::choice::scalar_names;
 use super::header::{self, Format, Header, MAX_HEADER, PropertyType};
-use super::plan::{self, ColorType, MeshPlan, VertexPlan};
+use super::plan::{self, ColorType, MeshPlan};
 use super::scalar::Scalar;
 use super::source::Head;
 use super::unpack::Packing;
 use crate::error::Result;
+use crate::mesh::MeshElement;
 
 /// How reliable a number of triangles is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -75,8 +78,12 @@ pub struct PlySummary {
     pub normals: bool,
     /// Where texture coordinates are stored, `vertex` or `corner`, if there are any.
     pub uvs: Option<&'static str>,
-    /// Type of the vertex colours, `uchar`, `ushort` or `float`, if there are any.
+    /// Type of the colours, `uchar`, `ushort` or `float`, if there are any.
     pub colors: Option<&'static str>,
+    /// Element that has the colours: `vertex` or `face`.
+    pub colors_of: Option<&'static str>,
+    /// Names `element.property` of the numbers that a colour map can show.
+    pub scalars: Vec<String>,
     /// Optional data that the file lacks: `normals`, `texture coordinates`, `colours`.
     pub missing: Vec<&'static str>,
     /// The names in the lines `comment TextureFile NAME`, in file order.
@@ -91,10 +98,18 @@ pub struct PlySummary {
 /// # Errors
 /// If the header alone shows that [`super::read`] would reject the file.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
+    inspect_with(path, &ReadOptions::default())
+}
+
+/// Summarises the file at `path` as [`inspect`] does, for a reader with these options.
+///
+/// # Errors
+/// If the header alone shows that [`super::read`] would reject the file.
+pub fn inspect_with(path: &Path, options: &ReadOptions) -> Result<PlySummary> {
     let name = path.display().to_string();
     let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;
     let header = header::parse(&bytes, &name)?;
-    let plan = plan::plan(&header, &name)?;
+    let plan = plan::plan(&header, &name, options)?;
     let data_bytes = file_bytes.saturating_sub(header.data_start as u64);
     let vertices = header.elements[plan.vertex.element].count;
     let (triangles, triangles_are) = match packing {
@@ -102,10 +117,15 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
         Some(_) => (faces(&header, &plan), TriangleCount::Estimate),
     };
     let corner_uvs = plan.faces.iter().any(|face| face.texcoords);
+    let of_faces = plan.faces.iter().map(|face| face.attributes.bytes()).max().unwrap_or(0);
     // Three indices a triangle, and three pairs of texture coordinates if corners have them.
+    let of_triangle = of_faces + if corner_uvs { 36 } else { 12 };
     let array_bytes = vertices
         .saturating_mul(vertex_bytes(&plan, corner_uvs))
-        .saturating_add(triangles.saturating_mul(if corner_uvs { 36 } else { 12 }));
+        .saturating_add(triangles.saturating_mul(of_triangle));
+    let face_colors = plan.faces.iter().find_map(|face| face.attributes.colors);
+    let colors = plan.vertex.attributes.colors.or(face_colors);
+    let colors_of = if face_colors.is_some() { MeshElement::Face } else { MeshElement::Vertex };
     let elements = header.elements.iter().map(|element| ElementSummary {
         name: element.name.clone(),
         count: element.count,
@@ -122,12 +142,14 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
         positions: if plan.vertex.double { "double" } else { "float" },
         normals: plan.vertex.normals,
         uvs: if corner_uvs { Some("corner") } else { plan.vertex.uvs.then_some("vertex") },
-        colors: plan.vertex.colors.map(|colors| match colors {
+        colors: colors.map(|colors| match colors {
             ColorType::U8 => "uchar",
             ColorType::U16 => "ushort",
             ColorType::F32 => "float",
         }),
-        missing: missing(&plan.vertex, corner_uvs),
+        colors_of: colors.map(|_| colors_of.name()),
+        scalars: scalar_names(&header),
+        missing: missing(&plan, corner_uvs, colors.is_some()),
         texture_files: header.texture_files,
         used: plan.used,
         ignored: plan.ignored,
@@ -135,11 +157,12 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
     })
 }
 
-fn missing(vertex: &VertexPlan, corner_uvs: bool) -> Vec<&'static str> {
+fn missing(plan: &MeshPlan, corner_uvs: bool, colors: bool) -> Vec<&'static str> {
+    let vertex = &plan.vertex;
     let parts = [
         ("normals", vertex.normals),
         ("texture coordinates", vertex.uvs || corner_uvs),
-        ("colours", vertex.colors.is_some()),
+        ("colours", colors),
     ];
     parts.into_iter().filter(|(_, there)| !there).map(|(name, _)| name).collect()
 }
@@ -158,12 +181,7 @@ fn vertex_bytes(plan: &MeshPlan, corner_uvs: bool) -> u64 {
     let position = if vertex.double { 24 } else { 12 };
     let normal = if vertex.normals { 12 } else { 0 };
     let uv = if vertex.uvs && !corner_uvs { 8 } else { 0 };
-    let color = vertex.colors.map_or(0, |colors| match colors {
-        ColorType::U8 => 3,
-        ColorType::U16 => 6,
-        ColorType::F32 => 12,
-    });
-    position + normal + uv + color
+    position + normal + uv + vertex.attributes.bytes()
 }
 
 /// Number of declared faces and strips.

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::scene::nearest::did_you_mean;
+use crate::nearest::did_you_mean;
 
 use super::Check;
 

@@ -1,7 +1,7 @@
 //! Checks the layers: names must be known, and the names of light groups must differ.
 
 use crate::scene::{
-    checked::Light,
+    checked::{Light, MeshColor, Scene, Shape, ShapeKind},
     description::Name,
     layers::{Layer, LightGroups},
 };
@@ -9,6 +9,19 @@ use crate::scene::{
 use super::Check;
 
 impl Check<'_, '_> {
+    /// Checks that there is a colour map for `/output/legend`.
+    pub(super) fn legend(&mut self, scene: &Scene) {
+        let mapped = |shape: &Shape| match &shape.kind {
+            ShapeKind::Trimesh(mesh) => matches!(mesh.color, Some(MeshColor::Property(_))),
+            _ => false,
+        };
+        if scene.legend && !scene.shapes.iter().any(mapped) {
+            let message = "found true, but no mesh shows a property by its `color`";
+            let help = "name one: --color PROPERTY; `info` lists those of a file";
+            self.problems.error("/output/legend", message, Some(help.into()));
+        }
+    }
+
     /// Checks `/output/layers`. Returns the layers and the light groups.
     pub(super) fn layers(&mut self, lights: &[Light]) -> (Vec<Layer>, LightGroups) {
         let called = lights.iter().map(|light| (light.group.as_deref(), light.name.as_deref()));

@@ -73,7 +73,9 @@ pub fn check(
         crypto_ranks: description.output.cryptoranks,
         light_groups,
         transparent: description.output.transparent,
+        legend: description.output.legend,
     };
+    check.legend(&scene);
     check.warn_about_mistakes(&scene);
     check.problems.is_empty().then_some((description, scene))
 }

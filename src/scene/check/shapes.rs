@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Role, Shape, ShapeKind, Smooth, Trimesh, Visible},
-    description::{self, TriMesh},
+    checked::{MeshColor, PropertyColor, Role, Shape, ShapeKind, Smooth, Trimesh, Visible},
+    description::{self, StoredColor, TriMesh},
+    node::NodeKind,
 };
 
 use super::{
@@ -25,6 +26,10 @@ impl Check<'_, '_> {
             };
             let name = self.name(&format!("{pointer}/name"), shape.common().0);
             let kind = self.shape_kind(&pointer, &shape);
+            let hides = |material: usize| materials.all[material].texture.is_some();
+            if let (ShapeKind::Trimesh(mesh), true) = (&kind, material.is_some_and(hides)) {
+                self.warn_about_hidden_color(&pointer, mesh);
+            }
             let (visible, role) = self.plate(&pointer, &shape);
             let semantic = shape.semantic();
             let shape = |material| Shape { name, material, kind, visible, role, semantic };
@@ -131,6 +136,44 @@ impl Check<'_, '_> {
             bvh: mesh.bvh,
             vertex_colors: mesh.vertexcolors,
             vertex_color_space: mesh.vertexcolorspace,
+            points: mesh.points,
+            color: mesh.color.as_ref().map(|color| self.mesh_color(pointer, color)),
+        }
+    }
+
+    fn mesh_color(&mut self, shape: &str, color: &description::MeshColor) -> MeshColor {
+        let pointer = format!("{shape}/color");
+        if let Some(node) = self.document.get(&format!("{shape}/vertexcolors")) {
+            if matches!(node.kind, NodeKind::Bool(false)) {
+                let message = "found with `vertexcolors` false, expected one of the two";
+                self.problems.error(&pointer, message, Some("leave `vertexcolors` out".into()));
+            }
+        }
+        let place = self.document.place(&pointer);
+        match color {
+            description::MeshColor::Stored(StoredColor::Vertex) => MeshColor::Vertex { place },
+            description::MeshColor::Stored(StoredColor::Face) => MeshColor::Face { place },
+            description::MeshColor::Property(color) => {
+                if let Some([low, high]) = color.range.filter(|[low, high]| low == high) {
+                    let message = format!("found [{low}, {high}], expected two different numbers");
+                    self.problems.error(&format!("{pointer}/range"), message, None);
+                }
+                MeshColor::Property(Box::new(PropertyColor {
+                    place: self.document.place(&format!("{pointer}/property")),
+                    property: color.property.0.clone(),
+                    map: color.map,
+                    range: color.range,
+                    nan: color.nan.vec(),
+                }))
+            }
+        }
+    }
+
+    fn warn_about_hidden_color(&mut self, pointer: &str, mesh: &Trimesh) {
+        if mesh.color.is_some() {
+            let message =
+                "found `color` and a material with `tPath`; the texture hides the colours";
+            self.problems.warn(&format!("{pointer}/color"), message, None);
         }
     }
 }

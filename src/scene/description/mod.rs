@@ -6,13 +6,16 @@
 //! before these types are read. The structural checks refuse unknown keys, with places.
 
 mod camera;
+mod color;
 mod light;
 mod material;
 mod shape;
 mod values;
 mod visible;
 
+pub use crate::colormap::ColorMap;
 pub use camera::*;
+pub use color::*;
 pub use light::*;
 pub use material::*;
 pub use shape::*;
@@ -185,12 +188,20 @@ pub struct Output {
     pub cryptoranks: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.
     pub transparent: bool,
+    /// Draws the colour map of a mesh's `color` into the PNG, with ticks and the property's name.
+    #[serde(skip_serializing_if = "is_false")]
+    pub legend: bool,
 }
 
 impl Default for Output {
     fn default() -> Self {
-        Self { layers: Vec::new(), cryptoranks: 6, transparent: false }
+        Self { layers: Vec::new(), cryptoranks: 6, transparent: false, legend: false }
     }
+}
+
+/// Keys that scenes without the feature do not have are not written.
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 fn one_u32() -> u32 {

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Angles, ColorSpace, MaterialUse, Name, Point, Visible};
+use super::{Angles, ColorSpace, MaterialUse, MeshColor, Name, Point, Visible};
 
 /// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -210,11 +210,20 @@ pub struct TriMesh {
     /// it.
     #[serde(default = "yes")]
     pub bvh: bool,
-    /// Multiplies `diffusecolor` by the vertex colours of the file.
+    /// Multiplies `diffusecolor` by the colours of the file: of its vertices, else of its faces.
     #[serde(default = "yes")]
     pub vertexcolors: bool,
-    /// Encoding of the vertex colours. Default: implied by the colour type of the file.
+    /// Encoding of the colours of the file. Default: implied by their type in the file.
     pub vertexcolorspace: Option<ColorSpace>,
+    /// What multiplies `diffusecolor`: `vertex` or `face` colours of the file, or a property
+    /// through a colour map. Default: by `vertexcolors`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub color: Option<MeshColor>,
+    /// Draws every vertex of the file as a sphere of this radius, in the units of the file, in
+    /// place of its faces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    pub points: Option<f64>,
 }
 
 /// Edges across which the normals of a mesh are interpolated.

@@ -163,10 +163,15 @@ fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
     (reader.info().clone(), pixels)
 }
 
+fn options(tonemap: &Tonemap, transparent: bool, depth: Depth) -> WriteOptions<'_> {
+    let (over, legend, fingerprint, exr) = (None, None, None, Default::default());
+    WriteOptions { tonemap, transparent, over, depth, legend, fingerprint, exr }
+}
+
 fn png_bytes(film: &Film, tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
     let mut file = Vec::new();
-    let path = Path::new("x.png");
-    png::write(film, tonemap, transparent, Depth::Eight, None, &mut file, path).unwrap();
+    let options = options(tonemap, transparent, Depth::Eight);
+    png::write(film, &options, &mut file, Path::new("x.png")).unwrap();
     file
 }
 
@@ -210,8 +215,8 @@ fn sixteen_bits_hold_more_and_mean_the_same() {
     for srgb in [false, true] {
         let tonemap = Tonemap { srgb, ..CLAMP };
         let mut file = Vec::new();
-        let path = Path::new("x.png");
-        png::write(&film, &tonemap, true, Depth::Sixteen, None, &mut file, path).unwrap();
+        let options = options(&tonemap, true, Depth::Sixteen);
+        png::write(&film, &options, &mut file, Path::new("x.png")).unwrap();
         let (info, wide) = read_png(&file);
         assert_eq!(
             (info.bit_depth, info.color_type),
@@ -335,14 +340,7 @@ fn both_files_appear_and_nothing_else() {
     assert!(names_in(folder.path()).iter().all(|n| n.ends_with(".part")));
     let attributes = attributes();
     let exr = exr::Options { attributes: &attributes, ..Default::default() };
-    let options = WriteOptions {
-        tonemap: &CLAMP,
-        transparent: false,
-        over: None,
-        depth: Depth::Eight,
-        fingerprint: None,
-        exr,
-    };
+    let options = WriteOptions { exr, ..options(&CLAMP, false, Depth::Eight) };
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, ValueCounts::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
@@ -356,14 +354,7 @@ fn a_signal_before_the_renames_leaves_nothing() {
     let prefix = folder.path().join("x");
     let monitor = Monitor::default();
     monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
-    let options = WriteOptions {
-        tonemap: &CLAMP,
-        transparent: false,
-        over: None,
-        depth: Depth::Eight,
-        fingerprint: None,
-        exr: Default::default(),
-    };
+    let options = options(&CLAMP, false, Depth::Eight);
     let outputs = Outputs::create(&prefix).unwrap();
     let error = outputs.write(&film(), &options, &monitor).unwrap_err();
     assert_eq!(error.exit_code(), 143);

@@ -144,23 +144,52 @@ fn the_texture_of_most_triangles_is_used() {
     };
     let properties =
         ["list uchar int vertex_indices", "list uchar float texcoord", "int texnumber"];
-    let ply = |numbers: [f64; 3]| {
+    let file = |numbers: [f64; 3]| {
         let corners = [[0., 1., 2.], [1., 2., 3.], [2., 3., 4.]];
         let rows = corners.into_iter().zip(numbers).map(|(c, n)| face(c, n)).collect();
         let names = [&b"comment TextureFile a.png"[..], b"comment TextureFile b.png"];
         let named = names.into_iter().fold(Ply::new().curve(5), |ply, name| ply.comment(name));
-        read_all(&named.element("face", &properties, rows))
+        named.element("face", &properties, rows)
     };
+    let ply = |numbers| read_all(&file(numbers));
     for (numbers, name, textures) in [
         ([0., 0., 0.], "a.png", 1),
         ([1., 1., 1.], "b.png", 1),
         ([1., 0., 1.], "b.png", 2),
-        ([-1., 7., 7.], "a.png", 2),
+        ([-1., 1., -1.], "a.png", 2),
     ] {
         let mesh = ply(numbers);
         assert_eq!(mesh.texture_file.as_deref(), Some(name));
         assert_eq!(mesh.notes.textures, textures);
+        assert_eq!(mesh.textures.is_some(), textures > 1);
+        if let Some(found) = mesh.textures {
+            assert_eq!(found.files, ["a.png", "b.png"]);
+            assert_eq!(found.numbers, numbers.map(|n| if n < 0.0 { u16::MAX } else { n as u16 }));
+        }
         assert!(mesh.notes.used.contains(&"face.texnumber".to_string()));
+    }
+    for (numbers, message) in [
+        (
+            [0., 7., 2.],
+            "t.ply: face 1: texnumber 7 is out of range: the file names 2 textures (0 to 1); numbers out of range in all: 2",
+        ),
+        (
+            [1., 1., -2.],
+            "t.ply: face 2: texnumber -2 is out of range: the file names 2 textures (0 to 1); numbers out of range in all: 1",
+        ),
+    ] {
+        for encoding in ALL {
+            let bytes = file(numbers).write(encoding);
+            let error = read(&bytes).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(message), "{error}");
+            let options = ReadOptions::default();
+            let repaired = read_ply_bytes(&bytes, "t.ply", options.repair(true)).unwrap();
+            let found = repaired.textures.expect("several textures").numbers;
+            assert!(found.contains(&u16::MAX) && found.len() == 3);
+            // Who shows no texture of the file has no use for the numbers.
+            let other = read_ply_bytes(&bytes, "t.ply", options.textures(false)).unwrap();
+            assert!(other.textures.is_none());
+        }
     }
 }
 
@@ -243,7 +272,9 @@ fn normals_and_colours() {
             ("float" | "double", Colors::F32(c)) => assert_eq!(c, [[1., 2., 200.]; 3]),
             other => panic!("{other:?}"),
         }
-        assert_eq!(mesh.notes.ignored, ["vertex.alpha"]);
+        // The alpha has the type of the colours only in the first case; there it is opaque.
+        let ignored = mesh.notes.ignored == ["vertex.alpha"];
+        assert!(mesh.alpha.is_none() && ignored == (kind != "uchar"));
     }
 }
 

@@ -236,3 +236,69 @@ fn a_job_sets_the_look_of_meshes() {
         .good();
     assert!(found == scratch.channels("out/b.exr"));
 }
+
+/// Five points with colours and a number.
+const CLOUD: &str = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+    property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n\
+    property float quality\nend_header\n0 0 0 255 0 0 1\n1 0 0 0 255 0 2\n0 1 0 0 0 255 nan\n\
+    0 0 1 255 255 0 4\n1 1 1 0 255 255 5\n";
+
+#[test]
+fn a_cloud_of_points_is_drawn_as_spheres_on_request() {
+    let scratch = Scratch::new();
+    scratch.write("c.ply", CLOUD);
+    let done = render(&scratch, "c.ply", &[]);
+    let help = "draw its points as spheres: --points RADIUS";
+    assert!(done.code() == 2 && done.stderr().contains(help), "{}", done.stderr());
+    for wrong in ["0", "-1"] {
+        let done = render(&scratch, "c.ply", &["--points", wrong]);
+        assert!(done.code() == 2 && done.stderr().contains("--points"), "{}", done.stderr());
+    }
+    let small = picture(&scratch, "c.ply", &["--points", "0.1", "--up", "y"]);
+    let large = picture(&scratch, "c.ply", &["--points", "0.3", "--up", "y"]);
+    assert!(small != large);
+    let info = scratch.run(&["info", "--json", "c.ply"]).good().stdout();
+    let info: Value = serde_json::from_str(&info).unwrap();
+    assert_eq!((&info["points"], &info["colors_of"]), (&5.into(), &"vertex".into()));
+    // A scene that is written shows the same.
+    let flags = ["--points", "0.3", "--up", "y", "--write-scene", "s.json"];
+    render(&scratch, "c.ply", &flags).good();
+    scratch.run(&["render", "s.json", "-o", "o", "--quiet"]).good();
+    assert!(scratch.channels("o.exr") == large);
+}
+
+#[test]
+fn a_property_gets_a_legend() {
+    let scratch = Scratch::new();
+    scratch.write("c.ply", CLOUD);
+    let flags = ["--points", "0.3", "--up", "y", "--color", "quality"];
+    let done = render(&scratch, "c.ply", &flags).good();
+    let note = "1 of 5 values of vertex.quality are not finite; they have the colour [1, 0, 1]";
+    assert!(done.stderr().contains(note), "{}", done.stderr());
+    let (exr, png) = (scratch.channels("o.exr"), scratch.read("o.png"));
+    render(&scratch, "c.ply", &[&flags[..], &["--legend"]].concat()).good();
+    assert!(scratch.channels("o.exr") == exr, "the EXR has no legend");
+    assert!(scratch.read("o.png") != png);
+    let ranged = [&flags[..], &["--color-range", "-1,2", "--color-map", "magma"]].concat();
+    render(&scratch, "c.ply", &ranged).good();
+    assert!(scratch.channels("o.exr") != exr);
+    for (flags, message) in [
+        (
+            &["--color", "qality", "--points", "1"][..],
+            "--color: c.ply has no scalar property \"qality\"",
+        ),
+        (&["--color", "vertex", "--color-map", "magma"], "--color-map: found with --color vertex"),
+        (&["--legend", "--points", "1"], "--legend: found true, but no mesh shows a property"),
+        (&["--color-map", "magma"], "--color"),
+        (&["--color", "quality", "--color-range", "1,1"], "expected two different numbers"),
+    ] {
+        let done = render(&scratch, "c.ply", flags);
+        assert!(done.code() == 2 && done.stderr().contains(message), "{}", done.stderr());
+    }
+    let job = r#"{ "inputs": ["c.ply"], "size": [48, 48], "points": 0.3, "up": "y",
+                   "color": { "property": "quality" }, "set": { "/output/legend": true },
+                   "output": { "folder": "out", "name": "{stem}" } }"#;
+    scratch.write("job.json", job);
+    scratch.run(&["batch", "job.json", "--quiet"]).good();
+    assert!(scratch.channels("out/c.exr") == exr);
+}

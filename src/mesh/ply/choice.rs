@@ -1,0 +1,156 @@
+//! Decides which colours or which scalar property of a file are read.
+
+use super::ReadOptions;
+use super::header::{Element, Header, PropertyType};
+use super::plan::{ColorType, has_strips, single};
+use super::request::ColorSource;
+use super::scalar::Scalar;
+use crate::error::{Error, Result};
+use crate::mesh::MeshElement;
+use crate::nearest::did_you_mean;
+
+/// Names of the channels of a colour, with the name of its alpha.
+const COLOR_NAMES: [([&str; 3], &str); 3] = [
+    (["red", "green", "blue"], "alpha"),
+    (["r", "g", "b"], "a"),
+    (["diffuse_red", "diffuse_green", "diffuse_blue"], "diffuse_alpha"),
+];
+
+/// The properties of an element that form a colour, by their indices.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ColorColumns {
+    pub(super) kind: ColorType,
+    pub(super) rgb: [usize; 3],
+    pub(super) alpha: Option<usize>,
+}
+
+/// The colours or the scalar property to read.
+#[derive(Debug)]
+pub(super) struct Choice {
+    /// The element that has them.
+    pub(super) colors_of: MeshElement,
+    pub(super) colors: Option<ColorColumns>,
+    /// Index and type of the scalar property.
+    pub(super) scalar: Option<(usize, Scalar)>,
+    /// Name and element of the scalar property.
+    pub(super) property: Option<(String, MeshElement)>,
+}
+
+/// Decides what to read for `options.color`.
+///
+/// # Errors
+/// A request for something that the file lacks. The message names the nearest property.
+pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Result<Choice> {
+    let request = options.color;
+    let vertices = colors(header, MeshElement::Vertex);
+    let faces = colors(header, MeshElement::Face).filter(|_| !options.points);
+    let chosen = |colors_of, colors| Choice { colors_of, colors, scalar: None, property: None };
+    let place = if request.place.is_empty() { file } else { request.place };
+    let lacks = |what: &str| {
+        let message = format!("{file} has no colours of its {what}");
+        Err(Error::invalid(place, message).help(choices(header)))
+    };
+    match request.source {
+        ColorSource::Nothing => Ok(chosen(MeshElement::Vertex, None)),
+        ColorSource::Any if vertices.is_none() => Ok(chosen(MeshElement::Face, faces)),
+        ColorSource::Any => Ok(chosen(MeshElement::Vertex, vertices)),
+        ColorSource::Vertices if vertices.is_none() => lacks("vertices"),
+        ColorSource::Vertices => Ok(chosen(MeshElement::Vertex, vertices)),
+        ColorSource::Faces if faces.is_none() => lacks("faces"),
+        ColorSource::Faces => Ok(chosen(MeshElement::Face, faces)),
+        ColorSource::Property(name) => {
+            let found = property(header, name);
+            let usable = |element| !options.points || element == MeshElement::Vertex;
+            let Some((element, at, kind)) = found.filter(|found| usable(found.0)) else {
+                let known = scalars(header);
+                let message = format!("{file} has no scalar property {name:?}");
+                let near = did_you_mean(name, known.iter().map(String::as_str));
+                return Err(Error::invalid(place, message).help(match near {
+                    Some(near) => format!("{near} {}", choices(header)),
+                    None => choices(header),
+                }));
+            };
+            let name = name.rsplit('.').next().unwrap_or(name).to_string();
+            let (scalar, property) = (Some((at, kind)), Some((name, element)));
+            Ok(Choice { scalar, property, ..chosen(element, None) })
+        }
+    }
+}
+
+/// The element of the file that may have attributes. Triangle strips have none, so neither have
+/// faces beside strips.
+fn element(header: &Header, which: MeshElement) -> Option<&Element> {
+    let find = |name: &str| header.elements.iter().find(|element| element.name == name);
+    match which {
+        MeshElement::Vertex => find("vertex"),
+        MeshElement::Face => find("face").filter(|face| face.count > 0 && !has_strips(header)),
+    }
+}
+
+/// The first complete colour of an element.
+fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
+    let element = element(header, which)?;
+    let shape = |at: usize| element.properties[at].shape;
+    COLOR_NAMES.iter().find_map(|(names, alpha)| {
+        let [r, g, b] = names.map(|name| single(element, name));
+        let rgb = [r?, g?, b?];
+        if rgb.iter().any(|&at| shape(at) != shape(rgb[0])) {
+            return None;
+        }
+        let kind = match shape(rgb[0]) {
+            PropertyType::Single(Scalar::U8) => ColorType::U8,
+            PropertyType::Single(Scalar::U16) => ColorType::U16,
+            PropertyType::Single(Scalar::F32 | Scalar::F64) => ColorType::F32,
+            _ => return None,
+        };
+        let alpha = single(element, alpha).filter(|&at| shape(at) == shape(rgb[0]));
+        Some(ColorColumns { kind, rgb, alpha })
+    })
+}
+
+/// Finds the scalar property `name`, `vertex.name` or `face.name`.
+fn property(header: &Header, name: &str) -> Option<(MeshElement, usize, Scalar)> {
+    [MeshElement::Vertex, MeshElement::Face].into_iter().find_map(|which| {
+        let element = element(header, which)?;
+        let prefix = format!("{}.", which.name());
+        let at = single(element, name)
+            .or_else(|| single(element, name.strip_prefix(prefix.as_str())?))?;
+        match element.properties[at].shape {
+            PropertyType::Single(kind) => Some((which, at, kind)),
+            PropertyType::List { .. } => None,
+        }
+    })
+}
+
+/// Names of all scalar properties, with and without their element.
+fn scalars(header: &Header) -> Vec<String> {
+    let full = scalar_names(header);
+    let bare = full.iter().filter_map(|name| Some(name.split_once('.')?.1.to_string()));
+    bare.chain(full.iter().cloned()).collect()
+}
+
+/// Names `element.property` of all scalar properties that colours can show.
+pub(super) fn scalar_names(header: &Header) -> Vec<String> {
+    let elements = [MeshElement::Vertex, MeshElement::Face];
+    let elements = elements.into_iter().filter_map(|which| element(header, which));
+    let names = elements.flat_map(|element| {
+        let scalar = |shape| matches!(shape, PropertyType::Single(_));
+        let all = element.properties.iter().filter(move |property| scalar(property.shape));
+        all.map(|property| format!("{}.{}", element.name, property.name))
+    });
+    names.collect()
+}
+
+/// Maximum number of properties that a message lists.
+const MAX_LISTED: usize = 20;
+
+/// Lists the scalar properties of a file, for messages.
+fn choices(header: &Header) -> String {
+    let names = scalar_names(header);
+    let more = match names.len().saturating_sub(MAX_LISTED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let shown: Vec<&str> = names.iter().take(MAX_LISTED).map(String::as_str).collect();
+    format!("its scalar properties are {}{more}", shown.join(", "))
+}

@@ -1,0 +1,60 @@
+//! The arrays of faces and strips.
+
+use super::attributes::{Attributes, Capacity};
+use super::check::Tally;
+use super::context::ReadContext;
+use crate::error::Result;
+use crate::reserve;
+
+/// The triangles of one element of faces or strips.
+#[derive(Default)]
+pub(super) struct Faces {
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// One entry per triangle, if any face has texture coordinates.
+    pub(super) uvs: Option<Vec<[[f32; 2]; 3]>>,
+    /// Arrays with one entry per triangle.
+    pub(super) attributes: Attributes,
+    pub(super) tally: Tally,
+}
+
+impl Faces {
+    /// Appends the next triangles of the file. Missing texture coordinates become zero.
+    ///
+    /// # Errors
+    /// If there is not enough memory.
+    pub(super) fn append(&mut self, next: Faces, job: &ReadContext) -> Result<()> {
+        job.fits(self.bytes().saturating_add(next.bytes()))?;
+        if self.uvs.is_some() || next.uvs.is_some() {
+            let uvs = self.uvs.get_or_insert_default();
+            let all = self.triangles.len() + next.triangles.len();
+            reserve::growing(uvs, all - uvs.len(), job.name)?;
+            uvs.resize(self.triangles.len(), Default::default());
+            uvs.extend(next.uvs.unwrap_or_default());
+            uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
+        }
+        if self.triangles.is_empty() {
+            // The first rows decide which arrays there are.
+            let reserved = Capacity::Total(self.triangles.capacity());
+            let mut attributes = next.attributes;
+            attributes.reserve(reserved, job)?;
+            self.attributes = attributes;
+        } else {
+            self.attributes.reserve(Capacity::Additional(next.triangles.len()), job)?;
+            self.attributes.append(next.attributes);
+        }
+        if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
+            self.triangles = next.triangles;
+        } else {
+            reserve::growing(&mut self.triangles, next.triangles.len(), job.name)?;
+            self.triangles.extend(next.triangles);
+        }
+        self.tally.add(next.tally);
+        Ok(())
+    }
+
+    /// Size in bytes of the arrays.
+    pub(super) fn bytes(&self) -> u64 {
+        let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
+        (size_of_val(&self.triangles[..]) + uvs) as u64 + self.attributes.bytes()
+    }
+}

@@ -1,0 +1,41 @@
+//! Validates the points of a file that is read without faces.
+
+use super::check::Tally;
+use super::context::ReadContext;
+use super::vertex::Vertices;
+use crate::error::{Error, Kind, Problem, Result};
+use crate::mesh::Positions;
+
+/// Checks that there are points and that all are finite. With `repair`, the others are dropped and
+/// counted.
+///
+/// # Errors
+/// A point that is not finite; no point.
+pub(super) fn check(
+    vertices: &mut Vertices,
+    tally: &mut Tally,
+    job: &ReadContext,
+    repair: bool,
+) -> Result<()> {
+    let finite: Vec<bool> = match &vertices.positions {
+        Positions::F32(all) => all.iter().map(|p| p.iter().all(|c| c.is_finite())).collect(),
+        Positions::F64(all) => all.iter().map(|p| p.iter().all(|c| c.is_finite())).collect(),
+    };
+    let bad = finite.iter().filter(|finite| !**finite).count();
+    if bad == finite.len() {
+        let count = finite.len();
+        let message = format!("no point is left of {count}: {bad} are not finite");
+        return Err(Error::invalid(job.name, message));
+    }
+    let Some(first) = finite.iter().position(|finite| !finite) else { return Ok(()) };
+    if !repair {
+        let [x, y, z] = vertices.positions.get(first).to_array();
+        let message = format!("({x}, {y}, {z}) is not finite; such points in all: {bad}");
+        let problem = Problem::new(format!("{}: vertex {first}", job.name), message);
+        let help = format!("--repair drops the {bad}");
+        return Err(Error::new(Kind::Invalid, problem).help(help));
+    }
+    tally.unusable += bad as u64;
+    vertices.retain(|i| finite[i]);
+    Ok(())
+}

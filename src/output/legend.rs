@@ -1,0 +1,258 @@
+//! Draws the legend of a colour map into the PNG: a bar with ticks, and the property's name.
+
+use embedded_graphics::{
+    mono_font::{
+        MonoFont, MonoTextStyle,
+        ascii::{FONT_6X10, FONT_10X20},
+    },
+    pixelcolor::Rgb888,
+    prelude::*,
+    text::{Baseline, Text},
+};
+
+use crate::colormap::ColorMap;
+
+use super::{png::Color, tonemap::Depth};
+
+/// Sides of a picture in pixels from which the large font is used.
+const LARGE: u32 = 500;
+/// Most ticks on a bar.
+const MAX_TICKS: f64 = 7.0;
+/// Most characters of a property's name.
+const MAX_NAME: usize = 24;
+const PAPER: [u8; 3] = [244, 245, 247];
+const INK: [u8; 3] = [28, 33, 38];
+
+/// The colour map of a property, as a picture shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Legend {
+    /// Name of the property.
+    pub name: String,
+    /// Colour map.
+    pub map: ColorMap,
+    /// Values at the two ends of the map; they differ.
+    pub range: [f64; 2],
+    /// Colour of values that are not finite, as 8-bit sRGB, if there are any.
+    pub nan: Option<[u8; 3]>,
+}
+
+/// The pixels of a PNG.
+pub struct Canvas<'a> {
+    /// Samples, row by row.
+    pub bytes: &'a mut [u8],
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Format of the pixels.
+    pub color: Color,
+}
+
+impl Legend {
+    /// Draws the legend at the right border, on an opaque panel. What does not fit is cut off.
+    pub fn draw(&self, canvas: &mut Canvas) {
+        let [width, height] = canvas.size;
+        let large = width.min(height) >= LARGE;
+        let font = if large { &FONT_10X20 } else { &FONT_6X10 };
+        let (letter, line) = (font.character_size.width, font.character_size.height);
+        let ticks = self.ticks();
+        let name: String = self.name.chars().take(MAX_NAME).collect();
+        let longest = ticks.iter().map(|(_, text)| text.len()).max().unwrap_or(0) as u32;
+        let (pad, bar, tick) = (line / 2, line, line / 3);
+        let scale = bar + tick + pad / 2 + letter * longest;
+        let inner = scale.max(letter * name.chars().count() as u32);
+        let rows = 1 + u32::from(self.nan.is_some());
+        let texts = rows * (line + pad);
+        let tall = (height * 3 / 5).max(3 * line).min(height.saturating_sub(texts + 3 * pad));
+        let panel = [inner + 2 * pad, tall + texts + 2 * pad + line / 2];
+        let left = width.saturating_sub(panel[0] + pad);
+        let top = height.saturating_sub(panel[1]) / 2;
+        canvas.fill([left, top], panel, PAPER);
+        let (x, mut y) = (left + pad, top + pad);
+        canvas.text(font, [x, y], &name);
+        y += line + pad;
+        let last = tall.saturating_sub(1).max(1);
+        for row in 0..tall {
+            // The high end of the map is at the top.
+            let color = self.map.srgb(1.0 - f64::from(row) / f64::from(last));
+            canvas.fill([x, y + row], [bar, 1], color);
+        }
+        for (value, text) in &ticks {
+            let row = ((1.0 - self.position(*value)) * f64::from(last)).round() as u32;
+            canvas.fill([x + bar, y + row], [tick, 1], INK);
+            let middle = (y + row).saturating_sub(line / 2);
+            canvas.text(font, [x + bar + tick + pad / 2, middle], text);
+        }
+        if let Some(nan) = self.nan {
+            y += tall + pad;
+            canvas.fill([x, y], [bar, line], nan);
+            canvas.text(font, [x + bar + tick + pad / 2, y], "NaN");
+        }
+    }
+
+    /// Position of a value on the map: 0 at the first end of the range, 1 at the other.
+    fn position(&self, value: f64) -> f64 {
+        let [low, high] = self.range;
+        (value - low) / (high - low)
+    }
+
+    /// Values of the ticks and their texts: multiples of 1, 2 or 5 times a power of ten.
+    fn ticks(&self) -> Vec<(f64, String)> {
+        let [a, b] = self.range;
+        let (low, high) = (a.min(b), a.max(b));
+        let least = (high - low) / (MAX_TICKS - 1.0);
+        let power = least.log10().floor();
+        let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * 10f64.powf(power));
+        let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
+        let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
+        // A range far from zero may have no digits for a step.
+        if !(last - first <= MAX_TICKS) || !(first + 1.0 > first) {
+            return self.range.map(|end| (end, format!("{end:e}"))).into();
+        }
+        let largest = low.abs().max(high.abs());
+        let decimals = (-step.log10().floor()).max(0.0) as usize;
+        let plain = (1e-4..1e7).contains(&largest) && decimals < 7;
+        let text = |value: f64| match plain {
+            true => format!("{value:.decimals$}"),
+            false => format!("{value:.2e}"),
+        };
+        let count = (last - first) as usize;
+        // Adding 0 turns -0 into 0.
+        let values = (0..=count).map(|i| (first + i as f64) * step + 0.0);
+        values.map(|value| (value, text(value))).collect()
+    }
+}
+
+impl Canvas<'_> {
+    /// Fills a rectangle, given by its top left corner and its size.
+    fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [u8; 3]) {
+        for y in top..top.saturating_add(height).min(self.size[1]) {
+            for x in left..left.saturating_add(width).min(self.size[0]) {
+                self.put(x, y, color);
+            }
+        }
+    }
+
+    /// Draws a line of text, given by its top left corner.
+    fn text(&mut self, font: &MonoFont, [x, y]: [u32; 2], text: &str) {
+        let [r, g, b] = INK;
+        let style = MonoTextStyle::new(font, Rgb888::new(r, g, b));
+        let at = Point::new(x as i32, y as i32);
+        // Drawing into memory cannot fail.
+        let _ = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
+    }
+
+    /// Sets a pixel inside the picture to an 8-bit sRGB colour, opaque.
+    fn put(&mut self, x: u32, y: u32, color: [u8; 3]) {
+        let Color { alpha, srgb, depth } = self.color;
+        let sample = usize::from(depth.bits() / 8);
+        let channels = if alpha { 4 } else { 3 };
+        let at = (y as usize * self.size[0] as usize + x as usize) * channels * sample;
+        let Some(pixel) = self.bytes.get_mut(at..at + channels * sample) else { return };
+        let [r, g, b] = color.map(|c| f64::from(c) / 255.0);
+        let levels = [r, g, b].map(|c| if srgb { c } else { super::srgb::to_linear(c) });
+        for (to, level) in pixel.chunks_exact_mut(sample).zip(levels.into_iter().chain([1.0])) {
+            match depth {
+                Depth::Eight => to[0] = (255.0 * level).round() as u8,
+                Depth::Sixteen => {
+                    to.copy_from_slice(&((65535.0 * level).round() as u16).to_be_bytes());
+                }
+            }
+        }
+    }
+}
+
+impl OriginDimensions for Canvas<'_> {
+    fn size(&self) -> Size {
+        Size::new(self.size[0], self.size[1])
+    }
+}
+
+impl DrawTarget for Canvas<'_> {
+    type Color = Rgb888;
+    type Error = std::convert::Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
+        &mut self,
+        pixels: I,
+    ) -> std::result::Result<(), Self::Error> {
+        for Pixel(at, color) in pixels {
+            let (Ok(x), Ok(y)) = (u32::try_from(at.x), u32::try_from(at.y)) else { continue };
+            if x < self.size[0] && y < self.size[1] {
+                self.put(x, y, [color.r(), color.g(), color.b()]);
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn legend(range: [f64; 2]) -> Legend {
+        Legend { name: "quality".into(), map: ColorMap::Viridis, range, nan: None }
+    }
+
+    fn texts(range: [f64; 2]) -> Vec<String> {
+        legend(range).ticks().into_iter().map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers_inside_the_range() {
+        assert_eq!(texts([0.0, 1.0]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(texts([-3.0, 12.0]), ["0", "5", "10"]);
+        assert_eq!(texts([12.0, -3.0]), ["0", "5", "10"], "a reversed range");
+        assert_eq!(texts([0.0312, 0.0349]), ["0.032", "0.033", "0.034"]);
+        assert_eq!(
+            texts([0.0, 3e9]),
+            ["0.00e0", "5.00e8", "1.00e9", "1.50e9", "2.00e9", "2.50e9", "3.00e9"]
+        );
+        assert_eq!(texts([1e300, 1.0000000000000002e300]).len(), 2, "no digits for steps");
+        for range in [[-1.0, 1.0], [3.7, 912.0], [-0.001, 0.02], [1e5, 1.0001e5]] {
+            let ticks = legend(range).ticks();
+            assert!((2..=8).contains(&ticks.len()), "{range:?} {ticks:?}");
+            for (value, text) in ticks {
+                assert!((range[0] - 1e-9..=range[1] * (1.0 + 1e-9)).contains(&value));
+                assert!((text.parse::<f64>().unwrap() - value).abs() < 1e-9 * value.abs().max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn the_bar_runs_through_the_map_in_every_format() {
+        for (alpha, depth) in [(false, Depth::Eight), (true, Depth::Sixteen)] {
+            let sample = usize::from(depth.bits() / 8);
+            let channels = if alpha { 4 } else { 3 };
+            let size = [300, 200];
+            let mut bytes = vec![0; 300 * 200 * channels * sample];
+            let color = Color { alpha, srgb: true, depth };
+            legend([0.0, 1.0]).draw(&mut Canvas { bytes: &mut bytes, size, color });
+            let pixel = |x: usize, y: usize| {
+                let at = (y * 300 + x) * channels * sample;
+                [0, 1, 2].map(|c| bytes[at + c * sample])
+            };
+            let column =
+                (0..300).find(|x| (0..200).any(|y| pixel(*x, y) == ColorMap::Viridis.srgb(1.0)));
+            let column = column.expect("the top of the bar");
+            let row = |color| (0..200).find(|y| pixel(column, *y) == color).expect("the colour");
+            let (top, middle) =
+                (row(ColorMap::Viridis.srgb(1.0)), row(ColorMap::Viridis.srgb(0.0)));
+            assert!(middle > top + 80, "{top} {middle}");
+            assert_eq!(pixel(5, 5), [0; 3], "beside the panel");
+            if alpha {
+                let at = ((top * 300 + column) * 4 + 3) * 2;
+                assert_eq!(bytes[at..at + 2], [255, 255]);
+            }
+        }
+    }
+
+    #[test]
+    fn any_size_of_picture_is_safe() {
+        for size in [[1, 1], [3, 400], [400, 3], [20, 20], [90, 40]] {
+            let mut bytes = vec![0; (size[0] * size[1] * 3) as usize];
+            let color = Color { alpha: false, srgb: false, depth: Depth::Eight };
+            let legend = Legend { nan: Some([255, 0, 255]), ..legend([-1e9, 2e9]) };
+            legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+            assert!(bytes.iter().any(|byte| *byte != 0));
+        }
+    }
+}

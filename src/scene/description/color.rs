@@ -1,0 +1,67 @@
+//! Colours of a mesh as a scene file writes them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Color, Name};
+use crate::colormap::ColorMap;
+
+/// Source of the colours of a mesh.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum MeshColor {
+    /// Colours that the file stores.
+    Stored(StoredColor),
+    /// A number of the file through a colour map.
+    Property(PropertyColor),
+}
+
+/// Colours that a mesh file stores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum StoredColor {
+    /// colours of the vertices
+    Vertex,
+    /// colours of the faces
+    Face,
+}
+
+/// A scalar property of the file, shown through a colour map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PropertyColor {
+    /// Name of the property of the vertices, or else of the faces. `vertex.NAME` and `face.NAME`
+    /// select one.
+    pub property: Name,
+    /// Colour map from the low to the high end of the range.
+    #[serde(default)]
+    pub map: ColorMap,
+    /// Values at the two ends of the map. Values beyond have the colours of the ends. Default: the
+    /// smallest and the largest value of the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1e300, max = 1e300)))]
+    pub range: Option<[f64; 2]>,
+    /// Colour of values that are not finite.
+    #[serde(default = "magenta")]
+    pub nan: Color,
+}
+
+impl MeshColor {
+    /// Returns the value of the flag `--color`: `vertex`, `face` or the name of a property.
+    pub fn from_name(name: &str) -> Self {
+        match name {
+            "vertex" => Self::Stored(StoredColor::Vertex),
+            "face" => Self::Stored(StoredColor::Face),
+            name => Self::Property(PropertyColor {
+                property: Name(name.to_string()),
+                map: ColorMap::default(),
+                range: None,
+                nan: magenta(),
+            }),
+        }
+    }
+}
+
+/// No perceptual map has this colour.
+fn magenta() -> Color {
+    Color([1.0, 0.0, 1.0])
+}

@@ -1,0 +1,137 @@
+//! Chooses the colours of a mesh: which of the file are read, and how they are shown.
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Problem, Result};
+use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property};
+use crate::output::{legend::Legend, srgb};
+use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
+use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
+
+/// Returns the colours that a shape needs from its file. `textured`: its material has a texture,
+/// which hides all colours.
+pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
+    use mesh::ColorSource as Source;
+    let (source, place) = match &spec.color {
+        _ if textured => (Source::Nothing, ""),
+        None if spec.vertex_colors => (Source::Any, ""),
+        None => (Source::Nothing, ""),
+        Some(MeshColor::Vertex { place }) => (Source::Vertices, place.as_str()),
+        Some(MeshColor::Face { place }) => (Source::Faces, place.as_str()),
+        Some(MeshColor::Property(color)) => {
+            (Source::Property(&color.property), color.place.as_str())
+        }
+    };
+    ColorRequest { source, place }
+}
+
+/// Takes the colours that a shape shows from its mesh, and drops the others. `None` if there are
+/// none.
+///
+/// # Errors
+/// A property that was not read with the mesh.
+pub(super) fn take(
+    mesh: &mut Mesh,
+    spec: &Trimesh,
+    textured: bool,
+    warnings: &mut Vec<Problem>,
+) -> Result<(Option<MeshColors>, Option<Legend>)> {
+    let (of_vertices, of_faces) = (mesh.colors.take(), mesh.face_colors.take());
+    let (alpha, property) = (mesh.alpha.take(), mesh.property.take());
+    let by_vertices = of_vertices.map(|values| (MeshElement::Vertex, values));
+    let by_faces = of_faces.map(|values| (MeshElement::Face, values));
+    let stored = match &spec.color {
+        _ if textured => None,
+        None if !spec.vertex_colors => None,
+        None => by_vertices.or(by_faces),
+        Some(MeshColor::Vertex { .. }) => by_vertices,
+        Some(MeshColor::Face { .. }) => by_faces,
+        Some(MeshColor::Property(color)) => {
+            let (colors, legend) = mapped(property, color, spec, warnings)?;
+            return Ok((Some(colors), Some(legend)));
+        }
+    };
+    let stored = stored.map(|(element, values)| {
+        let space = match values {
+            Colors::F32(_) => ColorSpace::Linear,
+            Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
+        };
+        let space = spec.vertex_color_space.unwrap_or(space);
+        let source = ColorSource::Stored(StoredColors { values, alpha, space });
+        MeshColors { element, source, first_sphere: 0 }
+    });
+    Ok((stored, None))
+}
+
+/// Finite values of a property.
+struct Finite {
+    low: f64,
+    high: f64,
+    /// Number of values that are not finite.
+    others: u64,
+}
+
+impl Finite {
+    const NONE: Self = Self { low: f64::INFINITY, high: f64::NEG_INFINITY, others: 0 };
+
+    fn of(property: &Property) -> Self {
+        let values = &property.values;
+        let one = |all: Self, i: usize| match values.get(i) {
+            value if value.is_finite() => {
+                Self { low: all.low.min(value), high: all.high.max(value), ..all }
+            }
+            _ => Self { others: all.others + 1, ..all },
+        };
+        let both = |a: Self, b: Self| Self {
+            low: a.low.min(b.low),
+            high: a.high.max(b.high),
+            others: a.others + b.others,
+        };
+        let all = (0..values.len()).into_par_iter().with_min_len(1 << 14);
+        all.fold(|| Self::NONE, one).reduce(|| Self::NONE, both)
+    }
+
+    /// The range that a map shows: of some width, also for equal values.
+    fn range(&self) -> [f64; 2] {
+        match self.high - self.low {
+            width if width > 0.0 && width.is_finite() => [self.low, self.high],
+            width if width > 0.0 => [self.low / 4.0, self.high / 4.0],
+            width if width == 0.0 => {
+                let some = 0.5f64.max(self.low.abs() * 1e-6);
+                [self.low - some, self.high + some]
+            }
+            _ => [0.0, 1.0],
+        }
+    }
+}
+
+fn mapped(
+    property: Option<Property>,
+    color: &PropertyColor,
+    spec: &Trimesh,
+    warnings: &mut Vec<Problem>,
+) -> Result<(MeshColors, Legend)> {
+    let path = spec.path.display();
+    let Some(property) = property else {
+        let message = format!("{path} was read without its property {:?}", color.property);
+        return Err(Error::invalid(&color.place, message));
+    };
+    let finite = Finite::of(&property);
+    let name = format!("{}.{}", property.element.name(), property.name);
+    if finite.others > 0 {
+        let [r, g, b] = color.nan.to_array();
+        let message = format!(
+            "{} of {} values of {name} are not finite; they have the colour [{r}, {g}, {b}]",
+            finite.others,
+            property.values.len()
+        );
+        warnings.push(Problem::new(path.to_string(), message));
+    }
+    let range = color.range.unwrap_or_else(|| finite.range());
+    let nan = color.nan.to_array().map(|c| srgb::byte(f64::from(c).clamp(0.0, 1.0)));
+    let nan = (finite.others > 0).then_some(nan);
+    let legend = Legend { name: property.name, map: color.map, range, nan };
+    let scalars = MappedScalars::new(property.values, color.map, range, color.nan);
+    let source = ColorSource::Mapped(Box::new(scalars));
+    Ok((MeshColors { element: property.element, source, first_sphere: 0 }, legend))
+}

@@ -1,0 +1,113 @@
+//! Sorts the shapes of a scene into geometries, relative to the scene's origin.
+
+use glam::DVec3;
+
+use super::place::PlacedMesh;
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
+use crate::ray::RayKind;
+use crate::reserve;
+use crate::scene::{Role, Scene, ShapeKind};
+use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
+
+/// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
+/// quads and all spheres.
+pub(super) fn gather(
+    scene: &Scene,
+    meshes: Vec<(usize, PlacedMesh)>,
+    origin: DVec3,
+) -> Result<(Geometry, Shapes)> {
+    let local = |p: DVec3| (p - origin).as_vec3().to_array();
+    let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
+    let (mut quads, mut quad_shapes) = (Vec::new(), Vec::new());
+    let (mut spheres, mut sphere_shapes) = (Vec::new(), Vec::new());
+    let (mut corners, mut triangle_shapes) = (Vec::new(), Vec::new());
+    for (index, shape) in scene.shapes.iter().enumerate() {
+        let index = index as u32;
+        let textured = scene.materials[shape.material].texture.is_some();
+        let uv = match &shape.kind {
+            ShapeKind::Sphere { center, radius, pole } => {
+                spheres.push(Sphere { center: *center - origin, radius: *radius });
+                sphere_shapes.push(index);
+                UvSource::Sphere { pole: *pole }
+            }
+            ShapeKind::Plane { corners } => {
+                quads.push(corners.map(local));
+                quad_shapes.push(index);
+                linear(textured, || UvFrame::from_quad(&corners.map(|p| p - origin)))
+            }
+            ShapeKind::Triangle { corners: triangle } => {
+                corners.extend(triangle.map(local));
+                triangle_shapes.push(index);
+                linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
+            }
+            ShapeKind::Trimesh(_) => UvSource::None,
+        };
+        let (material, role) = (shape.material as u32, shape.role);
+        shapes.push(Shape { material, uv, normals: None, colors: None, textures: None, role });
+    }
+    let mut arrays = Vec::new();
+    let mut owners = Vec::new();
+    // The shape of each cloud of points, and the end of its spheres.
+    let mut clouds: Vec<(u32, usize)> = Vec::new();
+    let single_spheres = spheres.len();
+    for (index, mesh) in meshes {
+        if mesh.is_cloud() {
+            mesh.finish_points(origin, &mut shapes[index], &mut spheres)?;
+            clouds.push((index as u32, spheres.len()));
+            continue;
+        }
+        owners.push(Owner::One(index as u32));
+        arrays.push(mesh.finish(origin, &mut shapes[index])?);
+    }
+    if !triangle_shapes.is_empty() {
+        let triangles =
+            (0..triangle_shapes.len() as u32).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect();
+        arrays.push(TriangleMesh::new(corners, triangles, false));
+        owners.push(Owner::Each(triangle_shapes));
+    }
+    let sphere_owner = match clouds[..] {
+        [(cloud, _)] if single_spheres == 0 => Owner::One(cloud),
+        _ => {
+            reserve::exact(&mut sphere_shapes, spheres.len() - single_spheres, "scene")?;
+            for (cloud, end) in clouds {
+                sphere_shapes.resize(end, cloud);
+            }
+            Owner::Each(sphere_shapes)
+        }
+    };
+    owners.extend([Owner::Each(quad_shapes), sphere_owner]);
+    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
+        let message = format!("{count} primitives are more than the 4294967294 that fit");
+        Error::new(Kind::Limit, Problem::new("scene", message))
+    })?;
+    let geometry = with_unseen(geometry, scene, &owners);
+    let has_roles = shapes.iter().any(|shape| shape.role != Role::Surface);
+    let (materials, textures) = (Vec::new(), Vec::new());
+    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles }))
+}
+
+/// Sets which primitives each kind of ray passes through. `owners` are the shapes by geometry id.
+fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
+    let unseen = RayKind::ALL.map(|kind| {
+        let mut unseen = Unseen::NONE;
+        let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
+        for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
+            match owner {
+                Owner::One(shape) if passes(*shape) => unseen.push(ends[0]..ends[1]),
+                Owner::One(_) => {}
+                Owner::Each(shapes) => {
+                    let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
+                    hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));
+                }
+            }
+        }
+        unseen
+    });
+    geometry.with_unseen(unseen)
+}
+
+/// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.
+fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
+    if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
+}
