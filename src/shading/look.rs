@@ -329,7 +329,3 @@ fn set(m: &Material, i: usize, out: &mut Points) {
     out.at.lifted.0[i] = 0;
     set_lane(&mut out.base, i, m.base);
 }
-
-fn weighted(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
-    values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
-}

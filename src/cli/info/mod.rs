@@ -174,7 +174,7 @@ fn points(mesh: &mesh::Mesh, facts: &mut Facts) {
         mesh.notes.trailing_bytes,
         "bytes after the last declared row",
     );
-    let Bounds { min: low, max: high } = Points::new(mesh).bounds(|p| p);
+    let Bounds { min: low, max: high } = UsedVertices::new(mesh).bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the points: {low} to {high}, size {size}");
     facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
