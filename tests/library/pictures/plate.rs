@@ -273,8 +273,8 @@ fn alpha_of_a_catcher_is_what_the_shadows_take() {
         for pixel in caught.pixels() {
             // Adaptive shadows decide about the 16 pixels of a packet together.
             let block = |at: usize| [at % SIZE[0] / 4, at / SIZE[0] / 4];
-            let packet = caught.pixels().filter(|&other| block(other) == block(pixel));
-            if adaptive && packet.into_iter().any(|other| caught.object(other) != 1) {
+            let mut packet = caught.pixels().filter(|&other| block(other) == block(pixel));
+            if adaptive && packet.any(|other| caught.object(other) != 1) {
                 continue;
             }
             if caught.object(pixel) != 1 {
