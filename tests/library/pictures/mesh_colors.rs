@@ -168,7 +168,7 @@ fn problems_name_the_place_in_the_scene() {
         (json!({ "color": "vertex" }), "m.ply has no colours of its vertices"),
         (json!({ "color": "face", "vertexcolors": false }), "expected one of the two"),
     ] {
-        let error = render(&ply, more).err().expect(message);
+        let Err(error) = render(&ply, more) else { panic!("no error: {message}") };
         assert_eq!(error.exit_code(), 2);
         let text = error.to_string();
         assert!(text.contains(message) && text.contains("s.json:1:"), "{text}");
@@ -207,6 +207,7 @@ fn faces_have_the_textures_of_their_numbers() {
         let expected = usize::from(names.contains(&"no.ppm"));
         assert_eq!((missing, warnings.len()), (expected, expected), "{warnings:?}");
     }
-    let error = shown(&pair, [0.0, 2.0]).err().expect("out of range").to_string();
+    let Err(error) = shown(&pair, [0.0, 2.0]) else { panic!("out of range") };
+    let error = error.to_string();
     assert!(error.contains("m.ply: face 1: texnumber 2 is out of range"), "{error}");
 }
