@@ -57,8 +57,8 @@ impl LightBatch {
         }
     }
 
-    /// Traces the waiting rays of the first `points` light points; `tfar` becomes -inf where a ray is
-    /// occluded.
+    /// Traces the waiting rays of the first `points` light points. `tfar` becomes -inf where a ray
+    /// is occluded.
     #[inline(always)]
     pub fn trace(&mut self, points: usize, accelerator: &dyn Accelerator) {
         let count = self.sort(points.min(POINTS));
