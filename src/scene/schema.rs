@@ -84,6 +84,9 @@ fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
         return;
     };
     map.remove("$ref");
+    if let Some(alternatives) = target.get("oneOf") {
+        map.insert("oneOf".into(), alternatives.clone());
+    }
     if let (Some(to), Some(from)) =
         (map["properties"].as_object_mut(), target["properties"].as_object())
     {

@@ -131,6 +131,9 @@ fn help_version_schema_completions_man() {
     let schema = lightpath(&["schema"]).stdout();
     let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
     assert!(schema["properties"]["camera"].is_object());
+    // An editor learns that a camera has one of `lookat` and `target`.
+    let cameras = schema["$defs"]["Camera"]["oneOf"].as_array().unwrap();
+    assert!(cameras.len() == 5 && cameras.iter().all(|camera| camera["oneOf"].is_array()));
     let job = lightpath(&["schema", "job"]).stdout();
     let job: serde_json::Value = serde_json::from_str(&job).unwrap();
     let bits = &job["$defs"]["OutputKeys"]["properties"]["pngbits"];
