@@ -12,7 +12,7 @@ use embedded_graphics::{
 
 use crate::colormap::ColorMap;
 
-use super::{png::Color, tonemap::Depth};
+use super::tonemap::{Depth, PixelFormat};
 
 /// Sides of a picture in pixels from which the large font is used.
 const LARGE: u32 = 500;
@@ -43,7 +43,7 @@ pub struct Canvas<'a> {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Format of the pixels.
-    pub color: Color,
+    pub color: PixelFormat,
 }
 
 impl Legend {
@@ -142,7 +142,7 @@ impl Canvas<'_> {
 
     /// Sets a pixel inside the picture to an 8-bit sRGB colour, opaque.
     fn put(&mut self, x: u32, y: u32, color: [u8; 3]) {
-        let Color { alpha, srgb, depth } = self.color;
+        let PixelFormat { alpha, srgb, depth } = self.color;
         let sample = usize::from(depth.bits() / 8);
         let channels = if alpha { 4 } else { 3 };
         let at = (y as usize * self.size[0] as usize + x as usize) * channels * sample;
@@ -224,7 +224,7 @@ mod tests {
             let channels = if alpha { 4 } else { 3 };
             let size = [300, 200];
             let mut bytes = vec![0; 300 * 200 * channels * sample];
-            let color = Color { alpha, srgb: true, depth };
+            let color = PixelFormat { alpha, srgb: true, depth };
             legend([0.0, 1.0]).draw(&mut Canvas { bytes: &mut bytes, size, color });
             let pixel = |x: usize, y: usize| {
                 let at = (y * 300 + x) * channels * sample;
@@ -249,7 +249,7 @@ mod tests {
     fn any_size_of_picture_is_safe() {
         for size in [[1, 1], [3, 400], [400, 3], [20, 20], [90, 40]] {
             let mut bytes = vec![0; (size[0] * size[1] * 3) as usize];
-            let color = Color { alpha: false, srgb: false, depth: Depth::Eight };
+            let color = PixelFormat { alpha: false, srgb: false, depth: Depth::Eight };
             let legend = Legend { nan: Some([255, 0, 255]), ..legend([-1e9, 2e9]) };
             legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
             assert!(bytes.iter().any(|byte| *byte != 0));

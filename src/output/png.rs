@@ -22,7 +22,7 @@ use super::{
     WriteOptions,
     legend::Canvas,
     over,
-    tonemap::{self, Depth},
+    tonemap::{self, Depth, PixelFormat},
 };
 
 /// Writes the film's data window. `path` is for messages.
@@ -40,7 +40,7 @@ pub fn write(
     let pixels = composite.as_deref().unwrap_or(&film.pixels);
     let alpha = options.transparent && over.is_none();
     let mut bytes = tonemap::to_samples(pixels, tonemap, alpha, depth);
-    let color = Color { alpha, srgb: tonemap.srgb, depth };
+    let color = PixelFormat { alpha, srgb: tonemap.srgb, depth };
     if let Some(legend) = legend {
         let size = [film.window.width(), film.window.height()];
         legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
@@ -66,17 +66,6 @@ pub fn write_ids(film: &Film, ids: &[u16], file: &mut impl Write, path: &Path) -
     buffered.flush().map_err(|error| Error::io(path, "write", &error))
 }
 
-/// The format of a pixel.
-#[derive(Debug, Clone, Copy)]
-pub struct Color {
-    /// True for R, G, B, A; false for R, G, B.
-    pub alpha: bool,
-    /// True if values are sRGB-encoded, false if they are linear.
-    pub srgb: bool,
-    /// Bits of each channel.
-    pub depth: Depth,
-}
-
 /// Writes the pixels of the film's data window.
 ///
 /// # Errors
@@ -84,7 +73,7 @@ pub struct Color {
 pub fn encode(
     film: &Film,
     bytes: &[u8],
-    color: Color,
+    color: PixelFormat,
     fingerprint: Option<&str>,
     file: &mut impl Write,
     path: &Path,

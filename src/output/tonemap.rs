@@ -11,6 +11,17 @@ use crate::scene::{ToneOperator, Tonemap};
 
 use super::{srgb, value_counts::finite};
 
+/// The format of a pixel of a PNG.
+#[derive(Debug, Clone, Copy)]
+pub struct PixelFormat {
+    /// True for R, G, B, A; false for R, G, B.
+    pub alpha: bool,
+    /// True if values are sRGB-encoded, false if they are linear.
+    pub srgb: bool,
+    /// Bits of each channel.
+    pub depth: Depth,
+}
+
 /// Number of bits of a channel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Depth {

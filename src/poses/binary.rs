@@ -4,7 +4,7 @@ use std::{collections::HashMap, path::Path};
 
 use super::{
     bytes,
-    colmap::{Image, MODELS, Sensor},
+    colmap_model::{Image, MODELS, Sensor},
 };
 use crate::error::{Error, Result};
 

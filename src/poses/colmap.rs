@@ -8,49 +8,15 @@ use std::{
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{Pose, Poses, binary, text};
+use super::{
+    Pose, Poses, binary,
+    colmap_model::{Image, MODELS, Sensor},
+    text,
+};
 use crate::{
     error::{Error, Result},
-    scene::{
-        did_you_mean,
-        written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
-    },
+    scene::written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
 };
-
-/// A camera model that OpenCV's models cover: its number in binary files, its name, how many
-/// parameters it has.
-pub(super) const MODELS: [(i32, &str, usize); 9] = [
-    (0, "SIMPLE_PINHOLE", 3),
-    (1, "PINHOLE", 4),
-    (2, "SIMPLE_RADIAL", 4),
-    (3, "RADIAL", 5),
-    (4, "OPENCV", 8),
-    (5, "OPENCV_FISHEYE", 8),
-    (6, "FULL_OPENCV", 12),
-    (8, "SIMPLE_RADIAL_FISHEYE", 4),
-    (9, "RADIAL_FISHEYE", 5),
-];
-
-/// A camera of `cameras.txt` or `cameras.bin`.
-#[derive(Debug, Clone)]
-pub(super) struct Sensor {
-    /// Row of [`MODELS`].
-    pub model: usize,
-    pub size: [u32; 2],
-    pub params: Vec<f64>,
-}
-
-/// A picture of `images.txt` or `images.bin`.
-#[derive(Debug, Clone)]
-pub(super) struct Image {
-    /// Rotation from world to camera: w, x, y, z.
-    pub rotation: [f64; 4],
-    pub translation: [f64; 3],
-    pub camera: u32,
-    pub name: String,
-    /// Place in its file, for messages.
-    pub place: String,
-}
 
 /// Reads a model from its folder, or from the folder of one of its files.
 pub(super) fn read(path: &Path) -> Result<Poses> {
@@ -169,14 +135,4 @@ impl Sensor {
             axes: Axes::OpenCv,
         }
     }
-}
-
-/// Returns the row of a model's name.
-pub(super) fn model(place: &str, name: &str) -> Result<usize> {
-    let names = MODELS.map(|(_, name, _)| name);
-    names.iter().position(|known| *known == name).ok_or_else(|| {
-        let message =
-            format!("found the camera model {name:?}, expected one of {}", names.join(", "));
-        Error::invalid(place, message).maybe_help(did_you_mean(name, names))
-    })
 }

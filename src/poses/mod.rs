@@ -3,6 +3,7 @@
 
 mod binary;
 mod colmap;
+mod colmap_model;
 mod text;
 mod transforms;
 

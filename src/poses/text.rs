@@ -4,7 +4,7 @@ use std::{collections::HashMap, path::Path, str::FromStr};
 
 use super::{
     bytes,
-    colmap::{Image, MODELS, Sensor, model},
+    colmap_model::{Image, MODELS, Sensor, model},
 };
 use crate::error::{Error, Result};
 

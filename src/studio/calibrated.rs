@@ -2,7 +2,12 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Subject, furnish::main_axis, furnish::trimesh, furnish::turn, points::UsedVertices};
+use super::{
+    Subject,
+    axes::{main_axis, turn},
+    points::UsedVertices,
+    template::trimesh,
+};
 use crate::{
     error::{Error, Result},
     mesh::Mesh,

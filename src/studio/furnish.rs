@@ -14,11 +14,12 @@ use crate::{
 };
 
 use super::{
+    axes::{main_axis, turn},
     calibrated::keep_coordinates,
     framing::{FieldOfView, frame, frame_turning},
     points::UsedVertices,
-    subject::{Axis, GROUND, Subject},
-    template::Template,
+    subject::{GROUND, Subject},
+    template::{Template, trimesh},
 };
 
 /// Height of the mesh above the ground, as a fraction of its longest side. It is too small to see
@@ -317,58 +318,4 @@ fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
         ShapeKind::Plane { corners } => Some(corners[0][vertical]),
         _ => None,
     })
-}
-
-pub(super) fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
-    let index: usize = shape.rsplit('/').next()?.parse().ok()?;
-    match &loaded.scene.shapes.get(index)?.kind {
-        ShapeKind::Trimesh(spec) => Some(spec),
-        _ => None,
-    }
-}
-
-/// Returns the index (0, 1 or 2) of the axis nearest to `up`.
-pub fn main_axis(up: DVec3) -> usize {
-    let size = up.abs();
-    let wins = |a: usize| (0..3).all(|b| size[a] >= size[b]);
-    (0..3).find(|a| wins(*a)).unwrap_or(1)
-}
-
-/// Returns the `rotate` angles that turn an axis of the mesh to an axis of the scene.
-pub(super) fn turn(from: Axis, to: usize) -> [f64; 3] {
-    match (from, to) {
-        (Axis::X, 1) => [0.0, 0.0, 90.0],
-        (Axis::Z, 1) => [-90.0, 0.0, 0.0],
-        (Axis::X, 2) => [0.0, -90.0, 0.0],
-        (Axis::Y, 2) => [90.0, 0.0, 0.0],
-        (Axis::Y, 0) => [0.0, 0.0, -90.0],
-        (Axis::Z, 0) => [0.0, 90.0, 0.0],
-        _ => [0.0; 3],
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DMat3;
-
-    #[test]
-    fn turn_maps_each_axis_of_the_mesh_to_each_axis_of_the_scene() {
-        for (i, from) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
-            for to in 0..3 {
-                let [x, y, z] = turn(from, to).map(f64::to_radians);
-                let turned = DMat3::from_rotation_z(z)
-                    * DMat3::from_rotation_y(y)
-                    * DMat3::from_rotation_x(x)
-                    * DVec3::AXES[i];
-                assert!((turned - DVec3::AXES[to]).length() < 1e-12, "{from:?} {to}");
-            }
-        }
-    }
-
-    #[test]
-    fn main_axis_is_the_largest_component() {
-        assert_eq!(main_axis(DVec3::new(0.1, -3.0, 2.0)), 1);
-        assert_eq!(main_axis(DVec3::Z), 2);
-    }
 }

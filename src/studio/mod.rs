@@ -7,6 +7,7 @@
 //! the template, so the result is an ordinary scene that can be saved. A [`Turntable`] derives
 //! further scenes, one per frame.
 
+mod axes;
 mod calibrated;
 mod framing;
 mod furnish;

@@ -7,7 +7,7 @@ use std::{
 
 use crate::{
     error::{Error, Result},
-    scene::Source,
+    scene::{Loaded, ShapeKind, Source, Trimesh},
 };
 
 /// Maximum number of bytes read. The parser refuses longer files too.
@@ -67,5 +67,14 @@ impl Template {
         let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
         read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
         Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new(), builtin: false })
+    }
+}
+
+/// Returns the trimesh at the JSON pointer `shape` of a loaded scene.
+pub fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
+    let index: usize = shape.rsplit('/').next()?.parse().ok()?;
+    match &loaded.scene.shapes.get(index)?.kind {
+        ShapeKind::Trimesh(spec) => Some(spec),
+        _ => None,
     }
 }

@@ -14,7 +14,7 @@ use crate::scene::{
     written::{Axes, Camera, Light, Matrix},
 };
 
-use super::furnish::main_axis;
+use super::axes::main_axis;
 
 /// The object that turns: mesh or camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -6,7 +6,11 @@ use crate::{
     error::{Error, Result},
     film::Film,
     layers::PixelLayout,
-    output::{atomic::Part, exr, png, preview as pictures, tonemap::Depth},
+    output::{
+        atomic::Part,
+        exr, png, preview as pictures,
+        tonemap::{Depth, PixelFormat},
+    },
     paths,
     scene::{Layer, Scene},
 };
@@ -106,7 +110,7 @@ pub fn write_previews(
     let write = |(name, mut part): (String, Part)| {
         let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
-        let color = png::Color { alpha: false, srgb: true, depth: Depth::Eight };
+        let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };
         png::encode(film, &bytes, color, None, part.file(), &path)?;
         part.sync()?;
         Ok(add(part))
