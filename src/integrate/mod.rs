@@ -7,6 +7,7 @@ mod adaptive_shadows;
 mod area_light;
 mod block;
 mod camera_packet;
+mod catchers;
 mod crevices;
 mod empty_blocks;
 mod joint;

@@ -1,8 +1,9 @@
 //! The optional arrays that vertices and faces share: colours, their alpha, one scalar, and
 //! numbers of textures.
 
+use super::choice::ColorType;
 use super::context::ReadContext;
-use super::plan::{ATTRIBUTES, AttributePlan, ColorType, SCALAR};
+use super::plan::{ATTRIBUTES, AttributePlan, SCALAR};
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::scalar::Scalar;
 use crate::error::Result;

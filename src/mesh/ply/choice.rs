@@ -2,12 +2,19 @@
 
 use super::ReadOptions;
 use super::header::{Element, Header, PropertyType};
-use super::plan::{ColorType, has_strips, single};
 use super::request::ColorSource;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 use crate::mesh::MeshElement;
 use crate::nearest::did_you_mean;
+
+/// The type of colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ColorType {
+    U8,
+    U16,
+    F32,
+}
 
 /// Names of the channels of a colour, with the name of its alpha.
 const COLOR_NAMES: [([&str; 3], &str); 3] = [
@@ -153,4 +160,15 @@ fn choices(header: &Header) -> String {
     };
     let shown: Vec<&str> = names.iter().take(MAX_LISTED).map(String::as_str).collect();
     format!("its scalar properties are {}{more}", shown.join(", "))
+}
+
+/// Returns true if the file has triangle strips. They have no attributes.
+pub(super) fn has_strips(header: &Header) -> bool {
+    header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0)
+}
+
+/// Returns the index of the property called `name` if it is a scalar and not a list.
+pub(super) fn single(element: &Element, name: &str) -> Option<usize> {
+    let at = element.find(name)?;
+    matches!(element.properties[at].shape, PropertyType::Single(_)).then_some(at)
 }

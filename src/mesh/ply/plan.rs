@@ -3,7 +3,7 @@
 //! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
 
 use super::ReadOptions;
-use super::choice::{Choice, choose};
+use super::choice::{Choice, ColorType, choose, has_strips, single};
 use super::header::{Element, Header, Property, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
@@ -26,14 +26,6 @@ pub(super) const SCALAR: usize = COLOR + 4;
 
 const UV_NAMES: [[&str; 2]; 4] =
     [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
-
-/// The type of colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ColorType {
-    U8,
-    U16,
-    F32,
-}
 
 /// For each role, the index of its property within the element.
 pub(super) type Columns = [Option<usize>; ROLES];
@@ -246,20 +238,9 @@ fn vertex_plan(header: &Header, file: &str, choice: &Choice, points: bool) -> Re
     })
 }
 
-/// Returns true if the file has triangle strips. They have no attributes.
-pub(super) fn has_strips(header: &Header) -> bool {
-    header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0)
-}
-
 /// Returns the first role of the property `at`.
 fn role_of(columns: &Columns, at: usize) -> Option<usize> {
     columns.iter().position(|column| *column == Some(at))
-}
-
-/// Returns the index of the property called `name` if it is a scalar and not a list.
-pub(super) fn single(element: &Element, name: &str) -> Option<usize> {
-    let at = element.find(name)?;
-    matches!(element.properties[at].shape, PropertyType::Single(_)).then_some(at)
 }
 
 /// Fills `columns` with the properties called `names`. Returns false, and changes nothing, if the

@@ -5,9 +5,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::ReadOptions;
-use super::choice::scalar_names;
+use super::choice::{ColorType, scalar_names};
 use super::header::{self, Format, Header, MAX_HEADER, PropertyType};
-use super::plan::{self, ColorType, MeshPlan};
+use super::plan::{self, MeshPlan};
 use super::scalar::Scalar;
 use super::source::Head;
 use super::unpack::Packing;
