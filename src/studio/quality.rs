@@ -50,27 +50,3 @@ impl Quality {
         Ok(ours)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::written::Light;
-
-    #[test]
-    fn normal_is_the_studio_as_it_is() {
-        let studio = Template::studio();
-        let load = |overrides: Overrides| overrides.load(studio.source()).unwrap().description;
-        let samples = |quality: Option<Quality>| {
-            let ours = quality.map(|quality| quality.overrides(&studio, true).unwrap());
-            let found = load(ours.unwrap_or_default());
-            let lights = found.scene.lightsources.iter().map(|light| match light {
-                Light::AreaLight(area) => area.samples,
-                Light::PointLight(_) => panic!("the studio has area lights"),
-            });
-            (found.spp, lights.collect::<Vec<_>>())
-        };
-        assert_eq!(samples(Some(Quality::Normal)), samples(None));
-        assert!(samples(Some(Quality::Draft)).0 < samples(None).0);
-        assert!(samples(Some(Quality::Final)).0 > samples(None).0);
-    }
-}

@@ -4,8 +4,8 @@
 //! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
 //! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
 //! header is trusted before the rows have been found in the file. A file without faces is read only
-//! if its points are requested. Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format" (1994),
-//! and common usage.
+//! if its points are requested. Placement and shading are done elsewhere. Format: Turk, "The PLY
+//! Polygon File Format" (1994), and common usage.
 
 mod attributes;
 mod block;
@@ -248,11 +248,17 @@ fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<
     let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
     duplicates::drop(&mut stitches, vertex_count, job)?;
     notes.duplicates_dropped = duplicates;
-    let number = tally.main_texture().and_then(|n| usize::try_from(n).ok());
-    let named = number.and_then(|n| header.texture_files.get(n)).or(header.texture_files.first());
-    let texture_file = named.cloned();
     // One texture on all faces needs no numbers.
     let several = tally.textures.len() > 1;
+    let main = tally.main_texture();
+    let named =
+        main.and_then(|n| usize::try_from(n).ok()).and_then(|n| header.texture_files.get(n));
+    let all_choose_one = main.is_some() && !several;
+    let texture_file = if all_choose_one { named } else { named.or(header.texture_files.first()) };
+    let texture_file = texture_file.cloned();
+    if all_choose_one {
+        notes.texture_files = 1;
+    }
     let numbers = attributes.textures.take().filter(|_| several);
     let textures = numbers.map(|numbers| FaceTextures { files: header.texture_files, numbers });
     notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();

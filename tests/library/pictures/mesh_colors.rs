@@ -198,6 +198,7 @@ fn faces_have_the_textures_of_their_numbers() {
         (&pair, [1.0, 0.0], green, red),
         (&pair, [1.0, 1.0], green, green),
         (&pair, [-1.0, 1.0], plain, green),
+        (&pair, [-1.0, -1.0], plain, plain),
         (&["red.ppm", "red.ppm", "green.ppm"], [1.0, 2.0], red, green),
         (&["red.ppm", "no.ppm", "none.ppm"], [1.0, 0.0], plain, red),
     ] {

@@ -25,7 +25,7 @@ fn points() -> Vec<[f64; 6]> {
 fn picture(backend: Backend, shapes: &Value, folder: &std::path::Path) -> (Film, World) {
     let scene = json!({
         "camera": { "type": "pinhole", "width": 64, "height": 64, "fov": 40,
-                    "position": [3, -2, 14], "target": [0, 0, 0], "up": [0, 1, 0] },
+                    "position": [1, -0.75, 4.5], "target": [0.5, -0.25, 1], "up": [0, 1, 0] },
         "scene": {
             "lightsources": [{ "type": "pointlight", "position": [5, 8, 9], "id": [2, 2, 2] }],
             "attenuation": "none",

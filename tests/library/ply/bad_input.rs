@@ -340,7 +340,9 @@ fn every_bad_file_has_its_message() {
 #[test]
 fn the_program_refuses_every_bad_file() {
     let refusals = program::Refusals::new();
-    for (what, bytes, message) in cases() {
+    // `info` describes a cloud of points.
+    let cases = cases().into_iter().filter(|(_, _, message)| !message.contains("point cloud"));
+    for (what, bytes, message) in cases {
         let done = refusals.file("t.ply", &bytes);
         let stderr = done.stderr();
         assert_eq!(stderr.lines().next(), Some(&*format!("error: {message}")), "{what}");

@@ -25,8 +25,8 @@ use crate::simd::{self, Isa, Kernel};
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
-/// Builds the tree without the primitives of `unseen`, on the current rayon pool. Also returns the most bytes that the build held at a
-/// time.
+/// Builds the tree without the primitives of `unseen`, on the current rayon pool. Also returns the
+/// most bytes that the build held at a time.
 ///
 /// # Errors
 /// - `Interrupted` after a signal.
