@@ -9,7 +9,7 @@ use super::{
 use crate::error::{Error, Result};
 
 /// The lines of a file that hold data: number from 1, and text.
-fn lines<'t>(text: &'t str, empty: bool) -> impl Iterator<Item = (usize, &'t str)> {
+fn lines(text: &str, empty: bool) -> impl Iterator<Item = (usize, &str)> {
     let all = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     all.filter(move |(_, line)| !line.starts_with('#') && (empty || !line.is_empty()))
 }

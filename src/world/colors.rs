@@ -96,7 +96,7 @@ impl Finite {
         match self.high - self.low {
             width if width > 0.0 && width.is_finite() => [self.low, self.high],
             width if width > 0.0 => [self.low / 4.0, self.high / 4.0],
-            width if width == 0.0 => {
+            0.0 => {
                 let some = 0.5f64.max(self.low.abs() * 1e-6);
                 [self.low - some, self.high + some]
             }

@@ -54,9 +54,7 @@ fn half<T: Copy>(lanes: &[T; LANES], first: usize) -> [T; WIDTH] {
 /// Writes the half of an array that begins at lane `first`.
 #[inline(always)]
 fn put<T: Copy>(lanes: &mut [T; LANES], first: usize, half: &[T; WIDTH]) {
-    for i in 0..WIDTH {
-        lanes[first + i] = half[i];
-    }
+    lanes[first..first + WIDTH].copy_from_slice(half);
 }
 
 impl Mask8 {

@@ -8,6 +8,7 @@ use super::{Direction, Interval, Matrix, Point};
 /// The camera that takes the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
+#[expect(clippy::large_enum_variant, reason = "a scene has one camera")]
 pub enum Camera {
     /// A perspective camera with everything in focus.
     Pinhole(Pinhole),
