@@ -42,7 +42,7 @@ pub struct JobFile {
     /// Path of the texture of all meshes, in place of those that the mesh files or the template
     /// name.
     pub texture: Option<Name>,
-    /// Numbers of samples of the built-in studio. Excludes `template`.
+    /// Camera samples of the built-in studio. Excludes `template`.
     pub quality: Option<Quality>,
     /// Colours of all meshes, as `color` of a mesh in a scene.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -184,7 +184,7 @@ impl Inverse {
                 most = most.max(count);
             }
         }
-        // One more halves no error that matters, but covers the positions between.
+        // One more step, for the positions between the sampled ones.
         Ok((most + 1).min(MAX_ITERATIONS))
     }
 

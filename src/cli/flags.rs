@@ -130,7 +130,7 @@ pub struct LookArgs {
     #[arg(long, value_name = "RADIUS", allow_negative_numbers = true)]
     pub points: Option<f64>,
 
-    /// Numbers of samples of the built-in studio; --spp and --light-samples win
+    /// Camera samples of the built-in studio; --spp wins
     #[arg(long, value_name = "NAME")]
     pub quality: Option<Quality>,
 

@@ -90,7 +90,7 @@ pub fn show_mesh(
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
     if let Some(quality) = subject.looks.quality {
-        user.prepend(quality.overrides(template, light_samples.is_none())?);
+        user.prepend(quality.overrides(template)?);
     }
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);

@@ -1,4 +1,4 @@
-//! Numbers of samples of the built-in studio.
+//! Camera samples of the built-in studio.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,32 +21,23 @@ pub enum Quality {
 }
 
 impl Quality {
-    /// Camera samples a pixel, and samples on the studio's two lights for each of them.
-    fn samples(self) -> (u32, [u32; 2]) {
-        match self {
-            Self::Draft => (1, [4, 2]),
-            Self::Normal => (4, [4, 2]),
-            Self::Final => (16, [4, 2]),
-        }
-    }
-
-    /// The overrides of the studio that set these numbers; those of the lights only if `lit`.
+    /// The overrides of the studio for this quality.
     ///
     /// # Errors
     /// `template` is not the studio.
-    pub fn overrides(self, template: &Template, lit: bool) -> Result<Overrides> {
+    pub fn overrides(self, template: &Template) -> Result<Overrides> {
         if !template.builtin {
             let message = format!("found with {}, expected with the studio", template.name);
             return Err(Error::invalid("--quality", message)
                 .help("a scene has its own `spp` and `samples`: see --spp, --light-samples"));
         }
-        let (spp, lights) = self.samples();
+        let spp = match self {
+            Self::Draft => Some(1),
+            Self::Normal => None,
+            Self::Final => Some(16),
+        };
         let mut ours = Overrides::default();
-        ours.flag("--quality", "/spp", Some(spp));
-        let lights = lights.into_iter().filter(|_| lit);
-        for (i, samples) in lights.enumerate() {
-            ours.flag("--quality", &format!("/scene/lightsources/{i}/samples"), Some(samples));
-        }
+        ours.flag("--quality", "/spp", spp);
         Ok(ours)
     }
 }

@@ -39,7 +39,7 @@ pub struct Appearance {
     pub color: Option<written::MeshColor>,
     /// Radius of spheres that replace the faces, in the units of the file.
     pub points: Option<f64>,
-    /// Numbers of samples of the built-in studio, in place of its own.
+    /// Camera samples of the built-in studio, in place of its own.
     pub quality: Option<Quality>,
 }
 
