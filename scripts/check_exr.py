@@ -54,8 +54,8 @@ SCENE = {
 
 HALF, FLOAT, UINT = np.float16, np.float32, np.uint32
 TYPES = {c: HALF for c in "RGBA"}
-TYPES |= {"Z": FLOAT, "primid.id": UINT, "objectid.id": UINT, "samples.Y": FLOAT}
-TYPES |= {f"{layer}.{c}": HALF for layer in ("N", "Ng") for c in "XYZ"}
+TYPES |= {"Z": FLOAT, "distance.Y": FLOAT, "facing.Y": HALF, "primid.id": UINT, "objectid.id": UINT, "samples.Y": FLOAT}
+TYPES |= {f"{layer}.{c}": HALF for layer in ("N", "Ng", "Ncam") for c in "XYZ"}
 TYPES |= {f"{layer}.{c}": HALF for c in "RGB" for layer in (
     "albedo", "diffuse", "specular", "ambient", "reflection", "background", "light_key", "light_sky",
     "light_ambient", "light_background")}  # fmt: skip
@@ -92,7 +92,9 @@ def read(name):
         if not shutil.which(tool[0]) or (tool[0] == "exrmaketiled" and name in ("parts", "dwaa")):
             continue
         done = subprocess.run(tool, capture_output=True, text=True)
-        expect(done.returncode == 0, f"{' '.join(tool)}: {done.stdout}{done.stderr}")
+        # The exit code of Debian 12's exrinfo is uninitialised memory. It prints nothing of a bad file.
+        accepted = "channels:" in done.stdout if tool[0] == "exrinfo" else done.returncode == 0
+        expect(accepted, f"{' '.join(tool)}: {done.stdout}{done.stderr}")
     parts = OpenEXR.File(path, separate_channels=True).parts
     channels = {n: c.pixels for part in parts for n, c in part.channels.items()}
     return parts, channels
@@ -137,7 +139,7 @@ def header_and_types():
     rate = header.get("framesPerSecond")
     expect(rate == 24, f"framesPerSecond is {rate}")
     names = ["software", "worldToCamera", "worldToNDC", "screenWindowWidth"]
-    names += ["lightpath:" + name for name in ("version", "sceneHash", "backend", "Z", "P", "N")]
+    names += ["lightpath:" + name for name in ("version", "sceneHash", "backend", "Z", "P", "N", "Ncam", "distance")]
     expect(not [name for name in names if name not in header], f"attributes: {sorted(header)}")
     expect("renderTimeSeconds" not in header, "the time is in the header without being asked for")
     info = lightpath("info", "all.exr").stdout
