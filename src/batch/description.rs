@@ -72,9 +72,9 @@ pub struct JobFile {
     pub set: BTreeMap<String, Value>,
     /// Renders several frames of each input: a full turn around it.
     pub turntable: Option<TurntableKeys>,
-    /// Path of a list of cameras: a COLMAP model, transforms.json, or JSON with `cameras`. Each input
-    /// is rendered from every camera, in its own coordinates. Excludes `turntable`, `size` and
-    /// `camera`.
+    /// Path of a list of cameras: a COLMAP model, transforms.json, or JSON with `cameras`. Each
+    /// input is rendered from every camera, in its own coordinates. Excludes `turntable`, `size`
+    /// and `camera`.
     pub cameras: Option<Name>,
     /// true: leaves the distortion of the lenses in `cameras` out.
     #[serde(default)]

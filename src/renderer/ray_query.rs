@@ -86,8 +86,8 @@ impl Renderer<'_> {
         rays.par_chunks(LANES).flat_map_iter(|rays| self.closest_of_packet(rays)).collect()
     }
 
-    /// Whether each ray hits anything. Faster than [`Renderer::closest`]. Shapes that cast no shadow
-    /// (`visible`) do not count.
+    /// Whether each ray hits anything. Faster than [`Renderer::closest`]. Shapes that cast no
+    /// shadow (`visible`) do not count.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let packets = rays.par_chunks(LANES);
         packets

@@ -232,8 +232,8 @@ impl Shapes {
         self.textures.iter().map(Texture::bytes).sum()
     }
 
-    /// The material and the normals of all lanes, if they hit the same shape and its colour does not
-    /// vary.
+    /// The material and the normals of all lanes, if they hit the same shape and its colour does
+    /// not vary.
     #[inline(always)]
     fn one_untextured_shape(
         &self,

@@ -68,8 +68,8 @@ pub struct Subject<'a> {
     pub looks: Appearance,
     /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
-    /// True to keep the mesh in the coordinates of its file, for cameras that are given in them. The
-    /// lights of the built-in studio move to the mesh, and its ground is left out.
+    /// True to keep the mesh in the coordinates of its file, for cameras that are given in them.
+    /// The lights of the built-in studio move to the mesh, and its ground is left out.
     pub calibrated: bool,
     /// True to drop triangles with missing or non-finite vertices.
     pub repair: bool,

@@ -30,8 +30,8 @@ unsafe impl Send for Scene<'_> {}
 unsafe impl Sync for Scene<'_> {}
 
 impl<'g> Scene<'g> {
-    /// Hands all meshes, quads and spheres to Embree, without the primitives of `unseen`, and builds
-    /// its tree.
+    /// Hands all meshes, quads and spheres to Embree, without the primitives of `unseen`, and
+    /// builds its tree.
     pub fn build(
         device: Device,
         (geometry, unseen): (&'g Geometry, &'g Unseen),

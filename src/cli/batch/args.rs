@@ -77,8 +77,8 @@ pub struct FrameArgs {
     #[arg(long, value_name = "DEG", requires = "turntable", allow_negative_numbers = true)]
     pub start: Option<f64>,
 
-    /// Render each input from every camera of a list, in its own coordinates: a folder with a COLMAP
-    /// model, transforms.json, or JSON with `cameras`
+    /// Render each input from every camera of a list, in its own coordinates: a folder with a
+    /// COLMAP model, transforms.json, or JSON with `cameras`
     #[arg(long, value_name = "FILE", conflicts_with = "turntable", value_hint = ValueHint::AnyPath)]
     pub cameras: Option<PathBuf>,
 

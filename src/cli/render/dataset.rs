@@ -21,7 +21,7 @@ use crate::{
 /// Flags for data sets.
 #[derive(Debug, Args)]
 pub struct DatasetArgs {
-    /// Write which faces the camera sees, with their numbers of samples and pixels, as a NumPy array
+    /// Write which faces the camera sees, with their counts of samples and pixels, as a NumPy array
     #[arg(long, value_name = "FILE.npy", value_hint = ValueHint::FilePath)]
     pub visible_faces: Option<PathBuf>,
 
