@@ -3,8 +3,9 @@
 //! A mask per ray would add a test to every primitive of every traversal. Separate accelerators
 //! leave the traversal unchanged. They share the arrays of the geometry.
 
-use super::accelerator::over_limit;
-use super::{Accelerator, BuildInfo, BuildOptions, Shaft, Visits, build_part};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
+use super::part::build_part;
+use super::shaft::Shaft;
 use crate::error::Result;
 use crate::geometry::{Geometry, Nearby};
 use crate::monitor::Monitor;

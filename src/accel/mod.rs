@@ -9,6 +9,7 @@ pub mod coursework;
 pub mod embree;
 mod footprint;
 pub mod lane;
+mod part;
 mod shaft;
 
 pub use accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
@@ -16,11 +17,10 @@ pub use footprint::Footprint;
 pub use shaft::Shaft;
 
 use crate::error::Result;
-use crate::geometry::{Geometry, Unseen};
-use crate::monitor::{Monitor, Phase};
+use crate::geometry::Geometry;
+use crate::monitor::Monitor;
 use crate::ray::RayKind;
-use crate::reserve;
-use crate::scene::{Backend, EmbreeMode};
+use crate::scene::Backend;
 
 /// Builds the accelerator of `backend` over `geometry`, or several if kinds of rays hit different
 /// primitives: see [`Accelerator::only`].
@@ -40,58 +40,5 @@ pub fn build<'g>(
     if others.into_iter().any(|unseen| unseen != camera) {
         return Ok(Box::new(by_kind::ByKind::build(geometry, backend, options, monitor)?));
     }
-    build_part(geometry, camera, backend, options, monitor)
-}
-
-/// Builds the accelerator of `backend` over the primitives that are not in `unseen`.
-fn build_part<'g>(
-    geometry: &'g Geometry,
-    unseen: &'g Unseen,
-    backend: Backend,
-    options: &BuildOptions,
-    monitor: &Monitor,
-) -> Result<Box<dyn Accelerator + 'g>> {
-    monitor.begin(Phase::Build, 1000);
-    if let Backend::Coursework | Backend::Brute = backend {
-        // These allocate in many pieces, so the sum is checked once.
-        let peak = Footprint::of(backend, options.threads)?;
-        reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
-    }
-    match backend {
-        Backend::Embree(mode) => build_embree((geometry, unseen), mode, options, monitor),
-        Backend::Bvh(isa) => {
-            Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
-        }
-        Backend::Coursework => {
-            let part = (geometry, unseen);
-            Ok(Box::new(coursework::Coursework::build_part(part, options, monitor)?))
-        }
-        Backend::Brute => {
-            Ok(Box::new(brute::Brute::build_part((geometry, unseen), options, monitor)?))
-        }
-    }
-}
-
-#[cfg(feature = "embree")]
-fn build_embree<'g>(
-    part: (&'g Geometry, &'g Unseen),
-    mode: EmbreeMode,
-    options: &BuildOptions,
-    monitor: &Monitor,
-) -> Result<Box<dyn Accelerator + 'g>> {
-    Ok(Box::new(embree::Embree::build_part(part, mode, options, monitor)?))
-}
-
-#[cfg(not(feature = "embree"))]
-fn build_embree<'g>(
-    _: (&'g Geometry, &'g Unseen),
-    mode: EmbreeMode,
-    _: &BuildOptions,
-    _: &Monitor,
-) -> Result<Box<dyn Accelerator + 'g>> {
-    use crate::error::{Error, Kind, Problem};
-    let name = Backend::Embree(mode).name();
-    let message = format!("found `{name}`, which this build does not have");
-    let help = "available: bvh, coursework, brute";
-    Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)))
+    part::build_part(geometry, camera, backend, options, monitor)
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::unit;
+use super::axes::{sees_behind, unit};
 use crate::calibration::Inverse;
 use crate::ray::{LANES, Rays};
 use crate::scene::{self, Projection};
@@ -65,7 +65,7 @@ impl Curved {
                 Kind::Orthographic { corner: [0.0; 2], pixel: 0.0 }
             }
         };
-        Self { position, axes, kind, sees_behind: super::sees_behind(camera) }
+        Self { position, axes, kind, sees_behind: sees_behind(camera) }
     }
 
     /// Sets origin and direction of all lanes of a packet. `x` and `y` are raster positions.

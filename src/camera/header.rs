@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::axes;
+use super::axes::axes;
 use crate::calibration::{Calibration, Distortion, Model};
 use crate::scene::{Camera, Projection};
 

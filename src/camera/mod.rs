@@ -1,5 +1,6 @@
 //! The camera: rays from pixels and samples, exactly as docs/guide/cameras.md defines them.
 
+mod axes;
 mod curved;
 mod header;
 
@@ -7,10 +8,12 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::calibration::{Fold, Model};
+use self::axes::unit;
+use crate::calibration::Fold;
 use crate::sampler::disk;
 use crate::scene::{self, Projection};
 
+pub use self::axes::{axes, sees_behind};
 pub use self::curved::Curved;
 pub use self::header::{
     Screen, described, pixel_size, screen, sides, world_to_camera, world_to_ndc,
@@ -44,13 +47,6 @@ struct Lens {
     focal_distance: f64,
 }
 
-/// The camera's unit axes: X right, Y up, Z forward.
-pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
-    let z = camera.lookat.normalize();
-    let x = z.cross(camera.up).normalize();
-    [x, x.cross(z), z]
-}
-
 /// Checks that a camera has rays in `overscan` more pixels on every side of its frame.
 ///
 /// # Errors
@@ -59,16 +55,6 @@ pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold>
     match &camera.projection {
         Projection::Distorted(_, _, inverse) => inverse.check_overscan(overscan),
         _ => Ok(()),
-    }
-}
-
-/// Whether the layer `Z` holds the distance, not the depth along the axis: the camera can see what
-/// lies beside it and behind it.
-pub fn sees_behind(camera: &scene::Camera) -> bool {
-    match &camera.projection {
-        Projection::Distorted(_, distortion, _) => distortion.model == Model::Fisheye,
-        Projection::Panorama { .. } => true,
-        _ => false,
     }
 }
 
@@ -196,11 +182,6 @@ impl Camera {
     fn towards(&self, x: f32, y: f32) -> DVec3 {
         self.corner + self.right * f64::from(x) + self.down * f64::from(y)
     }
-}
-
-#[inline(always)]
-fn unit(v: DVec3) -> Vec3 {
-    (v * (1.0 / v.dot(v).sqrt())).as_vec3()
 }
 
 /// [`unit`] for a direction to a point of the frame: a root in f32 and one Newton step. Its error

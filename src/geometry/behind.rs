@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::{Geometry, GeometryKind, NONE, doubles, quad_halves};
+use super::primitives::{Geometry, GeometryKind, doubles, quad_halves};
+use crate::ray::NONE;
 
 impl Geometry {
     /// Whether a triangle lies behind the tangent plane of the primitive that a ray leaves, or in
@@ -48,7 +49,7 @@ fn is_behind(plane: [[f32; 3]; 3], origin: DVec3, direction: DVec3, corners: [DV
 
 #[cfg(test)]
 mod tests {
-    use super::super::TriangleMesh;
+    use super::super::mesh::TriangleMesh;
     use super::*;
 
     /// A roof: the second triangle slopes down from the first along the y axis.

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use super::{Geometry, doubles};
+use super::primitives::{Geometry, doubles};
 
 /// Largest rounding near an edge, for two errors. The triangle test moves a corner by up to 8.5u of
 /// its distance; rounding moves a point by up to 5.2u of its coordinate (u = 2^-24). Both are

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Geometry, GeometryKind};
+use super::primitives::{Geometry, GeometryKind};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::{self, prefetch};
 

@@ -10,8 +10,9 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::mesh::TriangleMesh;
+use super::primitives::{Geometry, GeometryKind, doubles};
 use super::triangle::clamp_barycentrics;
-use super::{Geometry, GeometryKind, TriangleMesh, doubles};
 use crate::ray::{LANES, Mask, RayPacket, lane};
 
 impl TriangleMesh {

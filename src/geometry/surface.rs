@@ -8,8 +8,10 @@ use glam::DVec3;
 use super::ahead::is_after_start;
 use super::gather::gather;
 use super::passing::passing;
+use super::primitives::{Geometry, GeometryKind, doubles};
+use super::sphere::Sphere;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
-use super::{Geometry, GeometryKind, NONE, Sphere, doubles};
+use crate::ray::NONE;
 use crate::ray::{LANES, Mask, RayPacket};
 
 /// 16 surface points, relative to the scene's origin.

@@ -3,7 +3,7 @@
 use std::{collections::HashMap, path::Path};
 
 use super::{
-    bytes,
+    bytes::bytes,
     colmap_model::{Image, MODELS, Sensor},
 };
 use crate::error::{Error, Result};

@@ -9,8 +9,9 @@ use std::{
 use glam::{DMat3, DQuat, DVec3};
 
 use super::{
-    Pose, Poses, binary,
+    binary,
     colmap_model::{Image, MODELS, Sensor},
+    pose::{Pose, Poses},
     text,
 };
 use crate::{

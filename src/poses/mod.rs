@@ -2,16 +2,20 @@
 //! of our own. docs/guide/cameras.md describes them.
 
 mod binary;
+mod bytes;
 mod colmap;
 mod colmap_model;
+mod pose;
 mod text;
 mod transforms;
 
 use std::{
     collections::HashSet,
-    io::Read,
-    path::{Component, Path, PathBuf},
+    path::{Component, Path},
 };
+
+use self::bytes::bytes;
+pub use self::pose::{Pose, Poses};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,32 +28,8 @@ use crate::{
     },
 };
 
-/// Maximum size of a file of cameras in bytes.
-const MAX_FILE_BYTES: u64 = 1 << 30;
-
 /// Most cameras of a list; turntables have the same limit.
 const MAX_POSES: usize = 100_000;
-
-/// A camera of a list, and the picture that it belongs to.
-#[derive(Debug, Clone)]
-pub struct Pose {
-    /// Name of the picture: a path without its ending, relative to the folder of the pictures.
-    pub image: String,
-    /// The camera, as a scene writes it.
-    pub camera: Camera,
-    /// Place of the camera in its file, for messages.
-    place: String,
-}
-
-/// All cameras of a file.
-#[derive(Debug, Clone)]
-pub struct Poses {
-    /// The cameras: of a COLMAP model by the names of their pictures, else in the file's order. At
-    /// least one.
-    pub list: Vec<Pose>,
-    /// The files that were read.
-    pub files: Vec<PathBuf>,
-}
 
 /// A list of cameras as lightpath writes it.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -174,22 +154,6 @@ fn from_json(path: &Path) -> Result<Poses> {
         place: document.place(&format!("/cameras/{i}/camera")),
     });
     Ok(Poses { list: list.collect(), files })
-}
-
-/// Returns the contents of a file.
-///
-/// # Errors
-/// A file that cannot be read or exceeds [`MAX_FILE_BYTES`].
-fn bytes(path: &Path) -> Result<Vec<u8>> {
-    let failed = |error| Error::io(path, "read", &error);
-    let mut all = Vec::new();
-    let file = std::fs::File::open(path).map_err(failed)?;
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut all).map_err(failed)?;
-    if all.len() as u64 > MAX_FILE_BYTES {
-        let message = format!("found more than {} MiB", MAX_FILE_BYTES >> 20);
-        return Err(Error::invalid(path.display().to_string(), message));
-    }
-    Ok(all)
 }
 
 #[cfg(test)]

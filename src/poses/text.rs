@@ -3,7 +3,7 @@
 use std::{collections::HashMap, path::Path, str::FromStr};
 
 use super::{
-    bytes,
+    bytes::bytes,
     colmap_model::{Image, MODELS, Sensor, model},
 };
 use crate::error::{Error, Result};

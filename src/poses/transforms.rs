@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::Pose;
+use super::pose::Pose;
 use crate::{
     error::{Error, Failures, Result},
     scene::{

@@ -2,8 +2,9 @@
 
 use serde_json::Value;
 
+use crate::nearest::list;
+
 use super::{
-    nearest::list,
     node::{Node, NodeKind},
     schema::{resolve, tag},
 };

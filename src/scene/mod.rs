@@ -40,8 +40,6 @@ pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
 pub use write::hexadecimal;
 
-use crate::nearest;
-
 /// The types of the format as written, for scenes made by code.
 pub mod written {
     pub use super::description::*;

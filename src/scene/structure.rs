@@ -7,10 +7,11 @@ use std::collections::HashMap;
 
 use serde_json::Value;
 
+use crate::nearest::{did_you_mean, list};
+
 use super::{
     document::join,
     expected::{expected, found, quoted, words},
-    nearest::{did_you_mean, list},
     node::{Member, Node, NodeKind},
     problems::Problems,
     schema::{resolve, tag},

@@ -7,7 +7,7 @@ use super::plan::{ATTRIBUTES, AttributePlan, SCALAR};
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::scalar::Scalar;
 use crate::error::Result;
-use crate::mesh::{Colors, Scalars};
+use crate::mesh::arrays::{Colors, Scalars};
 use crate::reserve;
 
 /// Role of the first channel of a colour.

@@ -4,8 +4,8 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Kind, Problem, Result};
+use crate::mesh::arrays::{FaceTextures, Notes};
 use crate::mesh::normals::{Point, cross, sub};
-use crate::mesh::{FaceTextures, Notes};
 
 /// A face, as element name and row.
 type Face = (&'static str, u64);

@@ -1,11 +1,11 @@
 //! Decides which colours or which scalar property of a file are read.
 
-use super::ReadOptions;
 use super::header::{Element, Header, PropertyType};
-use super::request::ColorSource;
+use super::options::ColorSource;
+use super::options::ReadOptions;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
-use crate::mesh::MeshElement;
+use crate::mesh::arrays::MeshElement;
 use crate::nearest::did_you_mean;
 
 /// The type of colours.

@@ -2,12 +2,12 @@
 //!
 //! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
 
-use super::ReadOptions;
 use super::choice::{Choice, ColorType, choose, has_strips, single};
 use super::header::{Element, Header, Property, PropertyType};
+use super::options::ReadOptions;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
-use crate::mesh::MeshElement;
+use crate::mesh::arrays::MeshElement;
 
 /// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, then the attributes. Rows of
 /// faces have the attributes only.

@@ -4,7 +4,7 @@ use super::check::Tally;
 use super::context::ReadContext;
 use super::vertex::Vertices;
 use crate::error::{Error, Kind, Problem, Result};
-use crate::mesh::Positions;
+use crate::mesh::arrays::Positions;
 
 /// Checks that there are points and that all are finite. With `repair`, the others are dropped and
 /// counted.

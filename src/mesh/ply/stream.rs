@@ -13,15 +13,18 @@ use super::block::{Span, too_short};
 use super::context::ReadContext;
 use super::face;
 use super::faces::Faces;
+use super::finish::{ParsedFile, finish};
 use super::header::{self, Element, Format, Header, MAX_HEADER};
 use super::layout::BinaryRows;
 use super::lines::Lines;
+use super::options::ReadOptions;
 use super::plan::{self, MeshPlan};
 use super::table::Table;
+use super::unused::UnusedElement;
 use super::vertex::{self, Vertices};
-use super::{ParsedFile, ReadOptions, UnusedElement, finish, whole};
+use super::whole::whole;
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::arrays::{Mesh, Positions};
 use crate::reserve;
 
 /// Number of bytes in one chunk.

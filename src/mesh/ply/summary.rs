@@ -4,15 +4,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::ReadOptions;
 use super::choice::{ColorType, scalar_names};
 use super::header::{self, Format, Header, MAX_HEADER, PropertyType};
+use super::options::ReadOptions;
 use super::plan::{self, MeshPlan};
 use super::scalar::Scalar;
 use super::source::Head;
 use super::unpack::Packing;
 use crate::error::Result;
-use crate::mesh::MeshElement;
+use crate::mesh::arrays::MeshElement;
 
 /// How reliable a number of triangles is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -10,7 +10,7 @@ use super::row::{Row, RowResult};
 use super::scalar::Scalar;
 use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
-use crate::mesh::Positions;
+use crate::mesh::arrays::Positions;
 
 /// Number of unused vertices after the last one. Embree reads 16 bytes from every vertex.
 const SPARE: usize = 1;

@@ -12,7 +12,7 @@ use crate::scene::{
     node::Place,
 };
 
-use super::{Check, camera::Pose};
+use super::{camera::Pose, context::Check};
 
 /// Largest entry of R R^T - 1 of a rotation R. Matrices with rounded digits pass; the nearest
 /// rotation is used.

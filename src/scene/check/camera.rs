@@ -7,7 +7,7 @@ use crate::scene::{
     description::{self, Direction, Interval, Point},
 };
 
-use super::Check;
+use super::context::Check;
 
 /// Maximum number of pixels of a frame: 32768 x 32768.
 pub const MAX_PIXELS: u64 = 1 << 30;

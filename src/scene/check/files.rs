@@ -8,7 +8,7 @@ use std::{
 
 use crate::nearest::did_you_mean;
 
-use super::Check;
+use super::context::Check;
 
 /// Help for a mesh that is not PLY.
 pub const CONVERT: &str = "convert other formats to PLY first, for example with MeshLab or Blender";

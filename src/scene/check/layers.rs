@@ -6,7 +6,7 @@ use crate::scene::{
     layers::{Layer, LightGroups},
 };
 
-use super::Check;
+use super::context::Check;
 
 impl Check<'_, '_> {
     /// Checks that there is a colour map for `/output/legend`.

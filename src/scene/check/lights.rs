@@ -6,7 +6,7 @@ use crate::scene::{
     description::{self, AreaLight, Emission},
 };
 
-use super::{Check, geometry::is_flat};
+use super::{context::Check, geometry::is_flat};
 
 impl Check<'_, '_> {
     /// Checks `/scene/lightsources` and makes the checked lights.

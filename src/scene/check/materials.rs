@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use crate::nearest::{did_you_mean, list};
 use crate::scene::{
     checked::{Material, TextureUse},
     description::{self, MaterialUse},
     document::join,
     expected::quoted,
-    nearest::{did_you_mean, list},
     node::NodeKind,
 };
 
-use super::Check;
+use super::context::Check;
 
 /// All materials of a scene, with their names.
 pub(super) struct Materials {

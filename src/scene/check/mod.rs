@@ -6,6 +6,7 @@
 
 mod calibrated;
 mod camera;
+mod context;
 mod files;
 mod geometry;
 mod layers;
@@ -17,21 +18,14 @@ mod shapes;
 pub use self::camera::MAX_PIXELS;
 pub use files::{CONVERT, begins_as_ply, near_file};
 
-use std::{collections::BTreeSet, path::Path};
+use std::path::Path;
 
-use serde::de::DeserializeOwned;
-
+use self::context::Check;
 use super::{
     checked::{Scene, Tonemap},
-    description::{Description, Name, Transfer},
-    document::Document,
-    node::NodeKind,
+    description::{Description, Transfer},
     problems::Problems,
 };
-
-/// Maximum length of a name in characters. EXR headers hold 255 bytes, including prefixes and
-/// suffixes.
-const MAX_NAME_CHARS: usize = 200;
 
 /// Checks the meaning of `problems.document`. `broken` holds the pointers with structural errors.
 /// Paths are relative to `folder`.
@@ -93,54 +87,4 @@ fn tonemap(description: &Description) -> Tonemap {
 pub fn check_camera(problems: &mut Problems, broken: Vec<String>) {
     let (document, broken) = (problems.document, broken.into_iter().collect());
     Check { document, problems, broken, folder: Path::new("") }.camera();
-}
-
-struct Check<'d, 'p> {
-    document: &'d Document,
-    problems: &'p mut Problems<'d>,
-    broken: BTreeSet<String>,
-    folder: &'p Path,
-}
-
-impl Check<'_, '_> {
-    /// Returns the value at `pointer`, unless it is absent or has structural errors.
-    fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
-        let below = format!("{pointer}/");
-        let next = self.broken.range(below.clone()..).next();
-        if self.broken.contains(pointer) || next.is_some_and(|p| p.starts_with(&below)) {
-            return None;
-        }
-        let value = self.document.get(pointer)?.to_value();
-        match serde_json::from_value(value) {
-            Ok(part) => Some(part),
-            Err(error) => {
-                // Not expected: the schema is generated from the types.
-                self.problems.error(pointer, error.to_string(), None);
-                None
-            }
-        }
-    }
-
-    /// Returns the number of items of the array at `pointer`.
-    fn count(&self, pointer: &str) -> usize {
-        match self.document.get(pointer).map(|node| &node.kind) {
-            Some(NodeKind::List(items)) => items.len(),
-            _ => 0,
-        }
-    }
-
-    /// Checks that a name can be written to an EXR header, and returns it.
-    fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
-        let Name(name) = name.as_ref()?;
-        if name.chars().any(char::is_control) || name.trim().is_empty() {
-            let message = format!("found {name:?}, expected a name without control characters");
-            self.problems.error(pointer, message, None);
-        } else if name.chars().count() > MAX_NAME_CHARS {
-            let count = name.chars().count();
-            let message =
-                format!("found a name of {count} characters, expected at most {MAX_NAME_CHARS}");
-            self.problems.error(pointer, message, None);
-        }
-        Some(name.clone())
-    }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
 
-use super::Check;
+use super::context::Check;
 
 impl Check<'_, '_> {
     /// Warns about a camera or a light inside a sphere, mirrors without bounces, and adaptive

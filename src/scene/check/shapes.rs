@@ -9,7 +9,7 @@ use crate::scene::{
 };
 
 use super::{
-    Check,
+    context::Check,
     geometry::{QuadFault, is_flat, quad_fault},
     materials::Materials,
 };

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Direction, Interval, Matrix, Point};
+use super::values::{Direction, Interval, Matrix, Point};
 
 /// The camera that takes the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

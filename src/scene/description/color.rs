@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Color, Name};
+use super::values::{Color, Name};
 use crate::colormap::ColorMap;
 
 /// Source of the colours of a mesh.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Color, Name};
+use super::values::{Color, Name};
 
 /// An inline material, or the name of one in `materials`. The format has no tag here, so the type
 /// is untagged. The structural check reports errors with places before serde reads the value.

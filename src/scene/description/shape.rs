@@ -3,7 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Angles, ColorSpace, MaterialUse, MeshColor, Name, Point, Visible};
+use super::color::MeshColor;
+use super::material::{ColorSpace, MaterialUse};
+use super::values::{Angles, Name, Point};
+use super::visible::Visible;
 
 /// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,0 +1,65 @@
+//! Builds one accelerator.
+
+use super::accelerator::{Accelerator, BuildOptions};
+#[cfg(feature = "embree")]
+use super::embree;
+use super::footprint::Footprint;
+use super::{brute, bvh, coursework};
+use crate::error::Result;
+use crate::geometry::{Geometry, Unseen};
+use crate::monitor::{Monitor, Phase};
+use crate::reserve;
+use crate::scene::{Backend, EmbreeMode};
+
+/// Builds the accelerator of `backend` over the primitives that are not in `unseen`.
+pub fn build_part<'g>(
+    geometry: &'g Geometry,
+    unseen: &'g Unseen,
+    backend: Backend,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
+    monitor.begin(Phase::Build, 1000);
+    if let Backend::Coursework | Backend::Brute = backend {
+        // These allocate in many pieces, so the sum is checked once.
+        let peak = Footprint::of(backend, options.threads)?;
+        reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
+    }
+    match backend {
+        Backend::Embree(mode) => build_embree((geometry, unseen), mode, options, monitor),
+        Backend::Bvh(isa) => {
+            Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
+        }
+        Backend::Coursework => {
+            let part = (geometry, unseen);
+            Ok(Box::new(coursework::Coursework::build_part(part, options, monitor)?))
+        }
+        Backend::Brute => {
+            Ok(Box::new(brute::Brute::build_part((geometry, unseen), options, monitor)?))
+        }
+    }
+}
+
+#[cfg(feature = "embree")]
+fn build_embree<'g>(
+    part: (&'g Geometry, &'g Unseen),
+    mode: EmbreeMode,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
+    Ok(Box::new(embree::Embree::build_part(part, mode, options, monitor)?))
+}
+
+#[cfg(not(feature = "embree"))]
+fn build_embree<'g>(
+    _: (&'g Geometry, &'g Unseen),
+    mode: EmbreeMode,
+    _: &BuildOptions,
+    _: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
+    use crate::error::{Error, Kind, Problem};
+    let name = Backend::Embree(mode).name();
+    let message = format!("found `{name}`, which this build does not have");
+    let help = "available: bvh, coursework, brute";
+    Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)))
+}

@@ -1,0 +1,53 @@
+//! A triangle mesh as the accelerators read it.
+
+/// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
+#[derive(Debug, Default)]
+pub struct TriangleMesh {
+    /// One unused element stands at the end: Embree reads 16 bytes from each vertex.
+    pub(super) vertices: Vec<[f32; 3]>,
+    /// Vertex indices, each below `vertices().len()`.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The last `stitches.len()` triangles are stitches. For each of them, the triangle beside it.
+    pub(super) stitches: Vec<u32>,
+    /// True for `bvh: false` in the scene: the `coursework` backend tests each triangle of the mesh
+    /// in a loop.
+    pub loop_only: bool,
+}
+
+impl TriangleMesh {
+    /// Creates a mesh without stitches. Every index must be below the number of vertices.
+    pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
+        debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
+        vertices.reserve_exact(1);
+        vertices.push([0.0; 3]);
+        Self { vertices, triangles, stitches: Vec::new(), loop_only }
+    }
+
+    /// Vertex positions, without the padding element.
+    pub fn vertices(&self) -> &[[f32; 3]] {
+        self.vertices.split_last().map_or(&[], |(_, rest)| rest)
+    }
+
+    /// Vertex positions and the unused padding element behind them.
+    pub fn padded_vertices(&self) -> &[[f32; 3]] {
+        &self.vertices
+    }
+
+    /// Vertex indices of each triangle, stitches included.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Corners of triangle `prim`.
+    #[inline(always)]
+    pub fn corners(&self, prim: u32) -> [[f32; 3]; 3] {
+        let [a, b, c] = self.triangles[prim as usize];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
+    }
+
+    /// Memory of all arrays, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
+        (size_of_val(&self.vertices[..]) + indices) as u64
+    }
+}

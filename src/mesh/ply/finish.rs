@@ -1,0 +1,96 @@
+//! Makes the mesh from the parsed elements.
+
+use super::context::ReadContext;
+use super::faces::Faces;
+use super::header::Header;
+use super::options::ReadOptions;
+use super::plan::MeshPlan;
+use super::vertex::Vertices;
+use super::{duplicates, points};
+use crate::error::{Error, Result};
+use crate::mesh::arrays::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
+
+/// Everything that was read from a file.
+pub struct ParsedFile {
+    pub header: Header,
+    pub plan: MeshPlan,
+    pub vertices: Vertices,
+    pub faces: Faces,
+    /// Number of bytes behind the last element.
+    pub trailing_bytes: u64,
+}
+
+/// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
+pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
+    let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
+    let vertex_count = vertices.positions.len();
+    let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
+    let Faces { triangles, uvs, mut attributes, mut tally } = faces;
+    if !options.repair {
+        match &vertices.positions {
+            Positions::F32(positions) => tally.verdict(positions, job.name)?,
+            Positions::F64(positions) => tally.verdict(positions, job.name)?,
+        }
+        tally.texture_verdict(header.texture_files.len(), job.name)?;
+    }
+    if options.points {
+        points::check(&mut vertices, &mut tally, job, options.repair)?;
+    } else if triangles.is_empty() {
+        return Err(Error::invalid(
+            job.name,
+            format!(
+                "no triangle is left of {} faces: {} have fewer than 3 corners, {} triangles have no \
+                 area or repeat a vertex, {} use missing or non-finite vertices",
+                tally.faces, tally.too_small, tally.degenerate, tally.unusable
+            ),
+        ));
+    }
+    let mut notes = Notes {
+        format: header.format.name(),
+        trailing_bytes,
+        used: plan.used,
+        ignored: plan.ignored,
+        texture_files: header.texture_files.len(),
+        ..Notes::default()
+    };
+    tally.write(&mut notes);
+    let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
+    duplicates::drop(&mut stitches, vertex_count, job)?;
+    notes.duplicates_dropped = duplicates;
+    // One texture on all faces needs no numbers.
+    let several = tally.textures.len() > 1;
+    let main = tally.main_texture();
+    let named =
+        main.and_then(|n| usize::try_from(n).ok()).and_then(|n| header.texture_files.get(n));
+    let all_choose_one = main.is_some() && !several;
+    let texture_file = if all_choose_one { named } else { named.or(header.texture_files.first()) };
+    let texture_file = texture_file.cloned();
+    if all_choose_one {
+        notes.texture_files = 1;
+    }
+    let numbers = attributes.textures.take().filter(|_| several);
+    let textures = numbers.map(|numbers| FaceTextures { files: header.texture_files, numbers });
+    notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();
+    let of_vertices = vertices.attributes;
+    let property = plan.property.and_then(|(name, element)| {
+        let values = match element {
+            MeshElement::Vertex => of_vertices.scalars,
+            MeshElement::Face => attributes.scalars,
+        };
+        Some(Property { name, element, values: values? })
+    });
+    Ok(Mesh {
+        positions: vertices.positions,
+        triangles,
+        stitches: stitches.triangles,
+        normals: vertices.normals,
+        uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
+        colors: of_vertices.colors,
+        face_colors: attributes.colors,
+        alpha: of_vertices.alpha.or(attributes.alpha),
+        property,
+        texture_file,
+        textures,
+        notes,
+    })
+}

@@ -1,0 +1,46 @@
+//! Reads a mesh from a file or from memory.
+
+use std::path::Path;
+
+use super::context::ReadContext;
+use super::options::ReadOptions;
+use super::source::{self, Bytes, Source, Stream};
+use super::stream;
+use super::unpack::Packing;
+use super::whole::whole;
+use crate::error::Result;
+use crate::mesh::arrays::Mesh;
+
+/// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon pool.
+pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
+    let name = path.display().to_string();
+    let job = ReadContext { name: &name, monitor: options.monitor, room: options.room };
+    let Source { bytes, stamp } = Source::open(path, options.mmap, options.room)?;
+    let mut mesh = match bytes {
+        Bytes::Mapped(map) => {
+            let mesh = whole(map.bytes(), &job, options);
+            map.intact(path)?;
+            mesh
+        }
+        Bytes::Stream(Stream { bytes, length, packing }) => {
+            let failed = |error: &std::io::Error| source::failed(path, packing, error);
+            stream::read(bytes, length, &failed, &job, options)
+        }
+    }?;
+    mesh.notes.stamp = stamp;
+    Ok(mesh)
+}
+
+/// Reads a PLY file from memory, plain or compressed. Messages call it `name`.
+pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
+    let job = ReadContext { name, monitor: options.monitor, room: options.room };
+    match Packing::detect(bytes) {
+        None => whole(bytes, &job, options),
+        Some(packing) => {
+            let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
+            let length = Some(bytes.len() as u64);
+            let bytes = packing.open(bytes, length, options.room).map_err(|e| failed(&e))?;
+            stream::read_here(bytes, &failed, &job, options)
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! What every check reads and writes.
+
+use std::{collections::BTreeSet, path::Path};
+
+use serde::de::DeserializeOwned;
+
+use crate::scene::{description::Name, document::Document, node::NodeKind, problems::Problems};
+
+/// Maximum length of a name in characters. EXR headers hold 255 bytes, including prefixes and
+/// suffixes.
+const MAX_NAME_CHARS: usize = 200;
+
+/// The document, the problems found in it, and where its files are.
+pub struct Check<'d, 'p> {
+    pub document: &'d Document,
+    pub problems: &'p mut Problems<'d>,
+    /// Pointers with structural errors.
+    pub broken: BTreeSet<String>,
+    /// The folder that paths are relative to.
+    pub folder: &'p Path,
+}
+
+impl Check<'_, '_> {
+    /// Returns the value at `pointer`, unless it is absent or has structural errors.
+    pub fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
+        let below = format!("{pointer}/");
+        let next = self.broken.range(below.clone()..).next();
+        if self.broken.contains(pointer) || next.is_some_and(|p| p.starts_with(&below)) {
+            return None;
+        }
+        let value = self.document.get(pointer)?.to_value();
+        match serde_json::from_value(value) {
+            Ok(part) => Some(part),
+            Err(error) => {
+                // Not expected: the schema is generated from the types.
+                self.problems.error(pointer, error.to_string(), None);
+                None
+            }
+        }
+    }
+
+    /// Returns the number of items of the array at `pointer`.
+    pub fn count(&self, pointer: &str) -> usize {
+        match self.document.get(pointer).map(|node| &node.kind) {
+            Some(NodeKind::List(items)) => items.len(),
+            _ => 0,
+        }
+    }
+
+    /// Checks that a name can be written to an EXR header, and returns it.
+    pub fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
+        let Name(name) = name.as_ref()?;
+        if name.chars().any(char::is_control) || name.trim().is_empty() {
+            let message = format!("found {name:?}, expected a name without control characters");
+            self.problems.error(pointer, message, None);
+        } else if name.chars().count() > MAX_NAME_CHARS {
+            let count = name.chars().count();
+            let message =
+                format!("found a name of {count} characters, expected at most {MAX_NAME_CHARS}");
+            self.problems.error(pointer, message, None);
+        }
+        Some(name.clone())
+    }
+}
