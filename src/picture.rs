@@ -277,10 +277,10 @@ fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String,
 }
 
 /// The camera matrices of the picture.
-fn view(camera: &Camera) -> exr::View {
+fn view(camera: &Camera) -> exr::CameraMatrices {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
     let screen = camera::screen(camera);
-    exr::View {
+    exr::CameraMatrices {
         world_to_camera: rounded(camera::world_to_camera(camera)),
         world_to_ndc: camera::world_to_ndc(camera).map(rounded),
         screen_window_width: screen.width as f32,

@@ -32,7 +32,7 @@ const FOLDER: &str = "out";
 #[derive(Debug)]
 pub struct Job {
     /// Scenes and meshes in the order in which they are rendered.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<JobInput>,
     /// Scene that shows the meshes.
     pub template: Template,
     /// Free space around a mesh at each border, as a fraction of the picture.
@@ -65,7 +65,7 @@ pub struct Job {
 
 /// A scene or mesh file of a job, with its own settings.
 #[derive(Debug)]
-pub struct Input {
+pub struct JobInput {
     /// Path of the scene or mesh.
     pub path: PathBuf,
     /// Which axis of the mesh points up.
@@ -256,7 +256,7 @@ fn input(
     base: &Path,
     flags: &Flags,
     number: usize,
-) -> Result<Vec<Input>> {
+) -> Result<Vec<JobInput>> {
     let none = BTreeMap::new();
     let (path, up, rotate, camera, set) = match written {
         Written::Path(path) => (path, None, None, &none, &none),
@@ -276,7 +276,7 @@ fn input(
         }
         own => own,
     };
-    let one = |path| Input {
+    let one = |path| JobInput {
         path,
         up,
         rotate: rotate.map(|angles| angles.0),

@@ -12,7 +12,7 @@ use crate::{
 };
 
 use super::{
-    job::{Input, Job},
+    job::{Job, JobInput},
     scene, sheet,
     tasks::Task,
 };
@@ -28,7 +28,7 @@ pub fn inputs(job: &Job) -> FileSet {
 
 /// Returns an input's path and the paths of the files that it names, as far as these can be found
 /// out.
-fn named(job: &Job, input: &Input) -> Vec<PathBuf> {
+fn named(job: &Job, input: &JobInput) -> Vec<PathBuf> {
     let named = match scene::with_default_placement(job, input) {
         Ok(scene) => world::sources(&scene),
         // A mesh header names its texture even if the scene around it is invalid.

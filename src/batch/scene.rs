@@ -22,7 +22,7 @@ use crate::{
 
 use super::{
     fingerprint::{Settings, fingerprint},
-    job::{Input, Job},
+    job::{Job, JobInput},
     resume::{self, Decision, Resume},
     tasks::{self, Task},
 };
@@ -68,7 +68,7 @@ pub struct Frame {
 ///
 /// # Errors
 /// Errors of the scene and of the headers.
-pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
+pub fn predict(job: &Job, input: &JobInput) -> Result<(Scene, Prediction)> {
     let scene = with_default_placement(job, input)?;
     picture::check_storage(&scene, job.storage)?;
     let mut scene = scene;
@@ -87,7 +87,7 @@ pub fn predict(job: &Job, input: &Input) -> Result<(Scene, Prediction)> {
 ///
 /// # Errors
 /// Errors of the scene.
-pub fn with_default_placement(job: &Job, input: &Input) -> Result<Scene> {
+pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
     let loaded = match studio::is_mesh(&input.path) {
         true => {
             let subject = Subject { looks: job.looks.clone(), ..Subject::new(&input.path) };
@@ -107,7 +107,7 @@ pub fn with_default_placement(job: &Job, input: &Input) -> Result<Scene> {
 /// All problems of the input.
 pub fn read(
     job: &Job,
-    input: &Input,
+    input: &JobInput,
     room: Option<MemoryLimit>,
     monitor: &Monitor,
 ) -> Result<Ready> {

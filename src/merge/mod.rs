@@ -15,7 +15,7 @@ use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
 use crate::layers::{BEAUTY, Pixel, RawLayout};
 use crate::monitor::Monitor;
-use crate::output::exr::{Sequence, View};
+use crate::output::exr::{CameraMatrices, Sequence};
 use crate::output::exr_read::{ExrReader, Rows};
 
 use self::cover::{CoverFault, CoveredRegion};
@@ -96,7 +96,7 @@ impl Parts {
     }
 
     /// Returns the camera of the merged picture.
-    pub fn view(&self) -> Option<View> {
+    pub fn view(&self) -> Option<CameraMatrices> {
         self.open.first()?.reader.view
     }
 

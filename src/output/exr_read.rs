@@ -26,7 +26,7 @@ use crate::{
     film::{Channel, ChannelKind, Window},
 };
 
-use super::exr::{Sequence, View, text::decode};
+use super::exr::{CameraMatrices, Sequence, text::decode};
 use super::exr_check::{self, exr_error};
 
 /// Upper bound of the ratio that a lossless compression of the format can reach.
@@ -48,7 +48,7 @@ pub struct ExrReader {
     /// The attribute `software`: the program that wrote the file.
     pub software: String,
     /// The camera, if the file has it.
-    pub view: Option<View>,
+    pub view: Option<CameraMatrices>,
     /// The position of the picture in a sequence.
     pub sequence: Sequence,
 }
@@ -148,7 +148,7 @@ impl ExrReader {
         }
         attributes.sort();
         let Vec2(x, y) = own.screen_window_center;
-        let view = own.world_to_camera.map(|world_to_camera| View {
+        let view = own.world_to_camera.map(|world_to_camera| CameraMatrices {
             world_to_camera,
             world_to_ndc: own.world_to_normalized_device,
             screen_window_width: own.screen_window_width,

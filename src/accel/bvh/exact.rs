@@ -83,12 +83,12 @@ impl Ray64 {
 }
 
 /// The plane of a triangle, computed in f64 from the f32 corners.
-pub struct Plane {
+pub struct TrianglePlane {
     point: [f64; 3],
     normal: [f64; 3],
 }
 
-impl Plane {
+impl TrianglePlane {
     #[inline(always)]
     pub fn new([p, q, r]: [[f32; 3]; 3]) -> Self {
         let (px, py, pz) = (f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
@@ -185,7 +185,7 @@ impl ShearedTriangle {
     /// triangle, and the order of boxes cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
-        let plane = Plane::new(corners);
+        let plane = TrianglePlane::new(corners);
         let (t, towards) = plane.intersect(ray.origin, ray.direction);
         let (lowest, highest) = self.depth_range();
         let depth = t * ray.along;

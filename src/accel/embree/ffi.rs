@@ -98,7 +98,7 @@ pub struct QueryContext {
     /// By geometry id: the number in the whole scene of the geometry's first primitive. Adding
     /// Embree's `prim_id` gives the number of a primitive in the whole scene.
     pub bases: *const u32,
-    /// Data of the filter function, from [`super::filter::Filter::data`].
+    /// Data of the filter function, from [`super::filter::HitFilter::data`].
     pub filter: *const c_void,
 }
 

@@ -31,17 +31,17 @@ pub struct HitValidator<'g> {
 
 /// Which of Embree's candidates count as hits.
 #[derive(Clone, Copy)]
-pub enum Filter<'a> {
+pub enum HitFilter<'a> {
     /// All but hits of the primitive that the ray leaves.
     Leaving,
-    /// As [`Filter::Leaving`], and only true hits.
+    /// As [`HitFilter::Leaving`], and only true hits.
     True(&'a HitValidator<'a>),
     /// None: Embree visits all candidates along the ray, in any order, and `ClosestTrueHit` keeps
     /// the closest true one.
     ClosestTrueHit(&'a ClosestTrueHit<'a>),
 }
 
-impl Filter<'_> {
+impl HitFilter<'_> {
     /// The callback that Embree calls with candidates.
     pub fn function(&self) -> unsafe extern "C" fn(*const FilterArguments) {
         match self {
@@ -229,7 +229,7 @@ unsafe extern "C" fn reject_leaving(args: *const FilterArguments) {
 }
 
 unsafe extern "C" fn reject_false(args: *const FilterArguments) {
-    // SAFETY: as above; the context's filter is the `HitValidator` of `Filter::True`.
+    // SAFETY: as above; the context's filter is the `HitValidator` of `HitFilter::True`.
     unsafe {
         let truth = &*(*(*args).context).filter.cast::<HitValidator>();
         reject(&*args, |candidate| truth.holds(&candidate));
@@ -237,7 +237,7 @@ unsafe extern "C" fn reject_false(args: *const FilterArguments) {
 }
 
 unsafe extern "C" fn note(args: *const FilterArguments) {
-    // SAFETY: as above; the context's filter is the `ClosestTrueHit` of `Filter::ClosestTrueHit`.
+    // SAFETY: as above; the context's filter is that of `HitFilter::ClosestTrueHit`.
     unsafe {
         let look = &*(*(*args).context).filter.cast::<ClosestTrueHit>();
         reject(&*args, |candidate| {

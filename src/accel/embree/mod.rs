@@ -16,7 +16,7 @@ pub use self::ffi::{LAYOUTS, Layout};
 
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
-use self::filter::{Filter, HitValidator};
+use self::filter::{HitFilter, HitValidator};
 use self::packet8::{HALVES, Mask8, RayPacket8, Rays8};
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
@@ -59,14 +59,14 @@ impl<'g> Embree<'g> {
     fn query(
         &self,
         coherence: Coherence,
-        filter: Option<Filter>,
+        filter: Option<HitFilter>,
         query: impl FnOnce(*mut QueryArguments),
     ) {
         let mut context = QueryContext {
             inst_id: NONE,
             inst_prim_id: NONE,
             bases: self.truth.geometry.bases().as_ptr(),
-            filter: filter.as_ref().map_or(std::ptr::null(), Filter::data),
+            filter: filter.as_ref().map_or(std::ptr::null(), HitFilter::data),
         };
         let coherent = match coherence {
             Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
@@ -80,7 +80,7 @@ impl<'g> Embree<'g> {
             flags: coherent | invoke,
             feature_mask: u32::MAX,
             context: &mut context,
-            filter: filter.as_ref().map(Filter::function),
+            filter: filter.as_ref().map(HitFilter::function),
             user_geometry: None,
         });
     }
@@ -93,7 +93,7 @@ impl<'g> Embree<'g> {
         rays: &mut Rays,
         coherence: Coherence,
         lanes: u32,
-        filter: Option<Filter>,
+        filter: Option<HitFilter>,
     ) {
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
@@ -194,7 +194,7 @@ impl Accelerator for Embree<'_> {
     fn closest_unfiltered(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         let (lanes, leaving) =
             simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut packet.rays });
-        let filter = leaving.then_some(Filter::Leaving);
+        let filter = leaving.then_some(HitFilter::Leaving);
         let scene = self.scene.handle();
         if coherence != Coherence::Single && lanes >= SINGLE_BELOW {
             let api = self.scene.api();
@@ -232,7 +232,7 @@ impl Accelerator for Embree<'_> {
         // Embree does not read `time` in a scene without motion.
         rays.time = rays.tfar;
         let (lanes, _) = simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
-        self.any_hit(active, rays, coherence, lanes, Some(Filter::True(&self.truth)));
+        self.any_hit(active, rays, coherence, lanes, Some(HitFilter::True(&self.truth)));
     }
 
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
@@ -242,7 +242,7 @@ impl Accelerator for Embree<'_> {
     fn occluded_unfiltered(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         let (lanes, leaving) =
             simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
-        self.any_hit(active, rays, coherence, lanes, leaving.then_some(Filter::Leaving));
+        self.any_hit(active, rays, coherence, lanes, leaving.then_some(HitFilter::Leaving));
     }
 }
 

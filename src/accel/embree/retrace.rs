@@ -4,7 +4,7 @@
 //! candidates along the ray, and neither a false hit nor a wrong t hides a hit behind it.
 
 use super::candidate::Candidate;
-use super::filter::{ClosestTrueHit, Filter, PassedTriangle};
+use super::filter::{ClosestTrueHit, HitFilter, PassedTriangle};
 use super::{Embree, NO_HIT, ffi, ray};
 use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
@@ -42,7 +42,7 @@ impl Embree<'_> {
         let look = ClosestTrueHit::new(&self.truth);
         let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
         // SAFETY: aligned to 16 bytes and laid out as Embree's.
-        self.query(Coherence::Single, Some(Filter::ClosestTrueHit(&look)), |args| unsafe {
+        self.query(Coherence::Single, Some(HitFilter::ClosestTrueHit(&look)), |args| unsafe {
             (self.scene.api().intersect1)(self.scene.handle(), &mut single, args);
         });
         // Spheres call no filter, so `single` holds the closest sphere.

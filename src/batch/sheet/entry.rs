@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::{
     batch::{
-        job::{Input, Job},
+        job::{Job, JobInput},
         journal::{FrameRecord, JournalRecord, MeshRecord},
     },
     output::{
@@ -61,7 +61,7 @@ impl SheetEntry {
             by_name.entry(input.clone()).or_default().add(record);
         }
         let inputs = job.inputs.par_iter().enumerate();
-        let entry = |(number, input): (usize, &Input)| {
+        let entry = |(number, input): (usize, &JobInput)| {
             let (input, of) = (input.path.display().to_string(), job.frames());
             let mut known = by_name.get(&input).cloned().unwrap_or_default();
             known.failures.retain(|frame, _| frame.is_none_or(|frame| frame < of));

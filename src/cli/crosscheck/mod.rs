@@ -17,7 +17,7 @@ use crate::{
     lab::{
         answer::Answer,
         backend::{BuiltBackend, TestedBackend},
-        crosscheck::{Check, Finding, TreeReport, check_rays, compare_pictures},
+        crosscheck::{CrossCheck, Finding, TreeReport, check_rays, compare_pictures},
         verdict::{Verdict, judge},
     },
     monitor::Monitor,
@@ -177,7 +177,7 @@ fn check(
     let world = job.world(monitor, |text| progress.message(text))?;
     let built = Built::new(&world, backends, isa, monitor)?;
     let built_backends = built.built_backends();
-    let check = Check {
+    let check = CrossCheck {
         world: &world,
         oracle: &built.oracle,
         built_backends: &built_backends,

@@ -22,7 +22,7 @@ use crate::{
 };
 
 use super::{
-    args::RenderArgs, dataset::DatasetPaths, layers, part::PicturePart, plate::Plate, sampling,
+    args::RenderArgs, dataset::DatasetPaths, layers, part::PicturePart, plate::PlateImage, sampling,
 };
 
 /// Returns the scene that the arguments ask for.
@@ -91,7 +91,7 @@ pub struct RenderOptions {
     /// Files for data sets.
     pub dataset: DatasetPaths,
     /// Image behind the PNG.
-    pub plate: Option<Plate>,
+    pub plate: Option<PlateImage>,
     /// Place of the picture in a sequence.
     pub sequence: Sequence,
     /// True to write the render time into the EXR.

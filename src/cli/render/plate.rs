@@ -21,7 +21,7 @@ pub struct OverArgs {
 
 /// An image of the frame's size, as linear light.
 #[derive(Debug)]
-pub struct Plate(Texture);
+pub struct PlateImage(Texture);
 
 impl OverArgs {
     /// Returns the bytes that the plate and the composite need.
@@ -41,7 +41,7 @@ impl OverArgs {
     ///
     /// # Errors
     /// A picture without alpha; an image that cannot be read, or is not of the frame's size.
-    pub fn plate(&self, scene: &Scene, max_memory: Option<u64>) -> Result<Option<Plate>> {
+    pub fn plate(&self, scene: &Scene, max_memory: Option<u64>) -> Result<Option<PlateImage>> {
         let Some(path) = &self.over else { return Ok(None) };
         if !scene.has_alpha() {
             let message = "found with a picture whose alpha is 1, expected one with alpha";
@@ -55,7 +55,7 @@ impl OverArgs {
         if found != frame {
             return Err(wrong_size(path, found, frame));
         }
-        Ok(Some(Plate(image)))
+        Ok(Some(PlateImage(image)))
     }
 }
 
@@ -69,7 +69,7 @@ fn wrong_size(path: &Path, found: [u32; 2], frame: [u32; 2]) -> Error {
     Error::invalid("--over", message).help(format!("--size {width}x{height}, or scale the image"))
 }
 
-impl Plate {
+impl PlateImage {
     /// Returns the colours at the pixels of a window of the frame, row by row.
     pub fn pixels(&self, window: Window) -> Vec<[f32; 3]> {
         let Self(image) = self;

@@ -46,7 +46,7 @@ const KEPT: usize = 10;
 
 /// Scene, oracle, backends and number of rays of a check.
 #[derive(Clone, Copy)]
-pub struct Check<'a> {
+pub struct CrossCheck<'a> {
     /// The scene whose rays are checked.
     pub world: &'a World,
     /// The oracle, built over the scene's geometry.
@@ -67,7 +67,7 @@ pub struct Check<'a> {
 ///
 /// # Errors
 /// `Interrupted` after a signal.
-pub fn check_rays(check: &Check, monitor: &Monitor) -> Result<CrosscheckReport> {
+pub fn check_rays(check: &CrossCheck, monitor: &Monitor) -> Result<CrosscheckReport> {
     let plan = CheckPackets::new(check, monitor)?;
     let primitives = check.world.geometry.count();
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
@@ -105,7 +105,7 @@ pub struct PacketVerdicts {
 
 /// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
 /// `with_loop`.
-pub fn check_packet(check: &Check, case: &QueryPacket, with_loop: bool) -> PacketVerdicts {
+pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> PacketVerdicts {
     let Recorded { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];
     for i in lanes(active) {

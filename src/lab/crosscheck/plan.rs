@@ -1,6 +1,6 @@
 //! The packets of a check: rays of the scene and aimed rays, equally many of each class and source.
 
-use super::Check;
+use super::CrossCheck;
 use super::aimed::Aim;
 use super::source::RaySource;
 use crate::error::Result;
@@ -25,8 +25,8 @@ impl<'g> CheckPackets<'g> {
     ///
     /// # Errors
     /// `Interrupted` after a signal.
-    pub fn new(check: &Check<'g>, monitor: &Monitor) -> Result<Self> {
-        let Check { world, seed, .. } = *check;
+    pub fn new(check: &CrossCheck<'g>, monitor: &Monitor) -> Result<Self> {
+        let CrossCheck { world, seed, .. } = *check;
         let kinds = Class::ALL.len() + RaySource::ALL.len();
         let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
         // The first backend finds the camera hits, from which the other rays start.

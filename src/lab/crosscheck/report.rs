@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Check, PacketVerdicts, PictureReport, known};
+use super::{CrossCheck, PacketVerdicts, PictureReport, known};
 use crate::accel::BuildInfo;
 use crate::accel::bvh::TreeStats;
 use crate::lab::answer::Answer;
@@ -251,7 +251,7 @@ pub struct CrosscheckReport {
 
 impl CrosscheckReport {
     /// Creates a report without any verdict.
-    pub fn new(check: &Check) -> Self {
+    pub fn new(check: &CrossCheck) -> Self {
         let backends = check.built_backends.iter().map(|built| {
             let BuildInfo { version, isa, .. } = built.accelerator.info();
             BackendReport {

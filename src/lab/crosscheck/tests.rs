@@ -49,7 +49,7 @@ fn report_on(backend: Backend, fault: BackendFault) -> CrosscheckReport {
         BuiltBackend { tested: &tested[0], accelerator: &oracle },
         BuiltBackend { tested: &tested[1], accelerator: &faulty },
     ];
-    let check = Check {
+    let check = CrossCheck {
         world: &world,
         oracle: &oracle,
         built_backends: &built_backends,

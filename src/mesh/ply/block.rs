@@ -6,7 +6,7 @@ use crate::error::Error;
 
 /// A range of rows of an element that one task reads.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
+pub(super) struct RowBlock {
     pub(super) start: usize,
     pub(super) end: usize,
     /// Index of the first row.
@@ -34,7 +34,7 @@ pub(super) struct Span {
     pub(super) first: u64,
     pub(super) rows: u64,
     pub(super) uniform: Option<Uniform>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<RowBlock>,
 }
 
 /// The error for a file that holds only `found` of the declared rows of `element`. `have` describes

@@ -59,7 +59,7 @@ impl PropertyType {
 }
 
 #[derive(Debug, Clone)]
-pub(super) struct Property {
+pub(super) struct ElementProperty {
     pub(super) name: String,
     pub(super) shape: PropertyType,
 }
@@ -68,7 +68,7 @@ pub(super) struct Property {
 pub(super) struct Element {
     pub(super) name: String,
     pub(super) count: u64,
-    pub(super) properties: Vec<Property>,
+    pub(super) properties: Vec<ElementProperty>,
 }
 
 impl Element {
@@ -284,7 +284,7 @@ fn property(words: &[&[u8]], elements: &mut [Element], lines: &Lines) -> Result<
         let message = format!("element {} has a second property '{name}'", element.name);
         return Err(lines.error(message));
     }
-    element.properties.push(Property { name, shape });
+    element.properties.push(ElementProperty { name, shape });
     Ok(())
 }
 

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::block::{Block, Span, Uniform, too_short};
+use super::block::{RowBlock, Span, Uniform, too_short};
 use super::context::ReadContext;
 use super::header::{Element, Format, Header, PropertyType};
 use super::scalar::Scalar;
@@ -77,7 +77,7 @@ impl BinaryRows<'_> {
                     let rows = ROWS_PER_BLOCK.min(rows - row);
                     let begin = start + (row * stride) as usize;
                     let end = begin + (rows * stride) as usize;
-                    Block { start: begin, end, row: first + row, rows, line: 0 }
+                    RowBlock { start: begin, end, row: first + row, rows, line: 0 }
                 });
                 let blocks = blocks.collect();
                 let end = start + (rows * stride) as usize;
@@ -137,7 +137,7 @@ impl BinaryRows<'_> {
 
     /// Locates rows one after the other, list by list.
     fn walk(&self, start: usize, first: u64, wanted: u64) -> Result<(Span, usize)> {
-        let mut blocks: Vec<Block> = Vec::new();
+        let mut blocks: Vec<RowBlock> = Vec::new();
         let mut at = start;
         let mut rows = 0;
         while rows < wanted {
@@ -151,7 +151,7 @@ impl BinaryRows<'_> {
                 }
                 _ => {
                     self.job.check()?;
-                    blocks.push(Block { start: at, end, row: first + rows, rows: 1, line: 0 });
+                    blocks.push(RowBlock { start: at, end, row: first + rows, rows: 1, line: 0 });
                 }
             }
             at = end;

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::block::{Block, Span, too_short};
+use super::block::{RowBlock, Span, too_short};
 use super::context::ReadContext;
 use super::header::{Element, Header, show};
 use super::row::{Fault, Row, RowResult};
@@ -80,7 +80,7 @@ pub(super) struct Lines<'a> {
     /// Index of the next chunk to open.
     chunk: usize,
     /// The rest of the open chunk.
-    block: Option<Block>,
+    block: Option<RowBlock>,
     /// Number of lines before the next chunk.
     line: u64,
     /// Number of all lines that are not blank.
@@ -110,12 +110,12 @@ impl<'a> Lines<'a> {
     }
 
     /// Returns the blocks of the next `rows` rows. The caller has checked that they exist.
-    fn blocks(&mut self, first: u64, rows: u64) -> Vec<Block> {
+    fn blocks(&mut self, first: u64, rows: u64) -> Vec<RowBlock> {
         let (mut blocks, mut taken) = (Vec::new(), 0);
         while taken < rows {
             let Some(open) = self.open() else { break };
             let count = open.rows.min(rows - taken);
-            let block = Block { row: first + taken, rows: count, ..open };
+            let block = RowBlock { row: first + taken, rows: count, ..open };
             if count == open.rows {
                 self.block = None;
             } else {
@@ -139,14 +139,19 @@ impl<'a> Lines<'a> {
         }
     }
 
-    fn open(&mut self) -> Option<Block> {
+    fn open(&mut self) -> Option<RowBlock> {
         if self.block.is_none() {
             let chunk = self.chunks.get(self.chunk)?;
             self.chunk += 1;
             let line = self.line;
             self.line += chunk.lines;
-            self.block =
-                Some(Block { start: chunk.start, end: chunk.end, row: 0, rows: chunk.rows, line });
+            self.block = Some(RowBlock {
+                start: chunk.start,
+                end: chunk.end,
+                row: 0,
+                rows: chunk.rows,
+                line,
+            });
         }
         self.block
     }
@@ -167,13 +172,13 @@ impl<'a> Lines<'a> {
 }
 
 /// Returns the block without its first `rows` rows.
-fn skip(data: &[u8], block: Block, rows: u64) -> Block {
+fn skip(data: &[u8], block: RowBlock, rows: u64) -> RowBlock {
     let mut reader = Text::new(data, &block);
     for _ in 0..rows {
         reader.begin();
         reader.skip_line();
     }
-    Block {
+    RowBlock {
         start: reader.at,
         end: block.end,
         row: 0,
@@ -191,7 +196,7 @@ pub(super) struct Text<'a> {
 }
 
 impl<'a> Text<'a> {
-    pub(super) fn new(data: &'a [u8], block: &Block) -> Self {
+    pub(super) fn new(data: &'a [u8], block: &RowBlock) -> Self {
         Self { data, at: block.start, line: block.line + 1 }
     }
 

@@ -3,7 +3,7 @@
 //! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
 
 use super::choice::{Choice, ColorType, choose, has_strips, single};
-use super::header::{Element, Header, Property, PropertyType};
+use super::header::{Element, ElementProperty, Header, PropertyType};
 use super::options::ReadOptions;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
@@ -279,7 +279,9 @@ fn face_plan(
             format!("element {which} has no list of integers 'vertex_indices' or 'vertex_index'"),
         ));
     };
-    let is_texcoord_list = |p: &Property| matches!(p.shape, PropertyType::List { item, .. } if p.name == "texcoord" && !item.is_integer());
+    let is_float_list =
+        |shape| matches!(shape, PropertyType::List { item, .. } if !item.is_integer());
+    let is_texcoord_list = |p: &ElementProperty| p.name == "texcoord" && is_float_list(p.shape);
     let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
     let mut columns = [None; ROLES];
     let mut attributes = match strips {
@@ -287,7 +289,7 @@ fn face_plan(
         false => AttributePlan::new(choice, MeshElement::Face, &mut columns),
     };
     let is_texnumber = |at: usize| {
-        let Property { name, shape } = &element.properties[at];
+        let ElementProperty { name, shape } = &element.properties[at];
         !strips
             && name == "texnumber"
             && matches!(shape, PropertyType::Single(kind) if kind.is_integer())

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::context::ReadContext;
 use super::options::ReadOptions;
-use super::source::{self, Bytes, Source, Stream};
+use super::source::{self, Bytes, MeshSource, Stream};
 use super::stream;
 use super::unpack::Packing;
 use super::whole::whole;
@@ -15,7 +15,7 @@ use crate::mesh::arrays::Mesh;
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
     let job = ReadContext { name: &name, monitor: options.monitor, room: options.room };
-    let Source { bytes, stamp } = Source::open(path, options.mmap, options.room)?;
+    let MeshSource { bytes, stamp } = MeshSource::open(path, options.mmap, options.room)?;
     let mut mesh = match bytes {
         Bytes::Mapped(map) => {
             let mesh = whole(map.bytes(), &job, options);

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::block::Block;
+use super::block::RowBlock;
 use super::header::PropertyType;
 use super::scalar::{Native, Scalar};
 use crate::error::Error;
@@ -76,14 +76,14 @@ pub(super) trait Row {
 }
 
 /// Reads the rows of a block of binary data. `layout` has checked that they end inside the block.
-pub(super) struct Binary<'a> {
+pub(super) struct BinaryRow<'a> {
     data: &'a [u8],
     at: usize,
     big: bool,
 }
 
-impl<'a> Binary<'a> {
-    pub(super) fn new(data: &'a [u8], block: &Block, big: bool) -> Self {
+impl<'a> BinaryRow<'a> {
+    pub(super) fn new(data: &'a [u8], block: &RowBlock, big: bool) -> Self {
         Self { data, at: block.start, big }
     }
 
@@ -93,7 +93,7 @@ impl<'a> Binary<'a> {
     }
 }
 
-impl Row for Binary<'_> {
+impl Row for BinaryRow<'_> {
     fn begin(&mut self) {}
 
     #[inline]

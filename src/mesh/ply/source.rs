@@ -20,7 +20,7 @@ use crate::reserve::MemoryLimit;
 const FIRST_READ: u64 = 1 << 16;
 
 /// An open mesh file.
-pub(super) struct Source {
+pub(super) struct MeshSource {
     pub(super) bytes: Bytes,
     /// Identity and time stamp of the file. `None` for a pipe.
     pub(super) stamp: Option<Stamp>,
@@ -40,7 +40,7 @@ pub(super) struct Stream {
     pub(super) packing: Option<Packing>,
 }
 
-impl Source {
+impl MeshSource {
     /// Opens the file at `path`. It is mapped if `map` is set and the file can be mapped.
     pub(super) fn open(path: &Path, map: bool, room: Option<MemoryLimit>) -> Result<Self> {
         let opened = Opened::open(path)?;

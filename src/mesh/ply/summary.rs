@@ -167,7 +167,7 @@ fn missing(plan: &MeshPlan, corner_uvs: bool, colors: bool) -> Vec<&'static str>
     parts.into_iter().filter(|(_, there)| !there).map(|(name, _)| name).collect()
 }
 
-fn property(property: &header::Property) -> PropertySummary {
+fn property(property: &header::ElementProperty) -> PropertySummary {
     let (kind, list_count) = match property.shape {
         PropertyType::Single(kind) => (kind, None),
         PropertyType::List { count, item } => (item, Some(count)),

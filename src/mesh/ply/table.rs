@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::block::{Block, Span, expected, too_short};
+use super::block::{RowBlock, Span, expected, too_short};
 use super::context::ReadContext;
 use super::header::Element;
 use super::lines::Text;
-use super::row::{Binary, Fault, Row, RowResult};
+use super::row::{BinaryRow, Fault, Row, RowResult};
 use crate::error::{Error, Result};
 
 /// Minimum number of blocks per batch. The blocks of a batch are in memory twice, separate and
@@ -65,7 +65,7 @@ impl Table<'_> {
 /// Reads one block of a table.
 pub(super) struct Reader<'a, 'b> {
     table: &'a Table<'b>,
-    block: &'a Block,
+    block: &'a RowBlock,
 }
 
 /// A consumer of the rows of a block.
@@ -85,7 +85,7 @@ impl Reader<'_, '_> {
         let Table { data, big, .. } = *self.table;
         match big {
             None => self.run(Text::new(data, self.block), sink),
-            Some(big) => self.run(Binary::new(data, self.block, big), sink),
+            Some(big) => self.run(BinaryRow::new(data, self.block, big), sink),
         }
     }
 

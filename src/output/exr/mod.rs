@@ -88,7 +88,7 @@ impl Compression {
 
 /// The camera in OpenEXR's convention: row vectors times matrices.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct CameraMatrices {
     /// World to camera space: x right, y up, z forward.
     pub world_to_camera: [f32; 16],
     /// World to normalised device coordinates: (0, 0) top left, (1, 1) bottom right of the frame.
@@ -117,7 +117,7 @@ pub struct Options<'a> {
     /// Custom text attributes: name and value.
     pub attributes: &'a [(String, String)],
     /// The camera, for the standard attributes.
-    pub view: Option<View>,
+    pub view: Option<CameraMatrices>,
     /// The position of the picture in a sequence.
     pub sequence: Sequence,
     /// Render time in seconds: `renderTimeSeconds`. It differs from run to run.

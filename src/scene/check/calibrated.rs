@@ -12,7 +12,7 @@ use crate::scene::{
     node::Place,
 };
 
-use super::{camera::Pose, context::Check};
+use super::{camera::CameraPose, context::Check};
 
 /// Largest entry of R R^T - 1 of a rotation R. Matrices with rounded digits pass; the nearest
 /// rotation is used.
@@ -80,7 +80,7 @@ impl Check<'_, '_> {
     }
 
     /// Checks the matrix of the pose.
-    pub(super) fn matrix_pose(&mut self, camera: &Intrinsics) -> Option<Pose> {
+    pub(super) fn matrix_pose(&mut self, camera: &Intrinsics) -> Option<CameraPose> {
         let (key, matrix) = match (camera.world_to_camera, camera.camera_to_world) {
             (Some(matrix), None) => ("world_to_camera", matrix),
             (None, Some(matrix)) => ("camera_to_world", matrix),
@@ -106,7 +106,7 @@ impl Check<'_, '_> {
                 };
                 let flip = if camera.axes == Axes::OpenGl { -1.0 } else { 1.0 };
                 let (up, lookat) = (to_world.y_axis * -flip, to_world.z_axis * flip);
-                Some(Pose { position, lookat, up })
+                Some(CameraPose { position, lookat, up })
             }
             Err((message, help)) => {
                 let help = help.map(String::from);

@@ -17,7 +17,7 @@ const FILM_BYTES: u64 = 16;
 const MIN_SINE: f64 = 1e-6;
 
 /// Position, view direction and up direction of a camera.
-pub(super) struct Pose {
+pub(super) struct CameraPose {
     pub position: DVec3,
     pub lookat: DVec3,
     pub up: DVec3,
@@ -55,7 +55,7 @@ impl Check<'_, '_> {
             }
             None => pose,
         };
-        let Pose { position, lookat, up } = pose?;
+        let CameraPose { position, lookat, up } = pose?;
         Some(Camera { width, height, position, lookat, up, projection: projection? })
     }
 
@@ -66,7 +66,7 @@ impl Check<'_, '_> {
         lookat: Option<Direction>,
         target: Option<Point>,
         up: Direction,
-    ) -> Option<Pose> {
+    ) -> Option<CameraPose> {
         let position = position.vec();
         let lookat = self.view_direction(position, lookat, target);
         let up = scaled_to_range(up);
@@ -82,7 +82,7 @@ impl Check<'_, '_> {
                 self.problems.error("/camera/up", message, Some(help.into()));
             }
         }
-        Some(Pose { position, lookat: lookat?, up })
+        Some(CameraPose { position, lookat: lookat?, up })
     }
 
     /// Checks the number of pixels. Returns false if there are too many.

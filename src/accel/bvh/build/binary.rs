@@ -28,7 +28,7 @@ const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
 /// A node of the binary tree. The left child is the next node in the array.
 #[derive(Debug, Clone, Copy)]
-pub struct Binary {
+pub struct BinaryTree {
     /// Box of everything below the node.
     pub bounds: Bounds3,
     /// Inner node: distance to the right child in the array. Leaf: 0.
@@ -43,7 +43,7 @@ pub struct Binary {
     pub spheres: bool,
 }
 
-impl Binary {
+impl BinaryTree {
     /// A node whose children are still to be built.
     const UNFINISHED: Self =
         Self { bounds: Bounds3::EMPTY, right: 0, leaf: 0, first: 0, count: 0, spheres: false };
@@ -78,7 +78,7 @@ pub fn build(
     references: &mut [Reference],
     isa: Isa,
     monitor: &Monitor,
-) -> Result<Vec<Binary>> {
+) -> Result<Vec<BinaryTree>> {
     if references.is_empty() {
         return Ok(Vec::new());
     }
@@ -96,24 +96,24 @@ pub fn build(
 /// A subtree in pieces that are concatenated at the end. So nodes are copied once, not at every
 /// level.
 struct Pieces {
-    nodes: Vec<Vec<Binary>>,
+    nodes: Vec<Vec<BinaryTree>>,
     /// Number of nodes in all pieces.
     len: usize,
 }
 
 impl Pieces {
-    fn one(nodes: Vec<Binary>) -> Self {
+    fn one(nodes: Vec<BinaryTree>) -> Self {
         Self { len: nodes.len(), nodes: vec![nodes] }
     }
 
-    fn root(&self) -> &Binary {
+    fn root(&self) -> &BinaryTree {
         &self.nodes[0][0]
     }
 
     /// Returns the tree with two subtrees below a new root.
     fn join(left: Self, right: Self) -> Self {
         let bounds = left.root().bounds.union(right.root().bounds);
-        let node = Binary { bounds, right: left.len as u32 + 1, ..Binary::UNFINISHED };
+        let node = BinaryTree { bounds, right: left.len as u32 + 1, ..BinaryTree::UNFINISHED };
         let len = 1 + left.len + right.len;
         let nodes = [vec![vec![node]], left.nodes, right.nodes].into_iter().flatten().collect();
         Self { nodes, len }
@@ -124,7 +124,7 @@ impl Pieces {
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn number_leaves(nodes: &mut [Binary]) -> Result<Vec<Leaf>> {
+pub fn number_leaves(nodes: &mut [BinaryTree]) -> Result<Vec<Leaf>> {
     let mut next = [0, 0];
     let mut leaves = Vec::new();
     // A binary tree has one more leaf than inner nodes.
@@ -165,7 +165,7 @@ impl Builder<'_> {
     fn subtree(self, set: Set) -> Pieces {
         if self.monitor.stopped() {
             // The build was stopped, so this result is discarded.
-            return Pieces::one(vec![Binary { first: set.first, ..Binary::UNFINISHED }]);
+            return Pieces::one(vec![BinaryTree { first: set.first, ..BinaryTree::UNFINISHED }]);
         }
         let n = set.references.len();
         if n < MIN_PARALLEL {
@@ -183,21 +183,21 @@ impl Builder<'_> {
     }
 
     #[inline(always)]
-    fn serial(self, set: Set, bins: &mut Bins, out: &mut Vec<Binary>) {
+    fn serial(self, set: Set, bins: &mut Bins, out: &mut Vec<BinaryTree>) {
         if let Some(spheres) = fits(self.geometry, set.references) {
             let mut bounds = Bounds3::EMPTY;
             for reference in &*set.references {
                 bounds = bounds.union(reference.bounds);
             }
             let (first, count) = (set.first, set.references.len() as u8);
-            out.push(Binary { bounds, right: 0, leaf: 0, first, count, spheres });
+            out.push(BinaryTree { bounds, right: 0, leaf: 0, first, count, spheres });
             return;
         }
         if set.references.len() <= 2 * WIDTH {
             block::prefetch_indices(self.geometry, set.references);
         }
         let node = out.len();
-        out.push(Binary::UNFINISHED);
+        out.push(BinaryTree::UNFINISHED);
         let (left, right) = split_serial(set, bins);
         self.recurse(left, bins, out);
         let behind = out.len();
@@ -205,7 +205,7 @@ impl Builder<'_> {
         finish(out, node, behind);
     }
 
-    fn recurse(self, set: Set, bins: &mut Bins, out: &mut Vec<Binary>) {
+    fn recurse(self, set: Set, bins: &mut Bins, out: &mut Vec<BinaryTree>) {
         simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
     }
 }
@@ -214,7 +214,7 @@ struct Serial<'a, 'r> {
     builder: Builder<'a>,
     set: Set<'r>,
     bins: &'r mut Bins,
-    out: &'r mut Vec<Binary>,
+    out: &'r mut Vec<BinaryTree>,
 }
 
 impl Kernel for Serial<'_, '_> {
@@ -227,7 +227,7 @@ impl Kernel for Serial<'_, '_> {
 
 /// Completes the node at index `node`, whose right child is at `behind`.
 #[inline(always)]
-fn finish(nodes: &mut [Binary], node: usize, behind: usize) {
+fn finish(nodes: &mut [BinaryTree], node: usize, behind: usize) {
     nodes[node].right = (behind - node) as u32;
     nodes[node].bounds = nodes[node + 1].bounds.union(nodes[behind].bounds);
 }

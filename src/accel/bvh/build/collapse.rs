@@ -1,4 +1,4 @@
-//! Binary tree -> wide nodes, with the smallest expected number of node visits per ray.
+//! BinaryTree tree -> wide nodes, with the smallest expected number of node visits per ray.
 //!
 //! A ray visits a node with a probability proportional to the area of its box. Dynamic programming
 //! over the number of slots that a subtree may fill chooses which binary nodes become wide ones.
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use super::super::node::{Block, Child, ChildKind, Node, SphereLeaf, WIDTH};
-use super::binary::Binary;
+use super::binary::BinaryTree;
 use crate::error::Result;
 use crate::reserve;
 
@@ -57,7 +57,7 @@ const MIN_PARALLEL: usize = 1 << 14;
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn collapse(binary: &[Binary]) -> Result<Tree> {
+pub fn collapse(binary: &[BinaryTree]) -> Result<Tree> {
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
     // There are few wide nodes: about one for every 8 leaves.
     reserve::probe((binary.len() / 12 * size_of::<Node>()) as u64, "bvh")?;
@@ -79,7 +79,7 @@ pub fn collapse(binary: &[Binary]) -> Result<Tree> {
 }
 
 /// Returns the bytes that collapsing holds besides its result.
-pub fn scratch_bytes(binary: &[Binary]) -> u64 {
+pub fn scratch_bytes(binary: &[BinaryTree]) -> u64 {
     (size_of_val(binary) + size_of::<Plan>() * binary.len()) as u64
 }
 
@@ -92,7 +92,7 @@ type Plan = [u8; WIDTH];
 
 /// Plans the subtree whose root is the first node of `binary`. Returns its costs: element k - 1 is
 /// the smallest sum of the areas of its wide nodes if it may fill k slots.
-fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
+fn slots(binary: &[BinaryTree], plan: &mut [Plan]) -> [f32; WIDTH] {
     let right = binary[0].right as usize;
     if right == 0 {
         return [0.0; WIDTH];
@@ -129,7 +129,7 @@ fn slots(binary: &[Binary], plan: &mut [Plan]) -> [f32; WIDTH] {
 }
 
 /// Returns the wide tree below a binary node, its root first, and the number of its levels.
-fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
+fn wide(binary: &[BinaryTree], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
     let children = Children::new(binary, plan, root);
     let inner = children.indices().iter().filter(|&&i| binary[i].right != 0).count();
     let size = |&i: &usize| binary[i].right as usize;
@@ -166,7 +166,7 @@ fn wide(binary: &[Binary], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
 }
 
 /// Appends the wide tree below a binary node. Returns the number of its levels.
-fn append(binary: &[Binary], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
+fn append(binary: &[BinaryTree], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
     let children = Children::new(binary, plan, root);
     let place = nodes.len();
     nodes.push(Node::EMPTY);
@@ -189,7 +189,7 @@ struct Children {
 }
 
 impl Children {
-    fn new(binary: &[Binary], plan: &[Plan], root: usize) -> Self {
+    fn new(binary: &[BinaryTree], plan: &[Plan], root: usize) -> Self {
         let mut children = Self { index: [0; WIDTH], len: 0 };
         let right = binary[root].right as usize;
         if right == 0 {
@@ -204,7 +204,7 @@ impl Children {
     }
 
     /// Adds the subtree at `index`, in at most `slots` slots.
-    fn fill(&mut self, binary: &[Binary], plan: &[Plan], index: usize, slots: usize) {
+    fn fill(&mut self, binary: &[BinaryTree], plan: &[Plan], index: usize, slots: usize) {
         let right = binary[index].right as usize;
         let left = if slots < 2 { 0 } else { usize::from(plan[index][slots - 1]) };
         if right == 0 || left == 0 {
@@ -221,7 +221,7 @@ impl Children {
     }
 
     /// Returns the wide node. `starts` holds the indices of its inner children.
-    fn node(&self, binary: &[Binary], starts: &[usize; WIDTH]) -> Node {
+    fn node(&self, binary: &[BinaryTree], starts: &[usize; WIDTH]) -> Node {
         let mut node = Node::EMPTY;
         let mut centers = [[f32::INFINITY; 3]; WIDTH];
         for (slot, &i) in self.indices().iter().enumerate() {

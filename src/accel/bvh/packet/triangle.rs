@@ -3,7 +3,7 @@
 //! 16 lanes at once, with the same results.
 
 use super::Packet;
-use crate::accel::bvh::exact::{DEPTH_SLACK, Plane, Ray64, STEEP, ShearedTriangle};
+use crate::accel::bvh::exact::{DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
@@ -98,7 +98,7 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
         let Edges { mut maybe, mut unsure, first, last, weights } = edges;
-        let plane = Plane::new(block.triangle(slot));
+        let plane = TrianglePlane::new(block.triangle(slot));
         let (mut t, towards) = self.distances(&plane);
         let normal_l1 = plane.normal_l1();
         // In one loop: a value that is stored in two halves of a register stalls when it is read as
@@ -175,9 +175,9 @@ impl<T: Tier> Packet<'_, T> {
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 
-    /// Intersects 16 rays with a plane: see [`Plane::intersect`].
+    /// Intersects 16 rays with a plane: see [`TrianglePlane::intersect`].
     #[inline(always)]
-    fn distances(&self, plane: &Plane) -> ([f64; LANES], [f64; LANES]) {
+    fn distances(&self, plane: &TrianglePlane) -> ([f64; LANES], [f64; LANES]) {
         let (mut t, mut towards) = ([0.0; LANES], [0.0; LANES]);
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
         for i in 0..LANES {
