@@ -24,6 +24,12 @@ const MAX_TRIANGLES: u32 = 96;
 ///   coordinates of light and origin. That changes the function by 36u of these times m^2.
 const MARGIN: f32 = 128.0 * f32::EPSILON;
 
+/// Margin of the signs in [`Segments::maybe_crossing`]: 512u. With e the largest coordinate of the
+/// triangle's edges and m that of a vertex relative to a point, rounding changes the point's side
+/// by at most 48u e^2 m. The test of [`super::exact`] moves a vertex by at most 6u of its distance
+/// from the origin, f; that changes the side by another 180u e max(e, f) m.
+const SIDE_MARGIN: f32 = 256.0 * f32::EPSILON;
+
 /// Returns whether anything may lie in a shaft.
 pub struct MayHit<'a, T> {
     pub tier: T,
@@ -101,6 +107,39 @@ impl<'a> Segments<'a> {
         Self { shaft, margin }
     }
 
+    /// Returns the lanes whose segments may cross the triangle's plane: all bits are set. In the
+    /// others, origin and light lie on one side of it, or the triangle is the lane's own. This
+    /// cheap test decides most triangles.
+    #[inline(always)]
+    fn maybe_crossing(&self, [p, q, r]: [[f32; 3]; 3], primitive: u32) -> [i32; LANES] {
+        let from = |v: [f32; 3]| [v[0] - p[0], v[1] - p[1], v[2] - p[2]];
+        let (a, b) = (from(q), from(r));
+        let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let size = |v: [f32; 3]| max(max(v[0].abs(), v[1].abs()), v[2].abs());
+        let edge = max(size(a), size(b));
+        let (mut low, mut high, mut far) = (f32::INFINITY, f32::NEG_INFINITY, 0.0);
+        for corner in self.shaft.corners {
+            let c = from(*corner);
+            let side = n[0] * c[0] + n[1] * c[1] + n[2] * c[2];
+            (low, high, far) = (min(low, side), max(high, side), max(far, size(c)));
+        }
+        let [ox, oy, oz] = self.shaft.origins;
+        let mut lanes = [0; LANES];
+        for i in 0..LANES {
+            let o = [ox[i] - p[0], oy[i] - p[1], oz[i] - p[2]];
+            let side = n[0] * o[0] + n[1] * o[1] + n[2] * o[2];
+            let near = size(o);
+            // The added numbers are for underflow.
+            let unit = SIDE_MARGIN * edge * max(edge, near);
+            let (margin, light_margin) = (unit * near + 1e-30, unit * far + 1e-30);
+            let before = (side > margin) & (low > light_margin);
+            let behind = (side < -margin) & (high < -light_margin);
+            let own = self.shaft.leaving[i] == primitive;
+            lanes[i] = self.shaft.active.0[i] & -i32::from(!(before | behind | own));
+        }
+        lanes
+    }
+
     /// Returns false only if no shadow ray of any lane hits the triangle in `slot`.
     ///
     /// A ray misses if two of its edge functions have different signs. They are linear in the
@@ -109,7 +148,10 @@ impl<'a> Segments<'a> {
     #[inline(always)]
     fn may_hit(&self, block: &Block, slot: usize) -> bool {
         let [p, q, r] = block.triangle(slot);
-        let primitive = block.primitives[slot];
+        let lanes = self.maybe_crossing([p, q, r], block.primitives[slot]);
+        if lanes == [0; LANES] {
+            return false;
+        }
         let o = self.shaft.origins;
         let (a, b, c) = (minus(&p, o), minus(&q, o), minus(&r, o));
         let normals = [cross(&a, &b), cross(&b, &c), cross(&c, &a)];
@@ -140,9 +182,8 @@ impl<'a> Segments<'a> {
             // The sum of the edge functions has three times their error.
             let behind = ((heights[i] > slack) & (high[3][i] < -3.0 * margin))
                 | ((heights[i] < -slack) & (low[3][i] > 3.0 * margin));
-            let own = self.shaft.leaving[i] == primitive;
-            let misses = (positive & negative) | behind | own;
-            may_hit |= self.shaft.active.0[i] & -i32::from(!misses);
+            let misses = (positive & negative) | behind;
+            may_hit |= lanes[i] & -i32::from(!misses);
         }
         may_hit != 0
     }
@@ -219,7 +260,7 @@ impl Frustum {
             octant |= usize::from(near[axis] < low[axis]) << axis;
         }
         // At least the slack of `Frustum::new`, 99u of the reach and 6u of the coordinates (u =
-        // 2^-24), and another 6u for the light's rounded points. Lines that leave the scene round
+        // 2^-24), another 2u of the reach for the inverse, and 6u for the light's rounded points. Lines that leave the scene round
         // by u of `size` at each of three steps.
         let slack = (64.0 * reach + 16.0 * size) * f32::EPSILON + 8.0 * f32::MIN_POSITIVE;
         let (forward, scene_end, start, light) = match backward {
@@ -231,11 +272,15 @@ impl Frustum {
         let (z0, z1) = (forward * start, forward * max(end, start));
         let mut rows = [[f32::INFINITY; LANES]; 8];
         for corner in shaft.corners {
+            let mut inverse = [0.0; LANES];
+            for i in 0..LANES {
+                inverse[i] = 1.0 / (corner[k] - origins[k][i]);
+            }
             for axis in 0..2 {
                 let j = axes[axis];
                 for i in 0..LANES {
                     let (x, z) = (origins[j][i], origins[k][i]);
-                    let slope = (corner[j] - x) / (corner[k] - z);
+                    let slope = (corner[j] - x) * inverse[i];
                     let (x0, x1) = (x + slope * (z0 - z), x + slope * (z1 - z));
                     rows[axis][i] = min(x0, rows[axis][i]);
                     rows[2 + axis][i] = min(-x0, rows[2 + axis][i]);
