@@ -36,7 +36,6 @@ mod memory;
 mod nearest;
 mod paths;
 mod picture;
-mod poses;
 mod renderer;
 mod report;
 mod reserve;
@@ -75,6 +74,8 @@ pub mod mesh;
 pub mod monitor;
 #[doc(hidden)]
 pub mod output;
+#[doc(hidden)]
+pub mod poses;
 #[doc(hidden)]
 pub mod ray;
 #[doc(hidden)]

@@ -13,9 +13,8 @@ use crate::{
     mesh::Mesh,
     monitor::Monitor,
     picture::{self, Files},
-    poses::Pose,
     reserve::MemoryLimit,
-    scene::{self, Description, Loaded, Scene, Source},
+    scene::{self, Loaded, Scene, Source},
     studio::{self, MeshScene, Subject, Turntable},
     world::{self, ContentHashes},
 };
@@ -155,18 +154,8 @@ pub fn read(
 fn first_pose(job: &Job, loaded: Loaded, folder: &Path) -> Result<Loaded> {
     let pose = job.poses.as_ref().and_then(|poses| poses.list.first());
     let Some(pose) = pose else { return Ok(loaded) };
-    let mut found = with_camera(&loaded, pose, folder)?;
+    let mut found = loaded.with_camera(&pose.image, &pose.camera, folder)?;
     found.warnings = loaded.warnings;
-    Ok(found)
-}
-
-/// Returns a scene with another camera.
-fn with_camera(loaded: &Loaded, pose: &Pose, folder: &Path) -> Result<Loaded> {
-    let description = Description { camera: pose.camera.clone(), ..loaded.description.clone() };
-    let mut found = scene::from_description(&pose.image, &description, folder, &[])?;
-    // A description holds neither the backend's settings nor the user's paths.
-    found.scene.backend = loaded.scene.backend;
-    found.scene.shapes.clone_from(&loaded.scene.shapes);
     Ok(found)
 }
 
@@ -224,7 +213,7 @@ impl Ready {
     fn frame(&self, job: &Job, number: u32) -> Result<Loaded> {
         if let Some(poses) = &job.poses {
             let pose = &poses.list[number as usize % poses.list.len()];
-            return with_camera(&self.loaded, pose, &self.folder);
+            return self.loaded.with_camera(&pose.image, &pose.camera, &self.folder);
         }
         let Some(turntable) = &job.turntable else {
             return Ok(self.loaded.clone());

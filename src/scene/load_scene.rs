@@ -79,6 +79,22 @@ pub fn from_description(
     check_document(Document::from_value(name, &description.to_json()), folder, overrides)
 }
 
+impl Loaded {
+    /// The scene with another camera. `name` is the camera's place in messages; paths are relative
+    /// to `folder`.
+    ///
+    /// # Errors
+    /// Every problem of the camera.
+    pub fn with_camera(&self, name: &str, camera: &written::Camera, folder: &Path) -> Result<Self> {
+        let description = Description { camera: camera.clone(), ..self.description.clone() };
+        let mut found = from_description(name, &description, folder, &[])?;
+        // A description holds neither the backend's settings nor the user's paths.
+        found.scene.backend = self.scene.backend;
+        found.scene.shapes.clone_from(&self.scene.shapes);
+        Ok(found)
+    }
+}
+
 /// Reads a document as any type that has a schema, such as a job file. The structural checks are
 /// those of scene files: no unknown keys, places in messages, nearest keys as help.
 ///

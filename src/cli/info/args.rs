@@ -21,6 +21,10 @@ pub struct InfoArgs {
     #[arg(long)]
     pub no_mmap: bool,
 
+    /// Cameras as of `batch --cameras`: prints where they stand, and how much of each mesh they see
+    #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
+    pub cameras: Option<PathBuf>,
+
     /// Backend whose memory is predicted [default: the scene's]
     #[arg(long, value_name = "NAME")]
     pub backend: Option<Accelerator>,

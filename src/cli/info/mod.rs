@@ -4,6 +4,7 @@
 //! one: all files are checked, and all errors are reported at the end.
 
 pub mod args;
+mod cameras;
 mod facts;
 mod scene;
 
@@ -81,6 +82,7 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
     }
     match start.as_slice() {
         b"ply\n" | b"ply\r" => ply(path, args, &mut facts)?,
+        _ if args.cameras.is_some() && !studio::is_mesh(path) => return Err(cameras::refuse(path)),
         [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut facts)?,
         _ if studio::is_mesh(path) => ply(path, args, &mut facts)?,
         _ => scene::describe(path, args, &mut facts)?,
@@ -150,7 +152,11 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
     facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
     resolution(&mesh, Bounds { min: low, max: high }, facts);
-    Ok(())
+    drop(mesh);
+    match &args.cameras {
+        Some(list) => cameras::describe(path, list, args, facts),
+        None => Ok(()),
+    }
 }
 
 /// Reads the header of a mesh, or of a cloud of points. The second value is true for a cloud.

@@ -355,3 +355,57 @@ fn sizes_come_from_pictures_where_the_list_has_none() {
         assert!((u - i).abs() < 1e-3 && (v - j).abs() < 1e-3, "{u} {v} at {i} {j}");
     }
 }
+
+/// Two cameras: one above the middle of the pyramid's base, from below, and one from the side.
+fn two_poses() -> Value {
+    let camera = |position: [f64; 3], lookat: [f64; 3], up: [f64; 3]| {
+        json!({ "type": "pinhole", "width": 80, "height": 60, "fov": 50, "position": position,
+                "lookat": lookat, "up": up })
+    };
+    let below = camera([0.0, -5.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let beside = camera([0.0, 0.2, 6.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]);
+    json!({ "cameras": [{ "image": "below.png", "camera": below },
+                        { "image": "beside", "camera": beside }] })
+}
+
+#[test]
+fn info_says_how_much_of_the_mesh_each_camera_sees() {
+    let scratch = scratch();
+    scratch.write("two.json", &two_poses().to_string());
+    let run = scratch.run(&["info", "scan.ply", "--cameras", "two.json", "--json"]);
+    let facts: Value = serde_json::from_str(&run.good().stdout()).unwrap();
+    let cameras = facts["cameras"].as_array().unwrap();
+    assert_eq!(cameras[0]["image"], "below");
+    assert_eq!(cameras[0]["size"], json!([80, 60]));
+    // The base is a square of two triangles. Each of the four sides is a triangle with base 2.
+    let triangles = facts["triangles"].as_u64().unwrap() as f64;
+    assert_eq!(cameras[0]["visible_faces"], 2);
+    assert_eq!(cameras[1]["visible_faces"], 1);
+    let share = |camera: &Value, key: &str| camera[key].as_f64().unwrap();
+    assert!((share(&cameras[0], "faces") - 2.0 / triangles).abs() < 1e-12);
+    // The apex is 2 above the base, so the height of a side is the root of 5.
+    let side = 5f64.sqrt();
+    let whole = 4.0 + 4.0 * side;
+    assert!((share(&cameras[0], "area") - 4.0 / whole).abs() < 1e-6, "{facts}");
+    assert!((share(&cameras[1], "area") - side / whole).abs() < 1e-6, "{facts}");
+    assert!((share(&facts["seen"], "area") - (4.0 + side) / whole).abs() < 1e-6);
+    // The directions are at right angles.
+    let poses = &facts["poses"];
+    assert_eq!(poses["count"], 2);
+    assert_eq!(poses["bounds"], json!([[0.0, -5.0, 0.0], [0.0, 0.2, 6.0]]));
+    assert!((poses["widest_angle"].as_f64().unwrap() - 45.0).abs() < 1e-9);
+    let focal = 30.0 / 25f64.to_radians().tan();
+    assert!((poses["focal_length"][0].as_f64().unwrap() - focal).abs() < 1e-9);
+
+    let text = scratch.run(&["info", "scan.ply", "--cameras", "text"]).good().stdout();
+    assert!(text.contains("3 cameras, between") && text.contains("left/c d: 24 x 28"), "{text}");
+
+    scratch.write("s.json", "{}");
+    let run = scratch.run(&["info", "s.json", "--cameras", "two.json"]);
+    assert_eq!(run.code(), 2);
+    let message = "--cameras: found with s.json, expected with a PLY mesh";
+    assert!(run.stderr().contains(message), "{}", run.stderr());
+    let run = scratch.run(&["info", "scan.ply", "--cameras", "none.json"]);
+    assert_eq!(run.code(), 2);
+    assert!(run.stderr().contains("none.json"), "{}", run.stderr());
+}

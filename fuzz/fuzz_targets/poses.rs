@@ -1,0 +1,51 @@
+//! Reads bytes as a list of cameras. The first byte selects the format: a COLMAP model, binary or
+//! text, or JSON. The second says which part of the rest is `cameras`; what is left is `images`. The
+//! result must be an error with a message, or a list of pictures that stay in their folder.
+#![no_main]
+
+use std::fs;
+use std::path::{Component, Path};
+use std::sync::LazyLock;
+
+use lightpath::poses::Poses;
+
+/// Folder of this process. Files in memory make the runs fast.
+static FOLDER: LazyLock<std::path::PathBuf> = LazyLock::new(|| {
+    let memory = Path::new("/dev/shm");
+    let temp = std::env::temp_dir();
+    let folder = if memory.is_dir() { memory } else { &temp };
+    let folder = folder.join(format!("lightpath-poses-{}", std::process::id()));
+    fs::create_dir_all(&folder).expect("a folder for temporary files");
+    folder
+});
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let [format, part, rest @ ..] = bytes else { return };
+    let write = |name: &str, bytes: &[u8]| fs::write(FOLDER.join(name), bytes).expect("room");
+    let cut = rest.len() * usize::from(*part) / 255;
+    let path = match format % 3 {
+        2 => {
+            write("list.json", rest);
+            FOLDER.join("list.json")
+        }
+        text => {
+            let end = if text == 1 { "txt" } else { "bin" };
+            write(&format!("cameras.{end}"), &rest[..cut]);
+            write(&format!("images.{end}"), &rest[cut..]);
+            FOLDER.join(format!("cameras.{end}"))
+        }
+    };
+    match Poses::read(&path, format & 128 != 0) {
+        Err(error) => {
+            assert!(!error.problems.is_empty());
+            assert!(!error.to_string().is_empty());
+        }
+        Ok(poses) => {
+            assert!(!poses.list.is_empty());
+            for pose in &poses.list {
+                let mut parts = Path::new(&pose.image).components();
+                assert!(parts.all(|part| matches!(part, Component::Normal(_))), "{}", pose.image);
+            }
+        }
+    }
+});
