@@ -9,7 +9,9 @@
 
 use rayon::prelude::*;
 
-use super::normals::{Point, VertexFaces, add_face, cross, dot, sub, unit, vertex_normals};
+use super::normals::{
+    FaceNormal, Point, VertexFaces, add_face, cross, dot, sub, unit, vertex_normals,
+};
 use crate::error::Result;
 use crate::reserve;
 
@@ -113,7 +115,7 @@ pub fn creased_normals<P: Point>(
                     faces.of(vertex, sorted);
                     let here = (positions, triangles, vertex as u32);
                     *normal = around.normal(here, sorted);
-                    if around.has_crease(here, sorted, *normal) {
+                    if !around.is_smooth(*normal) && around.has_crease(here, sorted, *normal) {
                         *normal = around.split(here, sorted, &mut splits, &mut more);
                     }
                 }
@@ -186,6 +188,8 @@ struct Around {
     /// Cosine of half the smaller angle. If all faces are this close to one normal, there is no
     /// crease.
     half: f64,
+    /// The faces as [`add_face`] returns them.
+    faces: Vec<FaceNormal>,
     normals: Vec<[f32; 3]>,
     /// The other two vertices of each face, with the position of the face in the list.
     edges: Vec<(u32, usize)>,
@@ -203,16 +207,33 @@ impl Around {
         let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
         let min_cosine = [cosine(angle), cosine(flat.min(angle))];
         let half = cosine(0.5 * flat.min(angle)) + 2e-6;
-        let (normals, parts) = (vec![], vec![]);
-        Self { min_cosine, half, normals, edges: vec![], group: vec![], members: vec![], parts }
+        let (faces, normals, parts) = (vec![], vec![], vec![]);
+        let (edges, group, members) = (vec![], vec![], vec![]);
+        Self { min_cosine, half, faces, normals, edges, group, members, parts }
     }
 
-    fn normal<P: Point>(&self, (positions, triangles, vertex): Here<P>, faces: &[u32]) -> [f32; 3] {
+    fn normal<P: Point>(
+        &mut self,
+        (positions, triangles, vertex): Here<P>,
+        faces: &[u32],
+    ) -> [f32; 3] {
         let mut sum = [0.0; 3];
+        self.faces.clear();
         for &face in faces {
-            add_face(&mut sum, positions, triangles[face as usize], vertex);
+            self.faces.push(add_face(&mut sum, positions, triangles[face as usize], vertex));
         }
         unit(sum)
+    }
+
+    /// Returns true if all faces are so near to the normal that there is no crease. Like
+    /// [`Around::has_crease`], but it normalizes nothing.
+    fn is_smooth(&self, normal: [f32; 3]) -> bool {
+        let normal = normal.map(f64::from);
+        // Squares of tiny edges may have left the range.
+        let near = |&(face, length): &FaceNormal| {
+            length > f64::MIN_POSITIVE && dot(face, normal) >= self.half * length
+        };
+        self.faces.iter().all(near)
     }
 
     /// Stores the normal of each face. Returns false if there is certainly no crease.

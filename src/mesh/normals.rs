@@ -130,18 +130,21 @@ fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]
     sums.into_iter().map(unit).collect()
 }
 
-/// Adds the contribution of `triangle` to the normal at its corner `vertex`. The cross product is
-/// twice area x normal; the factor two is the same for all faces.
+/// A face as its corner sees it: twice area x normal, and the length of this vector.
+pub(super) type FaceNormal = ([f64; 3], f64);
+
+/// Adds the contribution of `triangle` to the normal at its corner `vertex`. The factor two of the
+/// returned vector is the same for all faces.
 #[inline]
 pub(super) fn add_face<P: Point>(
     sum: &mut [f64; 3],
     positions: &[P],
     triangle: [u32; 3],
     vertex: u32,
-) {
+) -> FaceNormal {
     let [a, b, c] = triangle;
     if a == b || b == c || c == a {
-        return;
+        return ([0.0; 3], 0.0);
     }
     // Rotated so that the corner comes first: same face, same orientation.
     let (next, last) = if vertex == a {
@@ -156,10 +159,12 @@ pub(super) fn add_face<P: Point>(
     let to_last = sub(positions[last as usize].xyz(), corner);
     let normal = cross(to_next, to_last);
     // Unlike the arc cosine, the arc tangent is accurate for needles too.
-    let angle = dot(normal, normal).sqrt().atan2(dot(to_next, to_last));
+    let length = dot(normal, normal).sqrt();
+    let angle = length.atan2(dot(to_next, to_last));
     for (sum, normal) in sum.iter_mut().zip(normal) {
         *sum += angle * normal;
     }
+    (normal, length)
 }
 
 /// Returns the vector `sum` at unit length, or zero if it has no direction. It is divided by its
