@@ -84,7 +84,8 @@ impl WhittedIntegrator<'_> {
                 for i in 0..LANES {
                     number[i] = number[i].wrapping_add(1);
                 }
-                let light = (&area.points(&square), Some(&area));
+                let from = &self.points.at.position;
+                let light = (&area.points(&square, from), Some(&area));
                 let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
                 let aimed =
                     ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
@@ -181,8 +182,8 @@ impl WhittedIntegrator<'_> {
                 return;
             }
             let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
-            let q = area.points(&square);
             self.gathered.gather(&self.points.at, &from, count);
+            let q = area.points(&square, &self.gathered.position);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
             let (world, light_points) = (self.world, (&q, Some(&area)));
             let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);

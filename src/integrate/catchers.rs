@@ -94,7 +94,8 @@ impl WhittedIntegrator<'_> {
             if self.monitor.stopped() {
                 break;
             }
-            let light = (&area.points(&squares.at(&number)), Some(area));
+            let from = &self.points.at.position;
+            let light = (&area.points(&squares.at(&number), from), Some(area));
             number = number.map(|number: u32| number.wrapping_add(1));
             let (rays, lit) = (&mut self.shadow, &mut self.lit);
             let aimed = ShadowRays::aim(&self.points.at, light, falloff, lamp.glossy, rays, lit);

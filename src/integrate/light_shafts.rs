@@ -54,7 +54,7 @@ impl LightShafts {
         index: u32,
         area: &Area,
     ) -> View {
-        let corners = area.corners();
+        let Some(corners) = area.corners(points) else { return View::Unknown };
         let (mut active, mut leaving) = (Mask::NONE, points.primitive);
         for i in 0..LANES {
             let (p, n, ng) = (lane(&points.position, i), lane(&points.n, i), lane(&points.ng, i));

@@ -31,6 +31,7 @@ impl<'a> ShadowRays<'a> {
         lit: &mut LightWeights,
     ) -> Self {
         let normal = area.and_then(|area| area.normal);
+        let falloff = area.map_or(falloff, |area| area.falloff(falloff));
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
         let grazing = match area {
             Some(area) if area.flush > 0.0 => area.end_before_plane(points, rays, &mut active),

@@ -190,6 +190,15 @@ pub enum LightKind {
         /// True for one-sided cosine emission (`lambertian`), false for `uniform`.
         lambertian: bool,
     },
+    /// A cone of directions, from beyond the scene. Its light has no falloff.
+    Sun {
+        /// Unit direction towards the middle of the sun.
+        towards: DVec3,
+        /// Angular diameter in degrees, in [0, 180).
+        angle_deg: f64,
+        /// Number of directions per shading point, >= 1.
+        samples: u32,
+    },
 }
 
 /// A shape with its material and its name in the EXR.

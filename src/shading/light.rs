@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
+use super::sun::Cone;
 use crate::geometry::NONE;
 use crate::ray::{LANES, Mask, Rays};
 pub use crate::scene::Falloff;
@@ -23,13 +24,16 @@ pub struct Light {
 pub enum Emitter {
     /// A point light and its position.
     Point(Vec3),
-    /// A rectangular area light.
+    /// A light with an extent: a rectangle or a sun.
     Area(Area),
 }
 
-/// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1).
+/// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1). With `sun`, a cone of
+/// directions instead.
 #[derive(Debug, Clone, Copy)]
 pub struct Area {
+    /// The directions of a sun. The fields of the rectangle are then 0.
+    pub sun: Option<Cone>,
     /// Corner at s = t = 0.
     pub corner: Vec3,
     /// Side along s, as a vector.
@@ -48,16 +52,29 @@ pub struct Area {
 }
 
 impl Area {
-    /// The four corners of the rectangle.
+    /// Four corners. The convex hull of these and the shading points holds all shadow rays. `None`
+    /// if there are no such corners.
     #[inline(always)]
-    pub fn corners(&self) -> [Vec3; 4] {
+    pub fn corners(&self, points: &ShadowPoints) -> Option<[Vec3; 4]> {
+        if let Some(sun) = &self.sun {
+            return sun.corners(points);
+        }
         let (edge, height) = (self.edge, self.height);
-        [Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side)
+        Some([Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side))
     }
 
-    /// Light points for 16 points (s, t) in the unit square.
+    /// The scene's falloff, or none for a sun.
     #[inline(always)]
-    pub fn points(&self, [s, t]: &[Lanes; 2]) -> Lanes3 {
+    pub fn falloff(&self, of_scene: Falloff) -> Falloff {
+        if self.sun.is_some() { Falloff::None } else { of_scene }
+    }
+
+    /// Light points for 16 points (s, t) in the unit square, seen from the shading points `from`.
+    #[inline(always)]
+    pub fn points(&self, [s, t]: &[Lanes; 2], from: &Lanes3) -> Lanes3 {
+        if let Some(sun) = &self.sun {
+            return sun.points(&[*s, *t], from);
+        }
         let mut q = [[0.0; LANES]; 3];
         for i in 0..LANES {
             set_lane(&mut q, i, self.corner + self.edge * s[i] + self.height * t[i]);

@@ -10,6 +10,7 @@ mod mesh_colors;
 mod pnm;
 mod points;
 mod smooth;
+mod sun;
 mod texture;
 mod uv;
 
@@ -18,5 +19,6 @@ pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
 pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
+pub use sun::Cone;
 pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, linear_from_srgb};
 pub use uv::{UvFrame, UvSource};

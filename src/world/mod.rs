@@ -24,7 +24,7 @@ use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
-use crate::shading::{Area, Emitter, Light, Shapes};
+use crate::shading::{Area, Cone, Emitter, Light, Shapes};
 
 use self::gather::gather;
 use self::place::{MAX_COORDINATE, PlacedMesh};
@@ -318,6 +318,9 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
             let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
             area.set_plane_gap(geometry);
             Emitter::Area(area)
+        }
+        LightKind::Sun { towards, angle_deg, samples } => {
+            Emitter::Area(Area::from_sun(Cone::new(*towards, *angle_deg, geometry), *samples))
         }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }

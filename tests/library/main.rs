@@ -59,6 +59,7 @@ mod pictures {
     mod points;
     mod sampling;
     mod sky;
+    mod sun;
     mod texture_coordinates;
 }
 

@@ -111,7 +111,7 @@ fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Stud
         values.dedup();
         values
     };
-    let lit = scene.lights.iter().any(|light| matches!(light.kind, LightKind::Area { .. }));
+    let lit = scene.lights.iter().any(|light| !matches!(light.kind, LightKind::Point { .. }));
     let light_samples = match (lit, args.light_samples.as_slice()) {
         (true, []) => LIGHT_SAMPLES.to_vec(),
         (true, asked) => sorted(asked),

@@ -137,9 +137,14 @@ fn contents(scene: &Scene, facts: &mut Facts) {
         }
     );
     facts.add("shapes", shapes, line);
-    let is_area = |light: &&scene::Light| matches!(light.kind, LightKind::Area { .. });
-    let area = scene.lights.iter().filter(is_area).count();
-    let point = scene.lights.len() - area;
-    let line = format!("lights: {point} point, {area} area");
-    facts.add("lights", json!({ "pointlight": point, "arealight": area }), line);
+    let [mut point, mut area, mut sun] = [0; 3];
+    for light in &scene.lights {
+        match light.kind {
+            LightKind::Point { .. } => point += 1,
+            LightKind::Area { .. } => area += 1,
+            LightKind::Sun { .. } => sun += 1,
+        }
+    }
+    let line = format!("lights: {point} point, {area} area, {sun} sun");
+    facts.add("lights", json!({ "pointlight": point, "arealight": area, "sun": sun }), line);
 }

@@ -1,9 +1,13 @@
 //! Checks the lights. An area light is the rectangle of docs/guide/scene-format.md and must have an
 //! area.
 
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
 use crate::scene::{
     checked::{Light, LightKind},
-    description::{self, AreaLight, Emission},
+    description::{self, AreaLight, Color, Emission, Sky},
 };
 
 use super::{context::Check, geometry::is_flat};
@@ -18,6 +22,23 @@ impl Check<'_, '_> {
                 continue;
             };
             let (kind, name, group, id, specular) = match light {
+                description::Light::Directional(l) => {
+                    let kind = LightKind::Sun {
+                        towards: self.towards(&pointer, l.sky()),
+                        angle_deg: 0.0,
+                        samples: 1,
+                    };
+                    let id = self.distant_color(&pointer, l.id, l.irradiance);
+                    (kind, l.name, l.group, id, l.specular)
+                }
+                description::Light::Sun(l) => {
+                    // A point needs no more than one.
+                    let samples = if l.angle > 0.0 { l.samples } else { 1 };
+                    let towards = self.towards(&pointer, l.sky());
+                    let kind = LightKind::Sun { towards, angle_deg: l.angle, samples };
+                    let id = self.distant_color(&pointer, l.id, l.irradiance);
+                    (kind, l.name, l.group, id, l.specular)
+                }
                 description::Light::PointLight(l) => {
                     let kind = LightKind::Point { position: l.position.vec() };
                     (kind, l.name, l.group, l.id, l.specular)
@@ -35,6 +56,45 @@ impl Check<'_, '_> {
             });
         }
         lights
+    }
+
+    /// The unit direction towards a distant light.
+    fn towards(&mut self, pointer: &str, sky: Sky) -> DVec3 {
+        let Some(towards) = sky.towards() else {
+            let found = match sky.direction {
+                Some(_) => "`direction` together with `azimuth` or `elevation`",
+                None => "no complete direction",
+            };
+            let message =
+                format!("found {found}, expected `direction`, or `azimuth` and `elevation`");
+            self.problems.error(pointer, message, None);
+            return DVec3::Y;
+        };
+        if towards == DVec3::ZERO {
+            let message = "found a zero vector, expected a direction";
+            self.problems.error(&format!("{pointer}/direction"), message, None);
+            return DVec3::Y;
+        }
+        towards.normalize()
+    }
+
+    /// The colour of a distant light: a surface that faces it returns `id`, times its own colour.
+    fn distant_color(
+        &mut self,
+        pointer: &str,
+        id: Option<Color>,
+        irradiance: Option<Color>,
+    ) -> Color {
+        match (id, irradiance) {
+            (Some(id), None) => id,
+            (None, Some(Color(irradiance))) => Color(irradiance.map(|e| e / PI)),
+            (id, _) => {
+                let found = if id.is_some() { "both" } else { "neither" };
+                let message = format!("found {found}, expected `id` or `irradiance`");
+                self.problems.error(pointer, message, None);
+                Color::default()
+            }
+        }
     }
 
     fn area(&mut self, pointer: &str, light: &AreaLight) -> LightKind {

@@ -34,6 +34,18 @@ impl Check<'_, '_> {
             let point = match light.kind {
                 LightKind::Point { position } => position,
                 LightKind::Area { corner, edge, height, .. } => corner + (edge + height) / 2.0,
+                LightKind::Sun { towards, angle_deg, .. } => {
+                    let elevation = towards.y.clamp(-1.0, 1.0).asin().to_degrees();
+                    if elevation < -angle_deg / 2.0 {
+                        let message = format!(
+                            "found the light {:.1} degrees below the horizon; y is up",
+                            -elevation
+                        );
+                        let pointer = format!("/scene/lightsources/{l}");
+                        self.problems.warn(&pointer, message, None);
+                    }
+                    continue;
+                }
             };
             if let Some(i) = around(point).find(|i| !enclosing.contains(i)) {
                 let message = format!(

@@ -1,9 +1,10 @@
 //! Light sources as a scene file writes them.
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::values::{Color, Name, Point};
+use super::values::{Color, Direction, Name, Point};
 
 /// A light source of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -13,6 +14,10 @@ pub enum Light {
     PointLight(PointLight),
     /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
+    /// Parallel light from beyond the scene: a sun of size 0.
+    Directional(Directional),
+    /// A disc in the sky, beyond the scene. Rays do not see it.
+    Sun(Sun),
 }
 
 /// A point that emits light in every direction.
@@ -58,6 +63,60 @@ pub struct AreaLight {
     pub emission: Emission,
 }
 
+/// Parallel light from beyond the scene. It has no falloff.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Directional {
+    /// Name of the light in the EXR.
+    pub name: Option<Name>,
+    /// Light group of the light in the EXR.
+    pub group: Option<Name>,
+    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
+    pub direction: Option<Direction>,
+    /// Degrees from -z, the north, towards +x, the east.
+    pub azimuth: Option<f64>,
+    /// Degrees above the horizon; y is up.
+    #[schemars(range(min = -90, max = 90))]
+    pub elevation: Option<f64>,
+    /// Colour of its diffuse light; or `irradiance`.
+    pub id: Option<Color>,
+    /// Irradiance of a surface that faces the light: pi times `id`.
+    pub irradiance: Option<Color>,
+    /// Colour of its specular light; default: that of the diffuse light.
+    #[serde(rename = "is")]
+    pub specular: Option<Color>,
+}
+
+/// A disc in the sky with soft shadows. It has no falloff.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Sun {
+    /// Name of the light in the EXR.
+    pub name: Option<Name>,
+    /// Light group of the light in the EXR.
+    pub group: Option<Name>,
+    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
+    pub direction: Option<Direction>,
+    /// Degrees from -z, the north, towards +x, the east.
+    pub azimuth: Option<f64>,
+    /// Degrees above the horizon; y is up.
+    #[schemars(range(min = -90, max = 90))]
+    pub elevation: Option<f64>,
+    /// Angular diameter in degrees. The sun's is 0.53.
+    #[serde(default = "diameter")]
+    #[schemars(range(min = 0, max = 179))]
+    pub angle: f64,
+    /// Colour of the diffuse light of the whole disc; or `irradiance`.
+    pub id: Option<Color>,
+    /// Irradiance of a surface that faces the sun: pi times `id`.
+    pub irradiance: Option<Color>,
+    /// Colour of the specular light of the whole disc; default: that of the diffuse light.
+    #[serde(rename = "is")]
+    pub specular: Option<Color>,
+    /// Number of directions for each shading point of each camera sample.
+    #[serde(default = "sixteen")]
+    #[schemars(range(min = 1, max = 4294967295u32))]
+    pub samples: u32,
+}
+
 /// Directions in which an area light emits light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -67,6 +126,63 @@ pub enum Emission {
     Uniform,
     /// a diffuse emitter: one-sided, with the cosine
     Lambertian,
+}
+
+/// Place of a distant light in the sky.
+#[derive(Debug, Clone, Copy)]
+pub struct Sky {
+    /// As in [`Sun`].
+    pub direction: Option<Direction>,
+    /// As in [`Sun`].
+    pub azimuth: Option<f64>,
+    /// As in [`Sun`].
+    pub elevation: Option<f64>,
+}
+
+impl Sky {
+    /// The direction towards the light, of any length; zero if `direction` is. `None` if the place
+    /// is not given once.
+    pub fn towards(self) -> Option<DVec3> {
+        match (self.direction, self.azimuth, self.elevation) {
+            (Some(Direction(direction)), None, None) => Some(-DVec3::from(direction)),
+            (None, Some(azimuth), Some(elevation)) => {
+                let (east, north) = azimuth.to_radians().sin_cos();
+                let (up, across) = elevation.to_radians().sin_cos();
+                Some(DVec3::new(across * east, up, -across * north))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Directional {
+    /// Its place in the sky.
+    pub fn sky(&self) -> Sky {
+        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
+    }
+
+    /// Sets the direction in which its light travels.
+    pub fn set_direction(&mut self, direction: DVec3) {
+        self.direction = Some(Direction(direction.to_array()));
+        (self.azimuth, self.elevation) = (None, None);
+    }
+}
+
+impl Sun {
+    /// Its place in the sky.
+    pub fn sky(&self) -> Sky {
+        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
+    }
+
+    /// Sets the direction in which its light travels.
+    pub fn set_direction(&mut self, direction: DVec3) {
+        self.direction = Some(Direction(direction.to_array()));
+        (self.azimuth, self.elevation) = (None, None);
+    }
+}
+
+fn diameter() -> f64 {
+    0.53
 }
 
 fn sixteen() -> u32 {

@@ -5,7 +5,7 @@ use lightpath::accel::{Accelerator, Shaft};
 use lightpath::geometry::{Geometry, Sphere, Surfaces, TriangleMesh, refine};
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use lightpath::scene::Falloff;
-use lightpath::shading::{Area, LightWeights, ShadowPoints, light_rays, set_lane};
+use lightpath::shading::{Area, Cone, LightWeights, ShadowPoints, light_rays, set_lane};
 
 use super::tiers::{ALL, Tiers, put, ray};
 use crate::support::random::Random;
@@ -95,6 +95,13 @@ fn light(random: &mut Random, offset: DVec3) -> Area {
     Area::new(corner.as_vec3(), point(size), point(size), false, 4)
 }
 
+/// A sun above the landscape, of up to 60 degrees.
+fn sun(random: &mut Random, geometry: &Geometry) -> Area {
+    let towards = DVec3::new(random.within(-1.0, 1.0), 1.0, random.within(-1.0, 1.0));
+    let angle = if random.unit() < 0.2 { 0.0 } else { 10f64.powf(random.within(-1.0, 1.78)) };
+    Area::from_sun(Cone::new(towards, angle, geometry), 4)
+}
+
 /// Shadow rays of all lanes to random points of the light. The first rounds go to its corners and
 /// edges.
 fn shadow_rays(
@@ -116,7 +123,7 @@ fn shadow_rays(
     }
     let mut packet = RayPacket::EMPTY;
     let mut lit = LightWeights::EMPTY;
-    let q = area.points(&squares);
+    let q = area.points(&squares, &points.position);
     let falloff = Falloff::None;
     light_rays(points, &q, None, falloff, false, &mut packet.rays, &mut lit);
     (points.hit, packet)
@@ -143,8 +150,12 @@ fn no_ray_in_an_empty_shaft_is_occluded() {
             if !points.hit.any() {
                 continue;
             }
-            let area = light(&mut random, offset);
-            let corners = area.corners().map(|corner: Vec3| corner.to_array());
+            let area = match case % 3 {
+                0 => sun(&mut random, &geometry),
+                _ => light(&mut random, offset),
+            };
+            let Some(corners) = area.corners(&points) else { continue };
+            let corners = corners.map(|corner: Vec3| corner.to_array());
             let leaving = points.primitive;
             let shaft =
                 Shaft { active: points.hit, origins: &points.origin, leaving, corners: &corners };
