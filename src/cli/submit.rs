@@ -236,9 +236,9 @@ impl Needs {
                 let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
                 let points = |light: &Light| match light.kind {
                     LightKind::Point { .. } => 1.0,
-                    LightKind::Area { samples, .. } | LightKind::Sun { samples, .. } => {
-                        f64::from(samples)
-                    }
+                    LightKind::Area { samples, .. }
+                    | LightKind::Sun { samples, .. }
+                    | LightKind::Environment { samples } => f64::from(samples),
                 };
                 let lights: f64 = scene.lights.iter().map(points).sum();
                 let rays = pixels * f64::from(scene.spp) * (1.0 + lights);

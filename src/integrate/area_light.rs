@@ -84,7 +84,7 @@ impl WhittedIntegrator<'_> {
                 for i in 0..LANES {
                     number[i] = number[i].wrapping_add(1);
                 }
-                let from = &self.points.at.position;
+                let from = &self.points.at;
                 let light = (&area.points(&square, from), Some(&area));
                 let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
                 let aimed =
@@ -183,7 +183,7 @@ impl WhittedIntegrator<'_> {
             }
             let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
             self.gathered.gather(&self.points.at, &from, count);
-            let q = area.points(&square, &self.gathered.position);
+            let q = area.points(&square, &self.gathered);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
             let (world, light_points) = (self.world, (&q, Some(&area)));
             let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);

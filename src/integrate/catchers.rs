@@ -94,7 +94,7 @@ impl WhittedIntegrator<'_> {
             if self.monitor.stopped() {
                 break;
             }
-            let from = &self.points.at.position;
+            let from = &self.points.at;
             let light = (&area.points(&squares.at(&number), from), Some(area));
             number = number.map(|number: u32| number.wrapping_add(1));
             let (rays, lit) = (&mut self.shadow, &mut self.lit);

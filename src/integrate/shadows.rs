@@ -5,7 +5,7 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES, Mask, Rays};
 use crate::scene::Falloff;
-use crate::shading::{Area, Lanes3, LightWeights, ShadowPoints, light_rays};
+use crate::shading::{Area, Distant, Lanes3, LightWeights, ShadowPoints, light_rays};
 
 /// The shadow rays of a packet of shading points to one light.
 #[derive(Clone, Copy)]
@@ -33,6 +33,9 @@ impl<'a> ShadowRays<'a> {
         let normal = area.and_then(|area| area.normal);
         let falloff = area.map_or(falloff, |area| area.falloff(falloff));
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
+        if let Some(Distant::Environment(environment)) = area.and_then(|area| area.distant) {
+            environment.weigh(points, q, lit);
+        }
         let grazing = match area {
             Some(area) if area.flush > 0.0 => area.end_before_plane(points, rays, &mut active),
             _ => Mask::NONE,

@@ -268,7 +268,7 @@ impl<'a> WhittedIntegrator<'a> {
                         let pixels = [&slot.x, &slot.y];
                         self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
                     };
-                    let q = area.points(&square, &self.points.at.position);
+                    let q = area.points(&square, &self.points.at);
                     self.one_point(&lamp, &q, Some(&area), counts, record);
                     if catching {
                         self.catch_point(&lamp, &q, Some(&area));

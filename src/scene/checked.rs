@@ -66,7 +66,12 @@ impl Scene {
     /// Returns true if adaptive shadows can skip any shadow ray: an area light has more points than
     /// are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {
-        let spares = |light: &Light| matches!(light.kind, LightKind::Area { samples, .. } if samples > FIRST_SHADOW_POINTS);
+        let spares = |light: &Light| match light.kind {
+            LightKind::Point { .. } => false,
+            LightKind::Area { samples, .. }
+            | LightKind::Sun { samples, .. }
+            | LightKind::Environment { samples } => samples > FIRST_SHADOW_POINTS,
+        };
         self.adaptive_shadows && self.lights.iter().any(spares)
     }
 
@@ -196,6 +201,11 @@ pub enum LightKind {
         towards: DVec3,
         /// Angular diameter in degrees, in [0, 180).
         angle_deg: f64,
+        /// Number of directions per shading point, >= 1.
+        samples: u32,
+    },
+    /// The same radiance from all directions.
+    Environment {
         /// Number of directions per shading point, >= 1.
         samples: u32,
     },

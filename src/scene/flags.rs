@@ -53,7 +53,7 @@ impl Overrides {
         let lights = scene.scene.lightsources.iter().enumerate();
         let mut added = Self::default();
         for (i, light) in lights {
-            if matches!(light, Light::AreaLight(_) | Light::Sun(_)) {
+            if matches!(light, Light::AreaLight(_) | Light::Sun(_) | Light::Environment(_)) {
                 let pointer = format!("/scene/lightsources/{i}/samples");
                 added.flag("--light-samples", &pointer, Some(samples));
             }

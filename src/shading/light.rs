@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::environment::Environment;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::Cone;
 use crate::geometry::NONE;
@@ -28,12 +29,12 @@ pub enum Emitter {
     Area(Area),
 }
 
-/// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1). With `sun`, a cone of
+/// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1). With `distant`,
 /// directions instead.
 #[derive(Debug, Clone, Copy)]
 pub struct Area {
-    /// The directions of a sun. The fields of the rectangle are then 0.
-    pub sun: Option<Cone>,
+    /// Light from beyond the scene. The fields of the rectangle are then 0.
+    pub distant: Option<Distant>,
     /// Corner at s = t = 0.
     pub corner: Vec3,
     /// Side along s, as a vector.
@@ -56,31 +57,45 @@ impl Area {
     /// if there are no such corners.
     #[inline(always)]
     pub fn corners(&self, points: &ShadowPoints) -> Option<[Vec3; 4]> {
-        if let Some(sun) = &self.sun {
-            return sun.corners(points);
+        match &self.distant {
+            Some(Distant::Sun(sun)) => return sun.corners(points),
+            Some(Distant::Environment(_)) => return None,
+            None => {}
         }
         let (edge, height) = (self.edge, self.height);
         Some([Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side))
     }
 
-    /// The scene's falloff, or none for a sun.
+    /// The scene's falloff, or none for light from beyond the scene.
     #[inline(always)]
     pub fn falloff(&self, of_scene: Falloff) -> Falloff {
-        if self.sun.is_some() { Falloff::None } else { of_scene }
+        if self.distant.is_some() { Falloff::None } else { of_scene }
     }
 
     /// Light points for 16 points (s, t) in the unit square, seen from the shading points `from`.
     #[inline(always)]
-    pub fn points(&self, [s, t]: &[Lanes; 2], from: &Lanes3) -> Lanes3 {
-        if let Some(sun) = &self.sun {
-            return sun.points(&[*s, *t], from);
+    pub fn points(&self, square: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
+        match &self.distant {
+            Some(Distant::Sun(sun)) => return sun.points(square, &from.position),
+            Some(Distant::Environment(environment)) => return environment.points(square, from),
+            None => {}
         }
+        let [s, t] = square;
         let mut q = [[0.0; LANES]; 3];
         for i in 0..LANES {
             set_lane(&mut q, i, self.corner + self.edge * s[i] + self.height * t[i]);
         }
         q
     }
+}
+
+/// Light that arrives from beyond the scene.
+#[derive(Debug, Clone, Copy)]
+pub enum Distant {
+    /// A disc in the sky.
+    Sun(Cone),
+    /// All directions.
+    Environment(Environment),
 }
 
 /// Weights of a light's diffuse and specular colours at 16 points, including falloff.

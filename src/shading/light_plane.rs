@@ -7,9 +7,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::light::Area;
+use super::light::{Area, Distant};
 use super::points::{ShadowPoints, lane};
-use super::sun::Cone;
 use crate::geometry::{Geometry, GeometryKind, doubles};
 use crate::ray::{LANES, Mask, Rays};
 
@@ -33,14 +32,23 @@ impl Area {
         let plane = edge.cross(height).normalize();
         let normal = lambertian.then(|| plane.as_vec3());
         let (edge, height) = (edge.as_vec3(), height.as_vec3());
-        Self { sun: None, corner, edge, height, normal, samples, plane, flush: 0.0 }
+        Self { distant: None, corner, edge, height, normal, samples, plane, flush: 0.0 }
     }
 
-    /// A sun of `samples` directions.
-    pub fn from_sun(sun: Cone, samples: u32) -> Self {
+    /// Light from `samples` directions beyond the scene.
+    pub fn from_distant(distant: Distant, samples: u32) -> Self {
         let (plane, none) = (DVec3::ZERO, Vec3::ZERO);
         let (corner, edge, height) = (none, none, none);
-        Self { sun: Some(sun), corner, edge, height, normal: None, samples, plane, flush: 0.0 }
+        Self {
+            distant: Some(distant),
+            corner,
+            edge,
+            height,
+            normal: None,
+            samples,
+            plane,
+            flush: 0.0,
+        }
     }
 
     /// Largest distance from the light's plane of a wall or ceiling that holds the light: a
@@ -68,7 +76,7 @@ impl Area {
 
     /// Whether a primitive lies in the light's plane, as far as f32 can tell.
     pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
-        self.sun.is_none() && self.gap(geometry, primitive).is_some()
+        self.distant.is_none() && self.gap(geometry, primitive).is_some()
     }
 
     /// Sets [`Area::flush`] from the triangles and quads that the light lies in.

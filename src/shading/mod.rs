@@ -1,6 +1,7 @@
 //! Materials, textures and lights: turns surface points into colours and incoming light.
 //! Independent of the accelerators.
 
+mod environment;
 mod exr;
 mod image_file;
 mod light;
@@ -14,8 +15,9 @@ mod sun;
 mod texture;
 mod uv;
 
+pub use environment::Environment;
 pub use image_file::TextureSize;
-pub use light::{Area, Emitter, Falloff, Light, LightWeights, light_rays};
+pub use light::{Area, Distant, Emitter, Falloff, Light, LightWeights, light_rays};
 pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};

@@ -87,7 +87,7 @@ impl Cone {
 }
 
 /// A length that leaves the bounding box of all primitives from every point in it.
-fn reach(geometry: &Geometry) -> f64 {
+pub(super) fn reach(geometry: &Geometry) -> f64 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut add = |lower: DVec3, upper: DVec3| (low, high) = (low.min(lower), high.max(upper));
     for mesh in &geometry.meshes {

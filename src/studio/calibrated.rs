@@ -52,6 +52,7 @@ pub fn keep_coordinates(
                 set("v1", corner + edge);
                 set("v2", corner + height);
             }
+            LightKind::Environment { .. } => {}
             LightKind::Sun { towards, .. } => {
                 let pointer = format!("/scene/lightsources/{index}/direction");
                 ours.flag("--cameras", &pointer, list(-(to_studio.transpose() * towards)));

@@ -94,6 +94,7 @@ impl Turntable {
                             .into_iter()
                             .for_each(|p| point(&mut p.0));
                     }
+                    Light::Environment(_) => {}
                     Light::Directional(light) => {
                         if let Some(towards) = light.sky().towards() {
                             light.set_direction(turn * -towards);

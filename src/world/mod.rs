@@ -24,7 +24,7 @@ use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
 use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
-use crate::shading::{Area, Cone, Emitter, Light, Shapes};
+use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, Shapes};
 
 use self::gather::gather;
 use self::place::{MAX_COORDINATE, PlacedMesh};
@@ -320,7 +320,12 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
             Emitter::Area(area)
         }
         LightKind::Sun { towards, angle_deg, samples } => {
-            Emitter::Area(Area::from_sun(Cone::new(*towards, *angle_deg, geometry), *samples))
+            let sun = Distant::Sun(Cone::new(*towards, *angle_deg, geometry));
+            Emitter::Area(Area::from_distant(sun, *samples))
+        }
+        LightKind::Environment { samples } => {
+            let environment = Distant::Environment(Environment::new(geometry));
+            Emitter::Area(Area::from_distant(environment, *samples))
         }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }

@@ -52,6 +52,7 @@ mod pictures {
     mod cameras;
     mod closed_forms;
     mod data_layers;
+    mod environment;
     mod layers;
     mod mesh_colors;
     mod noise_bias;

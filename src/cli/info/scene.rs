@@ -137,14 +137,17 @@ fn contents(scene: &Scene, facts: &mut Facts) {
         }
     );
     facts.add("shapes", shapes, line);
-    let [mut point, mut area, mut sun] = [0; 3];
+    let [mut point, mut area, mut sun, mut environment] = [0; 4];
     for light in &scene.lights {
         match light.kind {
             LightKind::Point { .. } => point += 1,
             LightKind::Area { .. } => area += 1,
             LightKind::Sun { .. } => sun += 1,
+            LightKind::Environment { .. } => environment += 1,
         }
     }
-    let line = format!("lights: {point} point, {area} area, {sun} sun");
-    facts.add("lights", json!({ "pointlight": point, "arealight": area, "sun": sun }), line);
+    let line = format!("lights: {point} point, {area} area, {sun} sun, {environment} environment");
+    let value = json!({ "pointlight": point, "arealight": area, "sun": sun,
+                        "environment": environment });
+    facts.add("lights", value, line);
 }

@@ -22,6 +22,10 @@ impl Check<'_, '_> {
                 continue;
             };
             let (kind, name, group, id, specular) = match light {
+                description::Light::Environment(l) => {
+                    let kind = LightKind::Environment { samples: l.samples };
+                    (kind, l.name, l.group, l.radiance, l.specular)
+                }
                 description::Light::Directional(l) => {
                     let kind = LightKind::Sun {
                         towards: self.towards(&pointer, l.sky()),

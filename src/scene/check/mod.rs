@@ -20,10 +20,12 @@ pub use files::{CONVERT, begins_as_ply, near_file};
 
 use std::path::Path;
 
+use glam::Vec3;
+
 use self::context::Check;
 use super::{
     checked::{Scene, Tonemap},
-    description::{Description, Transfer},
+    description::{Description, Light, Transfer},
     problems::Problems,
 };
 
@@ -55,7 +57,7 @@ pub fn check(
         seed: description.seed,
         sampler: description.sampler,
         camera,
-        background: description.scene.backgroundcolor.vec(),
+        background: background(&description),
         ambient: description.scene.ambient.vec(),
         falloff: description.scene.attenuation,
         backend: description.scene.accelerator.into(),
@@ -72,6 +74,16 @@ pub fn check(
     check.legend(&scene);
     check.warn_about_mistakes(&scene);
     check.problems.is_empty().then_some((description, scene))
+}
+
+/// What rays return that hit nothing.
+fn background(description: &Description) -> Vec3 {
+    let seen = |light: &Light| match light {
+        Light::Environment(environment) if environment.visible => environment.radiance.vec(),
+        _ => Vec3::ZERO,
+    };
+    let lights = description.scene.lightsources.iter();
+    description.scene.backgroundcolor.vec() + lights.map(seen).sum::<Vec3>()
 }
 
 fn tonemap(description: &Description) -> Tonemap {

@@ -34,6 +34,7 @@ impl Check<'_, '_> {
             let point = match light.kind {
                 LightKind::Point { position } => position,
                 LightKind::Area { corner, edge, height, .. } => corner + (edge + height) / 2.0,
+                LightKind::Environment { .. } => continue,
                 LightKind::Sun { towards, angle_deg, .. } => {
                     let elevation = towards.y.clamp(-1.0, 1.0).asin().to_degrees();
                     if elevation < -angle_deg / 2.0 {

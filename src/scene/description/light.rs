@@ -14,6 +14,8 @@ pub enum Light {
     PointLight(PointLight),
     /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
+    /// The same radiance from all sides, from beyond the scene.
+    Environment(Environment),
     /// Parallel light from beyond the scene: a sun of size 0.
     Directional(Directional),
     /// A disc in the sky, beyond the scene. Rays do not see it.
@@ -61,6 +63,27 @@ pub struct AreaLight {
     /// Directions in which it emits light.
     #[serde(default)]
     pub emission: Emission,
+}
+
+/// The same radiance from all sides, from beyond the scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Environment {
+    /// Name of the light in the EXR.
+    pub name: Option<Name>,
+    /// Light group of the light in the EXR.
+    pub group: Option<Name>,
+    /// Radiance. A white diffuse surface that sees all of it returns the same.
+    pub radiance: Color,
+    /// Colour of the specular light; default: `radiance`.
+    #[serde(rename = "is")]
+    pub specular: Option<Color>,
+    /// Number of directions for each shading point of each camera sample.
+    #[serde(default = "sixteen")]
+    #[schemars(range(min = 1, max = 4294967295u32))]
+    pub samples: u32,
+    /// Whether camera rays and mirrors see it, in addition to `backgroundcolor`.
+    #[serde(default = "yes")]
+    pub visible: bool,
 }
 
 /// Parallel light from beyond the scene. It has no falloff.
@@ -179,6 +202,10 @@ impl Sun {
         self.direction = Some(Direction(direction.to_array()));
         (self.azimuth, self.elevation) = (None, None);
     }
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn diameter() -> f64 {

@@ -5,7 +5,7 @@ use lightpath::accel::{Accelerator, Shaft};
 use lightpath::geometry::{Geometry, Sphere, Surfaces, TriangleMesh, refine};
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use lightpath::scene::Falloff;
-use lightpath::shading::{Area, Cone, LightWeights, ShadowPoints, light_rays, set_lane};
+use lightpath::shading::{Area, Cone, Distant, LightWeights, ShadowPoints, light_rays, set_lane};
 
 use super::tiers::{ALL, Tiers, put, ray};
 use crate::support::random::Random;
@@ -99,7 +99,7 @@ fn light(random: &mut Random, offset: DVec3) -> Area {
 fn sun(random: &mut Random, geometry: &Geometry) -> Area {
     let towards = DVec3::new(random.within(-1.0, 1.0), 1.0, random.within(-1.0, 1.0));
     let angle = if random.unit() < 0.2 { 0.0 } else { 10f64.powf(random.within(-1.0, 1.78)) };
-    Area::from_sun(Cone::new(towards, angle, geometry), 4)
+    Area::from_distant(Distant::Sun(Cone::new(towards, angle, geometry)), 4)
 }
 
 /// Shadow rays of all lanes to random points of the light. The first rounds go to its corners and
@@ -123,7 +123,7 @@ fn shadow_rays(
     }
     let mut packet = RayPacket::EMPTY;
     let mut lit = LightWeights::EMPTY;
-    let q = area.points(&squares, &points.position);
+    let q = area.points(&squares, points);
     let falloff = Falloff::None;
     light_rays(points, &q, None, falloff, false, &mut packet.rays, &mut lit);
     (points.hit, packet)
