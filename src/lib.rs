@@ -37,6 +37,7 @@ mod nearest;
 mod paths;
 mod picture;
 mod poses;
+mod rays;
 mod renderer;
 mod report;
 mod reserve;
@@ -95,4 +96,8 @@ pub mod world;
 pub use error::{Error, Kind as ErrorKind, Problem, Result};
 pub use film::{Channel, ChannelKind, Film, Planes, Window};
 pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
-pub use renderer::{Hit, LoadedScene, Ray, Renderer};
+pub use monitor::{Monitor, Phase};
+pub use rays::{
+    AllHits, ClosestPoints, Faces, Hits, Limits, MeshArrays, RayBatch, RayScene, Vertices,
+};
+pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer};
