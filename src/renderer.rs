@@ -143,6 +143,14 @@ impl LoadedScene {
         Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
     }
 
+    /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
+    ///
+    /// # Errors
+    /// All problems of the overrides.
+    pub fn of_mesh_in_studio(mesh: Mesh, overrides: &[&str]) -> Result<Self> {
+        Self::in_studio(mesh, scene::IN_MEMORY, overrides)
+    }
+
     /// Warnings: problems that do not prevent a render.
     pub fn warnings(&self) -> &[Problem] {
         &self.warnings

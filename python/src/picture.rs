@@ -90,7 +90,7 @@ impl Source {
                 let meshes = meshes.iter().map(|(n, m, mesh)| (&n[..], &m[..], mesh.clone()));
                 LoadedScene::with_meshes(&text, overrides, meshes.collect())
             }
-            Self::Studio(mesh) => LoadedScene::in_studio(*mesh, "mesh", overrides),
+            Self::Studio(mesh) => LoadedScene::of_mesh_in_studio(*mesh, overrides),
             Self::File(path) => {
                 let is_scene = path.extension().is_some_and(|end| end == "json");
                 if is_scene {
