@@ -48,13 +48,16 @@ impl<'a> RayBatch<'a> {
             let message = format!("found {others} directions, expected {count} as of origins");
             return Err(Error::invalid("directions", message));
         }
-        let fits = |v: &[f64; 3]| v.iter().all(|x| x.abs() <= 1e18);
         if let Some(i) = first(origins, |v| !fits(v)) {
             let message = format!("found {:?}, expected finite numbers up to 1e18", origins[i]);
             return Err(Error::invalid(format!("origins[{i}]"), message));
         }
-        let is_direction =
-            |v: &[f64; 3]| v.iter().all(|x| x.is_finite()) && v.iter().any(|&x| x != 0.0);
+        let is_direction = |[x, y, z]: &[f64; 3]| {
+            let sum = x.abs() + y.abs() + z.abs();
+            // A sum of finite numbers may overflow.
+            (sum > 0.0) & (sum <= f64::MAX)
+                | (x.is_finite() & y.is_finite() & z.is_finite() & (sum > 0.0))
+        };
         if let Some(i) = first(directions, |v| !is_direction(v)) {
             let found = directions[i];
             let message = format!("found {found:?}, expected finite numbers that are not all 0");
@@ -105,9 +108,19 @@ impl<'a> RayBatch<'a> {
     }
 }
 
-/// Index of the first element for which `wrong` is true.
+/// Index of the first element for which `wrong` is true. Fast if there is none and `wrong` has no
+/// branches.
 pub(super) fn first<T: Sync>(all: &[T], wrong: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
-    all.par_iter().with_min_len(1 << 14).position_first(wrong)
+    const PART: usize = 1 << 12;
+    let any = |part: &[T]| part.iter().fold(false, |any, item| any | wrong(item));
+    let part = all.par_chunks(PART).position_first(any)?;
+    let rest = &all[part * PART..];
+    rest.iter().position(&wrong).map(|i| part * PART + i)
+}
+
+/// Whether all coordinates are finite and at most 1e18.
+pub(super) fn fits([x, y, z]: &[f64; 3]) -> bool {
+    (x.abs() <= 1e18) & (y.abs() <= 1e18) & (z.abs() <= 1e18)
 }
 
 /// A packet of rays in the coordinates of the tree, and how their parameters convert.

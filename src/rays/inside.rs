@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::batch::first;
+use super::batch::{first, fits};
 use super::progress;
 use super::{RayScene, closed};
 use crate::accel::bvh::{Bvh, HalfLine};
@@ -134,7 +134,7 @@ impl RayScene {
 
 /// Checks that all points are finite.
 pub(super) fn check_points(points: &[[f64; 3]]) -> Result<()> {
-    match first(points, |v| !v.iter().all(|x| x.abs() <= 1e18)) {
+    match first(points, |v| !fits(v)) {
         None => Ok(()),
         Some(i) => {
             let message = format!("found {:?}, expected finite numbers up to 1e18", points[i]);
