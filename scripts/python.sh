@@ -3,6 +3,7 @@
 # kept under target/; `python.sh wheel` makes a wheel and tests it in a fresh one.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+scripts/setup.sh python
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 python=${PYTHON:-python3}
 
@@ -24,8 +25,11 @@ case ${1:-test} in
 test)
     venv=$target/python-venv
     environment "$venv" numpy pytest hypothesis
-    # The module is built as the program is, so that dependencies are compiled once.
-    cargo build --locked --release --manifest-path python/Cargo.toml --target-dir "$target"
+    # Dependencies are those of the program, compiled once. The library is optimised less here: it
+    # compiles faster, and the tests are short.
+    cargo build --locked --release --manifest-path python/Cargo.toml --target-dir "$target" \
+        --config profile.release.package.lightpath.opt-level=1 \
+        --config profile.release.package.lightpath.codegen-units=64
     packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
     rm -rf "$packages/lightpath"
     cp -r python/lightpath "$packages/lightpath"
