@@ -214,6 +214,7 @@ def main():
     parser.add_argument("--rays", type=int, default=1_000_000, help="rays or points of a query")
     parser.add_argument("--threads", type=int, default=os.cpu_count(), help="threads")
     parser.add_argument("--rounds", type=int, default=3, help="repetitions")
+    parser.add_argument("--no-contains", action="store_true", help="leave `contains` out")
     parser.add_argument("--json", help="file for the figures")
     options = parser.parse_args()
     # embreex takes no number of threads.
@@ -240,6 +241,8 @@ def main():
         report(label, "occluded", best, f"{answers['lightpath'].mean():.2f} hit")
         best, answers = measure(contestants, lambda c: c.all_hits(rays), options.rounds)
         report(label, "all hits", best, f"{answers['lightpath'].mean():.2f} a ray")
+        if options.no_contains:
+            continue
         low, high = scene.bounds
         points = rng.uniform(low, high, (options.rays, 3))
         best, answers = measure(contestants, lambda c: c.contains(points), 1)

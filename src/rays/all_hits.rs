@@ -1,5 +1,7 @@
 //! All hits along rays, and their number.
 
+use rayon::prelude::*;
+
 use super::batch::Refined;
 use super::progress;
 use super::{RayBatch, RayScene};
@@ -49,31 +51,34 @@ impl RayScene {
         let total: usize = chunks.iter().map(|chunk| chunk.hits.len()).sum();
         let mut all = AllHits {
             offsets: Vec::new(),
-            t: Vec::new(),
-            primitive: Vec::new(),
-            mesh: Vec::new(),
-            barycentrics: Vec::new(),
+            t: reserve::filled(0.0, total, "t")?,
+            primitive: reserve::filled(0, total, "primitive")?,
+            mesh: reserve::filled(0, total, "mesh")?,
+            barycentrics: reserve::filled([0.0; 2], total, "barycentrics")?,
         };
         reserve::exact(&mut all.offsets, rays.len() + 1, "offsets")?;
-        reserve::exact(&mut all.t, total, "t")?;
-        reserve::exact(&mut all.primitive, total, "primitive")?;
-        reserve::exact(&mut all.mesh, total, "mesh")?;
-        reserve::exact(&mut all.barycentrics, total, "barycentrics")?;
         all.offsets.push(0);
         let mut end = 0;
-        for chunk in chunks {
-            for count in chunk.counts {
-                end += i64::from(count);
-                all.offsets.push(end);
-            }
-            for (primitive, refined) in chunk.hits {
-                let (mesh, face) = self.place(primitive);
-                all.t.push(refined.t);
-                all.primitive.push(face as i64);
-                all.mesh.push(mesh as i32);
-                all.barycentrics.push(refined.barycentrics);
-            }
+        for count in chunks.iter().flat_map(|chunk| &chunk.counts) {
+            end += i64::from(*count);
+            all.offsets.push(end);
         }
+        let (mut t, mut primitive) = (&mut all.t[..], &mut all.primitive[..]);
+        let (mut mesh, mut weights) = (&mut all.mesh[..], &mut all.barycentrics[..]);
+        let mut parts = Vec::with_capacity(chunks.len());
+        for chunk in &chunks {
+            let count = chunk.hits.len();
+            let ids = (first_part(&mut primitive, count), first_part(&mut mesh, count));
+            let values = (first_part(&mut t, count), first_part(&mut weights, count));
+            parts.push((&chunk.hits, ids, values));
+        }
+        parts.into_par_iter().for_each(|(hits, (primitive, mesh), (t, weights))| {
+            for (i, (number, refined)) in hits.iter().enumerate() {
+                let place = self.place(*number);
+                (mesh[i], primitive[i]) = (place.0 as i32, place.1 as i64);
+                (t[i], weights[i]) = (refined.t, refined.barycentrics);
+            }
+        });
         Ok(all)
     }
 
@@ -122,6 +127,13 @@ impl RayScene {
             hits.counts.push(count as u32);
         }
     }
+}
+
+/// Cuts the first `count` elements off.
+fn first_part<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    let (first, others) = std::mem::take(rest).split_at_mut(count);
+    *rest = others;
+    first
 }
 
 /// The hits of one task.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::RayScene;
 use crate::error::{Error, Result};
-use crate::geometry::refine_triangle;
+use crate::geometry::clamp_barycentrics;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 
 /// One value for all rays, or a value for each.
@@ -200,8 +200,10 @@ impl RayScene {
             }
             scale[i] = down;
             packet.rays.set(i, start.as_vec3(), unit.as_vec3());
-            packet.rays.tnear[i] = ((tnear - shift[i]) / down).max(0.0) as f32;
-            packet.rays.tfar[i] = ((tfar - shift[i]) / down) as f32;
+            // Exact: a power of two.
+            let up = 1.0 / down;
+            packet.rays.tnear[i] = ((tnear - shift[i]) * up).max(0.0) as f32;
+            packet.rays.tfar[i] = ((tfar - shift[i]) * up) as f32;
             active.0[i] = -i32::from(tnear < tfar);
         }
         let active = packet.rays.possible(&active);
@@ -219,11 +221,32 @@ impl RayScene {
     ) -> Refined {
         let corners = self.corners(primitive);
         let (origin, direction) = (rays.origins[i].into(), rays.directions[i].into());
-        let point = refine_triangle(corners, origin, direction, uv);
-        let exact = if point.t.is_finite() { point.t } else { t };
+        let hit = intersect(corners, origin, direction);
+        let (exact, (u, v)) = if hit.t.is_finite() { (hit.t, hit.uv) } else { (t, uv) };
+        let (u, v) = clamp_barycentrics(u, v);
         let t = exact.max(rays.tnear.get(i)).min(rays.tfar.get(i));
-        Refined { t, barycentrics: [point.u, point.v], normal: point.normal.to_array() }
+        Refined { t, barycentrics: [u, v], normal: hit.normal.normalize().to_array() }
     }
+}
+
+/// Where the line of a ray meets the plane of a triangle. Not finite if they are parallel.
+struct PlaneHit {
+    t: f64,
+    /// Weights of the second and third corner.
+    uv: (f64, f64),
+    /// `(v1 - v0) x (v2 - v0)`.
+    normal: DVec3,
+}
+
+/// Intersects in f64: Moeller and Trumbore 1997, eq. 6, as [`crate::geometry::refine_triangle`].
+#[inline(always)]
+fn intersect([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3) -> PlaneHit {
+    let (e1, e2, to_v0) = (v1 - v0, v2 - v0, v0 - origin);
+    let normal = e1.cross(e2);
+    let inverse = 1.0 / normal.dot(direction);
+    let r = to_v0.cross(direction);
+    let uv = (r.dot(e2) * inverse, -r.dot(e1) * inverse);
+    PlaneHit { t: normal.dot(to_v0) * inverse, uv, normal }
 }
 
 /// Returns the power of two that scales a positive number to [1, 2). For denormal numbers it is

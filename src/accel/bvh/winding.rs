@@ -26,6 +26,8 @@ struct Dipole {
     area: f64,
     /// Largest distance of a vertex from `center`, or a bound of it.
     radius: f64,
+    /// Square of [`FAR`] times `radius`. Points that are nearer see the parts.
+    near_squared: f64,
 }
 
 /// The dipoles of all nodes and leaves of a tree.
@@ -70,7 +72,8 @@ impl Bvh<'_> {
     /// Returns the winding number of a point: 1 inside a closed surface whose normals point
     /// outward, 0 outside.
     pub fn winding(&self, dipoles: &Dipoles, point: DVec3, corners: Corners) -> f64 {
-        let (mut sum, mut stack) = (0.0, vec![Child::node(0)]);
+        let (mut sum, mut stack) = (0.0, Vec::with_capacity(256));
+        stack.push(Child::node(0));
         while let Some(child) = stack.pop() {
             let dipole = match child.kind() {
                 ChildKind::Node(index) => &dipoles.nodes[index],
@@ -81,9 +84,9 @@ impl Bvh<'_> {
                 continue;
             }
             let to = dipole.center - point;
-            let distance = to.length();
-            if distance > FAR * dipole.radius {
-                sum += dipole.normal.dot(to) / (distance * distance * distance);
+            let squared = to.length_squared();
+            if squared > dipole.near_squared {
+                sum += dipole.normal.dot(to) / (squared * squared.sqrt());
                 continue;
             }
             match child.kind() {
@@ -112,8 +115,7 @@ impl Dipole {
         }
         dipole.finish();
         let far = all.iter().flatten().map(|&v| (v - dipole.center).length());
-        dipole.radius = far.fold(0.0, f64::max);
-        dipole
+        dipole.with_radius(far.fold(0.0, f64::max))
     }
 
     fn of_parts(parts: &[Self]) -> Self {
@@ -124,14 +126,17 @@ impl Dipole {
         dipole.finish();
         let used = parts.iter().filter(|part| part.area > 0.0);
         let far = used.map(|part| (part.center - dipole.center).length() + part.radius);
-        dipole.radius = far.fold(0.0, f64::max);
-        dipole
+        dipole.with_radius(far.fold(0.0, f64::max))
     }
 
     fn add(&mut self, normal: DVec3, area: f64, center: DVec3) {
         self.normal += normal;
         self.area += area;
         self.center += center * area;
+    }
+
+    fn with_radius(self, radius: f64) -> Self {
+        Self { radius, near_squared: FAR * FAR * radius * radius, ..self }
     }
 
     fn finish(&mut self) {
