@@ -25,10 +25,10 @@ case ${1:-test} in
 test)
     venv=$target/python-venv
     environment "$venv" numpy pytest hypothesis
-    # Dependencies are those of the program, compiled once. The library is optimised less here: it
-    # compiles faster, and the tests are short.
+    # Dependencies are those of the program, compiled once. The library itself is not optimised
+    # here: it compiles faster, and the tests are short.
     cargo build --locked --release --manifest-path python/Cargo.toml --target-dir "$target" \
-        --config profile.release.package.lightpath.opt-level=1 \
+        --config profile.release.package.lightpath.opt-level=0 \
         --config profile.release.package.lightpath.codegen-units=64
     packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
     rm -rf "$packages/lightpath"
