@@ -16,7 +16,7 @@ FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test bench report lint docs install dist clean
+.PHONY: help setup build render test python wheel bench report lint docs install dist clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -33,9 +33,15 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 	@mkdir -p $(dir $(OUT))
 	$(BINARY) render $(SCENE) -o $(OUT) $(ARGS)
 
-test: setup ## all tests, and a check that it compiles without Embree
+test: setup python ## all tests, Python's included, and a check that it compiles without Embree
 	cargo check $(FLAGS) --no-default-features
 	cargo test $(FLAGS) --no-fail-fast $(ARGS)
+
+python: setup ## the Python package and its tests, in a virtual environment under target/
+	scripts/python.sh test
+
+wheel: setup ## a wheel of the Python package in target/wheels/, tested in a fresh virtual environment
+	scripts/python.sh wheel
 
 bench: setup ## the benchmarks
 	cargo bench --locked --benches $(ARGS)
@@ -45,7 +51,7 @@ report: build ## measure the shipped scenes: docs/reports/, README's numbers (so
 
 lint: ## format, clippy with and without default features, shell scripts: no warnings; all lock files up to date
 	@scripts/setup.sh lint
-	@for folder in fuzz benches/ply_readers benches/tinybvh; do \
+	@for folder in fuzz python benches/ply_readers benches/tinybvh; do \
 	    cargo metadata --locked --format-version 1 --manifest-path $$folder/Cargo.toml >/dev/null || \
 	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
 	done

@@ -4,6 +4,7 @@
 #
 #   scripts/setup.sh         a Rust compiler, a linker, Embree 4
 #   scripts/setup.sh lint    the same, and what `make lint` needs: rustfmt, clippy, shellcheck
+#   scripts/setup.sh python  only what the Python package needs beside Rust: Python and venv
 #
 # Packages come from apt (as root, or with sudo). If the distribution's Rust or Embree is too old,
 # Rust comes from rustup, and Embree from a checksummed Python wheel into vendor/embree/. The wheel
@@ -285,7 +286,12 @@ set_up_embree() {
 
 case ${1:-} in
     "" | lint) ;;
-    *) die "unknown argument $1: it is \`scripts/setup.sh\` or \`scripts/setup.sh lint\`" ;;
+    python)
+        "${PYTHON:-python3}" -c 'import ensurepip' 2>/dev/null ||
+            apt_install "runs the tests of the Python package" python3 python3-venv
+        exit
+        ;;
+    *) die "unknown argument $1: it is \`scripts/setup.sh\`, \`scripts/setup.sh lint\` or \`scripts/setup.sh python\`" ;;
 esac
 set_up_linker
 set_up_rust

@@ -36,6 +36,7 @@ mod memory;
 mod nearest;
 mod paths;
 mod picture;
+mod rays;
 mod renderer;
 mod report;
 mod reserve;
@@ -96,4 +97,8 @@ pub mod world;
 pub use error::{Error, Kind as ErrorKind, Problem, Result};
 pub use film::{Channel, ChannelKind, Film, Planes, Window};
 pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
-pub use renderer::{Hit, LoadedScene, Ray, Renderer};
+pub use monitor::{Monitor, Phase};
+pub use rays::{
+    AllHits, ClosestPoints, Faces, Hits, Limits, MeshArrays, RayBatch, RayScene, Vertices,
+};
+pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer};

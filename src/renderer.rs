@@ -8,7 +8,7 @@ pub use ray_query::{Hit, Ray};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use crate::accel::{self, Accelerator, BuildOptions};
+use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
@@ -143,6 +143,14 @@ impl LoadedScene {
         Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
     }
 
+    /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
+    ///
+    /// # Errors
+    /// All problems of the overrides.
+    pub fn of_mesh_in_studio(mesh: Mesh, overrides: &[&str]) -> Result<Self> {
+        Self::in_studio(mesh, scene::IN_MEMORY, overrides)
+    }
+
     /// Warnings: problems that do not prevent a render.
     pub fn warnings(&self) -> &[Problem] {
         &self.warnings
@@ -268,13 +276,21 @@ impl Renderer<'_> {
     /// # Errors
     /// No memory for the film.
     pub fn render(&self) -> Result<Film> {
+        self.render_watched(&self.monitor)
+    }
+
+    /// [`Renderer::render`] with a monitor that counts finished pixels and can stop the render.
+    ///
+    /// # Errors
+    /// No memory for the film; `Interrupted` if the monitor was stopped.
+    pub fn render_watched(&self, monitor: &Monitor) -> Result<Film> {
         let LoadedScene { scene, world, plan, .. } = self.loaded;
         let [width, height] = world.frame;
         let window = Window::full(width, height);
         let channels = plan.recipe.channels.clone();
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
-        render::render_layers(world, accelerator, isa, &mut film, plan, &self.monitor)?;
+        render::render_layers(world, accelerator, isa, &mut film, plan, monitor)?;
         Ok(film)
     }
 
@@ -285,21 +301,48 @@ impl Renderer<'_> {
     /// # Errors
     /// A folder that cannot be written to; a full disk.
     pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<[PathBuf; 2]> {
-        let LoadedScene { scene, plan, .. } = self.loaded;
+        self.writer().write(self.loaded, film, prefix)
+    }
+
+    /// Returns what [`Renderer::write`] needs, for films that are written later.
+    pub fn writer(&self) -> PictureWriter {
+        PictureWriter { info: self.accelerator.info() }
+    }
+}
+
+/// Writes films after their [`Renderer`] is gone. It holds what their headers say about the
+/// accelerator.
+#[derive(Debug, Clone)]
+pub struct PictureWriter {
+    info: BuildInfo,
+}
+
+impl PictureWriter {
+    /// Writes a film of `loaded`: see [`Renderer::write`].
+    ///
+    /// # Errors
+    /// A folder that cannot be written to; a full disk.
+    pub fn write(
+        &self,
+        loaded: &LoadedScene,
+        film: &Film,
+        prefix: impl AsRef<Path>,
+    ) -> Result<[PathBuf; 2]> {
+        let LoadedScene { scene, plan, .. } = loaded;
         let header = PictureHeader {
             more: &[],
-            info: &self.accelerator.info(),
+            info: &self.info,
             scene_hash: None,
             spp: None,
             over: None,
             sequence: Sequence::default(),
             render_seconds: None,
-            legend: self.loaded.world.legend.as_ref(),
+            legend: loaded.world.legend.as_ref(),
             fingerprint: None,
         };
         let storage = Storage::default();
         let files = picture::Files::create(prefix.as_ref(), plan, storage)?;
-        picture::write(files, film, scene, header, storage, &self.monitor)?;
+        picture::write(files, film, scene, header, storage, &Monitor::default())?;
         Ok(Outputs::names(prefix.as_ref()))
     }
 }

@@ -71,6 +71,11 @@ mod ply {
     mod streams;
 }
 
+/// Rays and points on arrays, without a scene.
+mod rays {
+    mod queries;
+}
+
 mod scene {
     mod errors;
     mod fingerprint;

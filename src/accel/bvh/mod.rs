@@ -3,6 +3,10 @@
 //!
 //! `build` makes the tree. `query` and `frustum` prepare rays. `single` and `packet` traverse.
 //! `simd` tests 16 boxes or triangles at a time. `exact` decides hits. `validate` checks the tree.
+//!
+//! More queries: `crossings` finds all hits of a ray, `column` and `segment` find the triangles that
+//! a half-line or a segment may meet, `closest_point` finds the triangle nearest to a point, and
+//! `winding` computes winding numbers. `owned` is a tree without a borrow.
 
 /// Returns the value of `$run` with the kernels of an instruction set.
 macro_rules! with_tier {
@@ -22,6 +26,9 @@ macro_rules! with_tier {
 
 mod bounds;
 mod build;
+mod closest_point;
+mod column;
+mod crossings;
 mod exact;
 mod frustum;
 mod hits;
@@ -29,8 +36,10 @@ mod hits;
 pub mod kernels;
 mod near;
 mod node;
+mod owned;
 mod packet;
 mod query;
+mod segment;
 mod shaft;
 mod simd;
 mod single;
@@ -38,8 +47,15 @@ mod single;
 mod tests;
 mod validate;
 mod visits;
+mod winding;
 
+pub use self::column::HalfLine;
+pub use self::crossings::Crossing;
+pub use self::owned::OwnedBvh;
 pub use self::validate::TreeStats;
+pub use self::winding::Dipoles;
+
+use std::sync::Arc;
 
 use self::bounds::Bounds3;
 use self::build::Tree;
@@ -61,7 +77,7 @@ use crate::simd::{Isa, Kernel};
 /// A tree over the primitives of a scene.
 pub struct Bvh<'g> {
     geometry: &'g Geometry,
-    tree: Tree,
+    tree: Arc<Tree>,
     isa: Isa,
     peak_bytes: u64,
 }
@@ -94,7 +110,7 @@ impl<'g> Bvh<'g> {
         let isa = isa.min(Isa::detect());
         let part = (geometry, unseen);
         let (tree, peak_bytes) = build::build(part, isa, options.max_bytes, monitor)?;
-        Ok(Self { geometry, tree, isa, peak_bytes })
+        Ok(Self { geometry, tree: Arc::new(tree), isa, peak_bytes })
     }
 
     #[inline(always)]
@@ -153,7 +169,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
-        let scene = (&bvh.tree, bvh.geometry);
+        let scene = (&*bvh.tree, bvh.geometry);
         let mut found = ClosestHits::new(&packet.rays);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (tier.bits(active), 0);
@@ -214,7 +230,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        let scene = (&bvh.tree, bvh.geometry);
+        let scene = (&*bvh.tree, bvh.geometry);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (tier.bits(active), 0);
         while rest != 0 {
@@ -256,7 +272,7 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
         // This query is rare, so rays of several dominant axes are not split into groups.
         let active = tier.bits(active);
         active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0
-            || Packet::new(tier, (&bvh.tree, bvh.geometry), (&query, rays), active).reaches()
+            || Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active).reaches()
     }
 }
 

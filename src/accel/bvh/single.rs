@@ -60,10 +60,10 @@ impl ClosestHit {
 
 /// One ray and the tree that it traverses.
 pub struct Single<'a, T> {
-    tier: T,
-    tree: &'a Tree,
+    pub(super) tier: T,
+    pub(super) tree: &'a Tree,
     geometry: &'a Geometry,
-    lane: Lane<'a>,
+    pub(super) lane: Lane<'a>,
     /// The caller's rays; lane `lane.i` is this one.
     rays: &'a Rays,
     /// Number of the primitive that the ray leaves.
@@ -83,7 +83,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Returns the ray in f64. Computed on demand, because most rays never need it.
     #[inline(always)]
-    fn ray(&self) -> Ray64 {
+    pub(super) fn ray(&self) -> Ray64 {
         Ray64::new(self.rays, self.lane.i % LANES, self.lane.axes[2])
     }
 

@@ -13,12 +13,18 @@ use super::context::Check;
 /// Help for a mesh that is not PLY.
 pub const CONVERT: &str = "convert other formats to PLY first, for example with MeshLab or Blender";
 
+/// Path of a mesh that exists only in memory. No file can have it.
+pub const IN_MEMORY: &str = "\0mesh from memory";
+
 /// Maximum number of names in a folder that are compared with a misspelt one.
 const MAX_LISTED: usize = 10_000;
 
 impl Check<'_, '_> {
     /// Checks the path of a mesh and returns it relative to the working folder.
     pub(super) fn mesh_file(&mut self, pointer: &str, written: &str) -> PathBuf {
+        if written == IN_MEMORY {
+            return PathBuf::from(written);
+        }
         let lower = written.to_ascii_lowercase();
         if [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| lower.ends_with(end)) {
             return self.file(pointer, written, "a mesh");

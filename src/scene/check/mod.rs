@@ -16,7 +16,7 @@ mod overview;
 mod shapes;
 
 pub use self::camera::MAX_PIXELS;
-pub use files::{CONVERT, begins_as_ply, near_file};
+pub use files::{CONVERT, IN_MEMORY, begins_as_ply, near_file};
 
 use std::path::Path;
 

@@ -1,0 +1,85 @@
+"""Arrays as the module needs them: shapes, dtypes and memory order."""
+
+import numpy as np
+
+# A call takes fewer rays or points than this.
+MAX_COUNT = 2**32
+
+
+def _numbers(name, value, kinds, expected):
+    """Return an array whose dtype is of one of the kinds."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    if array.dtype.kind not in kinds and array.size > 0:
+        raise TypeError(f"{name}: found dtype {array.dtype}, expected {expected}")
+    return array
+
+
+def points(name, value):
+    """Return an (n, 3) array of float64 in C order. A single point becomes one row."""
+    array = _numbers(name, value, "fiu", "real numbers")
+    if array.shape == (3,):
+        array = array[np.newaxis]
+    if array.shape == (0,):
+        array = np.empty((0, 3))
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"{name}: found shape {array.shape}, expected (n, 3)")
+    if array.shape[0] >= MAX_COUNT:
+        raise ValueError(f"{name}: found {array.shape[0]} rows, expected fewer than 2**32")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def limits(name, value, count):
+    """Return an array of one or `count` float64."""
+    array = _numbers(name, value, "fiu", "real numbers")
+    if array.ndim == 0:
+        array = array[np.newaxis]
+    if array.ndim != 1 or array.shape[0] not in (1, count):
+        raise ValueError(f"{name}: found shape {array.shape}, expected a number or ({count},)")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def rays(origins, directions, tnear, tfar):
+    """Return origins, directions, tnear and tfar. One origin or direction serves all rays."""
+    origins, directions = points("origins", origins), points("directions", directions)
+    if len(origins) == 1 and len(directions) != 1:
+        origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape))
+    elif len(directions) == 1 and len(origins) != 1:
+        directions = np.ascontiguousarray(np.broadcast_to(directions, origins.shape))
+    if len(origins) != len(directions):
+        raise ValueError(f"directions: found shape {directions.shape}, expected {origins.shape}")
+    count = len(origins)
+    return origins, directions, limits("tnear", tnear, count), limits("tfar", tfar, count)
+
+
+def _native(array, dtype):
+    """Return the array in C order and native byte order, without a copy where it is so."""
+    return np.require(array, dtype=dtype, requirements=["C", "A"])
+
+
+def mesh(vertices, faces):
+    """Return vertices as float32 or float64 and faces as 32 or 64-bit integers, in C order."""
+    vertices = _numbers("vertices", vertices, "fiu", "real numbers")
+    faces = _numbers("faces", faces, "iu", "integers")
+    for name, array in (("vertices", vertices), ("faces", faces)):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise ValueError(f"{name}: found shape {array.shape}, expected (n, 3)")
+        if array.shape[0] >= MAX_COUNT:
+            raise ValueError(f"{name}: found {array.shape[0]} rows, expected fewer than 2**32")
+    single = vertices.dtype.kind == "f" and vertices.dtype.itemsize <= 4
+    vertices = _native(vertices, np.float32 if single else np.float64)
+    kept = faces.dtype.kind + str(max(faces.dtype.itemsize, 4))
+    return vertices, _native(faces, np.dtype(kept))
+
+
+def threads(value):
+    """Return a number of threads, or None for all processors."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"threads: found {value!r}, expected an integer or None")
+    if not 1 <= value <= 1024:
+        raise ValueError(f"threads: found {value}, expected 1 to 1024")
+    return int(value)

@@ -1,0 +1,204 @@
+"""Pictures of scenes, meshes and files."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from . import _convert, _lightpath
+from ._rays import RayScene
+
+
+class Picture(dict):
+    """The layers of a picture, by name.
+
+    ``picture["RGBA"]`` is (height, width, 4) float32: linear BT.709 radiance, premultiplied by
+    alpha. Other layers, if the scene asks for any, are (height, width) or (height, width, channels)
+    of float32 or uint32. In a notebook a picture shows itself.
+
+    Attributes
+    ----------
+    warnings : list of str
+        Problems of the scene that did not prevent the picture.
+    """
+
+    def __init__(self, picture):
+        self._picture = picture
+        self.warnings = picture.warnings
+        height, width = picture.size
+        super().__init__(RGBA=picture.pixels().reshape(height, width, 4))
+        channels = picture.channels
+        if not channels:
+            return
+        words = picture.words().reshape(height, width, len(channels))
+        groups = {}
+        for index, (name, is_integer) in enumerate(channels):
+            layer = name.rpartition(".")[0] or name
+            groups.setdefault((layer, is_integer), []).append(index)
+        for (layer, is_integer), indices in groups.items():
+            plane = np.ascontiguousarray(words[:, :, indices])
+            plane = plane if is_integer else plane.view(np.float32)
+            self[layer] = plane[:, :, 0] if len(indices) == 1 else plane
+
+    def write(self, prefix):
+        """Write PREFIX.exr and PREFIX.png, and return their paths."""
+        return [Path(path) for path in self._picture.write(os.fspath(prefix))]
+
+    def write_exr(self, path):
+        """Write an EXR with all layers. The file is complete or not there.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file, with its ending.
+        """
+        self._write_one(path, 0)
+
+    def write_png(self, path):
+        """Write a PNG (sRGB). The file is complete or not there."""
+        self._write_one(path, 1)
+
+    def _write_one(self, path, which):
+        path = Path(path)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
+            os.replace(self.write(Path(folder) / "picture")[which], path)
+
+    def _repr_png_(self):
+        with tempfile.TemporaryDirectory() as folder:
+            return self.write(Path(folder) / "picture")[1].read_bytes()
+
+
+def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=None, settings=None,
+           threads=None, progress=None):
+    """Render a picture.
+
+    Parameters
+    ----------
+    scene : str, path-like, dict, RayScene, (vertices, faces), or a mesh of trimesh or Open3D
+        A scene file (.json) or a scene as a dict, of the scene format; or a mesh or mesh file
+        (.ply), which is shown in the built-in studio.
+    meshes : dict, optional
+        For a scene as a dict: name -> (material, vertices, faces), meshes in world space.
+    camera : dict, optional
+        Members of ``/camera`` to set, e.g. ``{"width": 640, "fov": 30}``.
+    spp : int, optional
+        Samples per pixel.
+    layers : list of str, optional
+        Layers of the picture beside RGBA, e.g. ``["Z", "N"]``.
+    backend : str, optional
+        ``"bvh"`` or ``"embree"``, which needs an Embree 4 on the system.
+    settings : dict, optional
+        Other values, by JSON pointer, e.g. ``{"/scene/nbounces": 4}``.
+    threads : int, optional
+        Threads; all processors by default.
+    progress : callable, optional
+        Called with (done, total) every 50 ms. Their unit differs by phase.
+
+    Returns
+    -------
+    Picture
+        A dict of arrays by layer.
+
+    Raises
+    ------
+    lightpath.Error
+        An invalid scene. The message and the attribute `problems` list all problems. It is a
+        ValueError.
+
+    Examples
+    --------
+    >>> import lightpath
+    >>> corners = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> picture = lightpath.render((corners, faces), camera={"width": 48, "height": 32}, spp=1)
+    >>> picture["RGBA"].shape
+    (32, 48, 4)
+    """
+    overrides = {}
+    for key, value in (camera or {}).items():
+        overrides[f"/camera/{key}"] = value
+    if spp is not None:
+        overrides["/spp"] = spp
+    if layers is not None:
+        overrides["/output/layers"] = list(layers)
+    if backend is not None:
+        overrides["/scene/accelerator"] = backend
+    overrides.update(settings or {})
+    overrides = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
+    subject = _subject(scene, meshes)
+    threads = _convert.threads(threads)
+    return Picture(_lightpath.render(subject, overrides, threads, progress))
+
+
+def render_views(scene, cameras, **options):
+    """Render one picture for each camera.
+
+    Parameters
+    ----------
+    scene
+        As for `render`.
+    cameras : iterable of dict
+        A camera for each picture, as for `render`.
+    **options
+        Other parameters of `render`.
+
+    Yields
+    ------
+    Picture
+
+    Examples
+    --------
+    >>> import lightpath
+    >>> mesh = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+    >>> sizes = ({"width": w, "height": 8} for w in (8, 16))
+    >>> [view["RGBA"].shape for view in lightpath.render_views(mesh, sizes, spp=1)]
+    [(8, 8, 4), (8, 16, 4)]
+    """
+    for camera in cameras:
+        yield render(scene, camera=camera, **options)
+
+
+def thumbnail(scene):
+    """Return the PNG of a small picture of a mesh in the studio."""
+    return render(scene, camera={"width": 320, "height": 240}, spp=4)._repr_png_()
+
+
+def _subject(scene, meshes):
+    """Return what `_lightpath.render` takes."""
+    if isinstance(scene, dict):
+        ready = []
+        for name, (material, vertices, faces) in (meshes or {}).items():
+            ready.append((str(name), str(material), *_convert.mesh(vertices, faces)))
+        return json.dumps(_plain(scene)), ready
+    if meshes is not None:
+        raise ValueError("meshes: expected only with a scene as a dict")
+    if isinstance(scene, (str, os.PathLike)):
+        return Path(scene)
+    if isinstance(scene, tuple):
+        if len(scene) != 2:
+            raise ValueError(f"scene: found {len(scene)} values, expected (vertices, faces)")
+        return _convert.mesh(*scene)
+    if not isinstance(scene, RayScene):
+        is_trimesh = hasattr(scene, "vertices") and hasattr(scene, "faces")
+        if not is_trimesh and not hasattr(scene, "triangles") and not hasattr(scene, "triangle"):
+            raise TypeError(f"scene: found {type(scene).__name__}, expected a file, dict or mesh")
+        scene = RayScene.from_trimesh(scene) if is_trimesh else RayScene.from_open3d(scene)
+    vertices, faces, first = [], [], 0
+    for mesh_vertices, mesh_faces in scene.meshes:
+        vertices.append(mesh_vertices)
+        faces.append(mesh_faces.astype(np.int64) + first)
+        first += len(mesh_vertices)
+    return _convert.mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _plain(value):
+    """Return a value of numpy as one that JSON can hold."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return os.fspath(value) if isinstance(value, os.PathLike) else value

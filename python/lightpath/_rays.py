@@ -1,0 +1,474 @@
+"""Queries of meshes: `RayScene` and its answers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from . import _convert
+from ._lightpath import Scene, read_mesh
+
+
+class Hits(NamedTuple):
+    """The closest hits of n rays.
+
+    Attributes
+    ----------
+    t : (n,) float64
+        Ray parameter, in units of the direction; inf for a miss.
+    primitive : (n,) int64
+        Face of its mesh; -1 for a miss.
+    mesh : (n,) int32
+        Index of the mesh; -1 for a miss.
+    barycentrics : (n, 2) float64
+        Weights of the second and third corner, in [0, 1]; nan for a miss.
+    normal : (n, 3) float64
+        Unit normal ``(v1 - v0) x (v2 - v0)`` of the face; 0 for a miss.
+    """
+
+    t: np.ndarray
+    primitive: np.ndarray
+    mesh: np.ndarray
+    barycentrics: np.ndarray
+    normal: np.ndarray
+
+
+class AllHits(NamedTuple):
+    """All m hits along n rays, in order of the rays and of t.
+
+    The hits of ray i are ``t[offsets[i]:offsets[i + 1]]``, and so on.
+
+    Attributes
+    ----------
+    offsets : (n + 1,) int64
+        First hit of each ray, then the number of all hits.
+    t : (m,) float64
+        Ray parameter, in units of the direction.
+    primitive : (m,) int64
+        Face of its mesh.
+    mesh : (m,) int32
+        Index of the mesh.
+    barycentrics : (m, 2) float64
+        Weights of the second and third corner, in [0, 1].
+    """
+
+    offsets: np.ndarray
+    t: np.ndarray
+    primitive: np.ndarray
+    mesh: np.ndarray
+    barycentrics: np.ndarray
+
+
+class ClosestPoints(NamedTuple):
+    """The points of the meshes that are nearest to n points.
+
+    Attributes
+    ----------
+    point : (n, 3) float64
+        The nearest point of all faces.
+    distance : (n,) float64
+        Its distance, >= 0, in units of the meshes.
+    primitive : (n,) int64
+        Face of its mesh.
+    mesh : (n,) int32
+        Index of the mesh.
+    """
+
+    point: np.ndarray
+    distance: np.ndarray
+    primitive: np.ndarray
+    mesh: np.ndarray
+
+
+class RayScene:
+    """Triangle meshes that are ready for rays and points.
+
+    Parameters
+    ----------
+    vertices : (v, 3) array_like of float32 or float64
+        Positions. Arrays in C order are not copied: they must not change while the scene is used.
+    faces : (f, 3) array_like of int
+        Indices of vertices. Not copied if they have 32 or 64 bits and are in C order.
+    threads : int, optional
+        Threads of the build and of all queries. All processors by default.
+    progress : callable, optional
+        Called with (done, total) every 50 ms during the build.
+
+    Raises
+    ------
+    ValueError
+        A wrong shape; an index out of range; a vertex that is not finite or beyond 1e18; no face.
+        The message names the place. `lightpath.Error` is a ValueError.
+    TypeError
+        A dtype that does not hold real numbers or integers.
+    MemoryError
+        Too little memory.
+
+    Notes
+    -----
+    Rays and vertices are rounded to float32 to find a hit, relative to the middle of the meshes (or
+    to 0, if that is near). The search is exact for the rounded values: no ray slips through an edge
+    or a vertex. The values of a hit are computed in float64 from the arrays themselves.
+
+    The GIL is released. Ctrl-C stops the build and every query.
+
+    A scene can be pickled: the arrays are stored, and the tree is built again.
+
+    Examples
+    --------
+    >>> import lightpath
+    >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> scene
+    RayScene(1 mesh, 1 face)
+    """
+
+    def __init__(self, vertices, faces, *, threads=None, progress=None):
+        self._build([_convert.mesh(vertices, faces)], threads, progress)
+
+    def _build(self, meshes, threads, progress=None):
+        self._meshes = meshes
+        self._threads = _convert.threads(threads)
+        self._scene = Scene(meshes, self._threads, progress)
+
+    @classmethod
+    def from_meshes(cls, meshes, *, threads=None, progress=None):
+        """Make a scene of several meshes.
+
+        Parameters
+        ----------
+        meshes : sequence of (vertices, faces)
+            Arrays as for `RayScene`. The index in the sequence is the mesh of a hit.
+        threads, progress
+            As for `RayScene`.
+
+        Examples
+        --------
+        >>> import numpy as np, lightpath
+        >>> corners, faces = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+        >>> scene = lightpath.RayScene.from_meshes([(corners, faces), (corners + 5, faces)])
+        >>> scene.closest([[5.2, 5.2, 9]], [[0, 0, -1]]).mesh
+        array([1], dtype=int32)
+        """
+        scene = cls.__new__(cls)
+        converted = []
+        for index, pair in enumerate(meshes):
+            try:
+                vertices, faces = pair
+                converted.append(_convert.mesh(vertices, faces))
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"mesh {index}: {error}") from None
+        scene._build(converted, threads, progress)
+        return scene
+
+    @classmethod
+    def from_ply(cls, path, *, threads=None, progress=None):
+        """Make a scene of a PLY file, plain or compressed with gzip or zstd.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The file.
+        threads, progress
+            As for `RayScene`.
+        """
+        return cls(*read_mesh(path), threads=threads, progress=progress)
+
+    @classmethod
+    def from_trimesh(cls, mesh, *, threads=None, progress=None):
+        """Make a scene of a `trimesh.Trimesh`."""
+        return cls(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray), threads=threads,
+                   progress=progress)
+
+    @classmethod
+    def from_open3d(cls, mesh, *, threads=None, progress=None):
+        """Make a scene of an Open3D triangle mesh, legacy or tensor-based."""
+        if hasattr(mesh, "triangles"):
+            vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+        else:
+            vertices, faces = mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy()
+        return cls(vertices, faces, threads=threads, progress=progress)
+
+    def __reduce__(self):
+        return _unpickle, (self._meshes, self._threads)
+
+    def __repr__(self):
+        meshes, faces = len(self._meshes), self.num_faces
+        plural = "" if meshes == 1 else "es", "" if faces == 1 else "s"
+        return f"RayScene({meshes} mesh{plural[0]}, {faces} face{plural[1]})"
+
+    def _repr_png_(self):
+        from ._pictures import thumbnail
+
+        return thumbnail(self)
+
+    @property
+    def meshes(self):
+        """List of the (vertices, faces) that the scene uses."""
+        return list(self._meshes)
+
+    @property
+    def num_faces(self):
+        """Number of faces of all meshes."""
+        return sum(len(faces) for _, faces in self._meshes)
+
+    @property
+    def bounds(self):
+        """(2, 3) float64: lower and upper corner of the box around all faces."""
+        return np.array(self._scene.bounds)
+
+    @property
+    def nbytes(self):
+        """Bytes that the scene holds beside the arrays of its meshes."""
+        return self._scene.bytes[0]
+
+    @property
+    def is_closed(self):
+        """List of bool: for each mesh, whether an even number of faces meets at every edge.
+
+        Vertices with equal coordinates count as one.
+        """
+        return self._scene.closed()
+
+    def closest(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+        """Find the closest hit of each ray.
+
+        Parameters
+        ----------
+        origins, directions : (n, 3) or (3,) array_like
+            Rays ``origin + t * direction``. Directions may have any length but 0. One origin or
+            direction serves all rays.
+        tnear, tfar : float or (n,) array_like
+            Hits have ``tnear < t < tfar``, both >= 0.
+        progress : callable, optional
+            Called with (done, total) every 50 ms.
+
+        Returns
+        -------
+        Hits
+            Of equally near hits, the lowest face counts.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Wrong shapes or dtypes; numbers that are not finite (tfar may be inf); a direction of
+            length 0; a negative tnear or tfar; 2**32 rays or more.
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> hits = scene.closest([[0.25, 0.5, 2], [3, 3, 3]], [0, 0, -1])
+        >>> hits.t, hits.primitive
+        (array([ 2., inf]), array([ 0, -1]))
+        >>> hits.barycentrics[0]
+        array([0.25, 0.5 ])
+        """
+        return Hits(*self._scene.closest(_convert.rays(origins, directions, tnear, tfar), progress))
+
+    def occluded(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+        """Return whether each ray hits anything. Faster than `closest`.
+
+        Parameters and exceptions are those of `closest`.
+
+        Returns
+        -------
+        (n,) bool
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> scene.occluded([0.2, 0.2, 2], [[0, 0, -1], [0, 0, 1]])
+        array([ True, False])
+        """
+        return self._scene.occluded(_convert.rays(origins, directions, tnear, tfar), progress)
+
+    def count(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+        """Return the number of hits along each ray: see `all_hits`.
+
+        Parameters and exceptions are those of `closest`.
+
+        Returns
+        -------
+        (n,) uint32
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> scene.count([0.2, 0.2, 2], [0, 0, -1])
+        array([1], dtype=uint32)
+        """
+        return self._scene.count(_convert.rays(origins, directions, tnear, tfar), progress)
+
+    def all_hits(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+        """Find all hits along each ray.
+
+        Parameters and exceptions are those of `closest`.
+
+        Returns
+        -------
+        AllHits
+
+        Notes
+        -----
+        Where a ray passes through an edge or a vertex, each crossing of the surface is one hit, of
+        one of the faces there. Where it only touches the surface at an edge or a vertex, and stays
+        on one side, there are no hits or two with the same t. A face that contains the direction of
+        the ray has none; its neighbours have. So a ray from outside hits a closed mesh an even
+        number of times.
+
+        Examples
+        --------
+        The ray enters through a vertex of a tetrahedron, which belongs to three faces.
+
+        >>> import lightpath
+        >>> corners = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1]]
+        >>> scene = lightpath.RayScene(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> hits = scene.all_hits([0.2, 0.2, 2], [0, 0, -1])
+        >>> hits.offsets, hits.t
+        (array([0, 2]), array([1., 2.]))
+        """
+        rays = _convert.rays(origins, directions, tnear, tfar)
+        return AllHits(*self._scene.all_hits(rays, progress))
+
+    def contains(self, points, *, progress=None):
+        """Return whether each point lies inside a mesh or on its surface.
+
+        Parameters
+        ----------
+        points : (n, 3) or (3,) array_like
+            Points in the coordinates of the meshes.
+        progress : callable, optional
+            Called with (done, total) every 50 ms.
+
+        Returns
+        -------
+        (n,) bool
+
+        Raises
+        ------
+        ValueError, TypeError
+            Wrong shapes or dtypes; numbers that are not finite or beyond 1e18; 2**32 points or more.
+
+        Notes
+        -----
+        For closed meshes (`is_closed`) the answer is exact: the crossings of a half-line are counted
+        without any rounding. A point on a vertex, edge or face is inside. Meshes that are not closed
+        are taken together: a point is inside where their winding number is at least 1/2.
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> corners = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        >>> scene = lightpath.RayScene(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> scene.contains([[0.1, 0.1, 0.1], [0, 0, 0], [0, 0, -1e-300]])
+        array([ True,  True, False])
+        """
+        return self._scene.contains(_convert.points("points", points), progress)
+
+    def winding_number(self, points, *, progress=None):
+        """Return the winding number of each point in all meshes together.
+
+        It is 1 inside a closed mesh whose normals point outward, 0 outside, and between at the
+        holes of an open mesh. Accurate to some 0.01. Parameters and exceptions are those of
+        `contains`.
+
+        Returns
+        -------
+        (n,) float64
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> corners = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        >>> scene = lightpath.RayScene(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> scene.winding_number([[0.1, 0.1, 0.1], [2, 2, 2]]).round(2)
+        array([1., 0.])
+        """
+        return self._scene.winding_number(_convert.points("points", points), progress)
+
+    def closest_point(self, points, *, progress=None):
+        """Find the nearest point of the meshes to each point.
+
+        Parameters and exceptions are those of `contains`.
+
+        Returns
+        -------
+        ClosestPoints
+            Of equally near faces, the lowest counts.
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> scene.closest_point([0.25, 0.25, 3]).point
+        array([[0.25, 0.25, 0.  ]])
+        """
+        return ClosestPoints(*self._scene.closest_point(_convert.points("points", points), progress))
+
+    def distance(self, points, *, signed=False, progress=None):
+        """Return the distance of each point from the meshes.
+
+        Parameters
+        ----------
+        points : (n, 3) or (3,) array_like
+            Points in the coordinates of the meshes.
+        signed : bool, optional
+            Whether points inside (`contains`) get a negative distance.
+        progress : callable, optional
+            Called with (done, total) every 50 ms.
+
+        Returns
+        -------
+        (n,) float64
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> corners = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+        >>> scene = lightpath.RayScene(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+        >>> scene.distance([[0.125, 0.25, 0.25], [0.125, 0.25, -2]], signed=True)
+        array([-0.125,  2.   ])
+        """
+        points = _convert.points("points", points)
+        distance = self._scene.closest_point(points, progress)[1]
+        if signed:
+            inside = self._scene.contains(points, progress)
+            distance[inside] *= -1.0
+        return distance
+
+    def visible(self, points, from_, *, progress=None):
+        """Return whether each point is visible from another one.
+
+        Parameters
+        ----------
+        points : (n, 3) or (3,) array_like
+            Points, often vertices of a mesh.
+        from_ : (3,) or (n, 3) array_like
+            Where they are seen from.
+        progress : callable, optional
+            Called with (done, total) every 50 ms.
+
+        Returns
+        -------
+        (n,) bool
+
+        Notes
+        -----
+        The answer is exact. A face blocks the segment between the points that passes through it,
+        edges and vertices included. A face whose plane contains one of the two points does not, so
+        that points of a surface do not hide themselves.
+
+        Examples
+        --------
+        >>> import lightpath
+        >>> scene = lightpath.RayScene([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+        >>> scene.visible([[0.2, 0.2, -1], [0.2, 0.2, 0], [2, 2, -1]], [0.2, 0.2, 5])
+        array([False,  True,  True])
+        """
+        points, from_ = _convert.points("points", points), _convert.points("from_", from_)
+        return self._scene.visible(points, from_, progress)
+
+
+def _unpickle(meshes, threads):
+    return RayScene.from_meshes(meshes, threads=threads)

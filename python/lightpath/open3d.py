@@ -1,0 +1,139 @@
+"""The methods of Open3D's `RaycastingScene`, on numpy arrays in place of tensors.
+
+Open3D itself is not needed.
+"""
+
+import numpy as np
+
+from ._rays import RayScene
+
+
+class RaycastingScene:
+    """Triangle meshes and queries, with the method names of `open3d.t.geometry.RaycastingScene`.
+
+    Rays are (..., 6) arrays of origin and direction. Answers are dicts of arrays of shape (...).
+
+    Parameters
+    ----------
+    nthreads : int, optional
+        Threads; 0 for all processors.
+
+    Examples
+    --------
+    >>> from lightpath.open3d import RaycastingScene
+    >>> scene = RaycastingScene()
+    >>> scene.add_triangles([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    0
+    >>> scene.cast_rays([[0.2, 0.2, 2, 0, 0, -1]])["t_hit"]
+    array([2.], dtype=float32)
+    """
+
+    INVALID_ID = 0xFFFFFFFF
+
+    def __init__(self, nthreads=0):
+        self._threads = nthreads or None
+        self._meshes = []
+        self._scene = None
+
+    def add_triangles(self, vertices, triangles=None):
+        """Add a mesh: arrays of vertices and faces, or a mesh of Open3D. Returns its id."""
+        if triangles is None:
+            vertices, triangles = RayScene.from_open3d(vertices).meshes[0]
+        self._meshes.append((np.array(vertices), np.array(triangles)))
+        self._scene = None
+        return len(self._meshes) - 1
+
+    @property
+    def scene(self):
+        """The `lightpath.RayScene` of all meshes."""
+        if self._scene is None:
+            self._scene = RayScene.from_meshes(self._meshes, threads=self._threads)
+        return self._scene
+
+    @staticmethod
+    def _split(rays):
+        rays = np.asarray(rays, dtype=np.float64)
+        if rays.ndim == 0 or rays.shape[-1] != 6:
+            raise ValueError(f"rays: found shape {rays.shape}, expected (..., 6)")
+        flat = rays.reshape(-1, 6)
+        return rays.shape[:-1], flat[:, :3], flat[:, 3:]
+
+    @staticmethod
+    def _points(points):
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim == 0 or points.shape[-1] != 3:
+            raise ValueError(f"query_points: found shape {points.shape}, expected (..., 3)")
+        return points.shape[:-1], points.reshape(-1, 3)
+
+    def _ids(self, indices):
+        return np.where(indices < 0, self.INVALID_ID, indices).astype(np.uint32)
+
+    def cast_rays(self, rays, nthreads=0):
+        """Find the closest hit of each ray.
+
+        Returns a dict of t_hit, geometry_ids, primitive_ids, primitive_uvs and primitive_normals.
+        """
+        shape, origins, directions = self._split(rays)
+        hits = self.scene.closest(origins, directions)
+        uvs = np.nan_to_num(hits.barycentrics, nan=0.0).astype(np.float32)
+        return {
+            "t_hit": hits.t.astype(np.float32).reshape(shape),
+            "geometry_ids": self._ids(hits.mesh).reshape(shape),
+            "primitive_ids": self._ids(hits.primitive).reshape(shape),
+            "primitive_uvs": uvs.reshape(*shape, 2),
+            "primitive_normals": hits.normal.astype(np.float32).reshape(*shape, 3),
+        }
+
+    def test_occlusions(self, rays, tnear=0.0, tfar=np.inf, nthreads=0):
+        """Return whether each ray hits anything."""
+        shape, origins, directions = self._split(rays)
+        return self.scene.occluded(origins, directions, tnear, tfar).reshape(shape)
+
+    def count_intersections(self, rays, nthreads=0):
+        """Return the number of hits along each ray."""
+        shape, origins, directions = self._split(rays)
+        return self.scene.count(origins, directions).astype(np.int32).reshape(shape)
+
+    def list_intersections(self, rays, nthreads=0):
+        """Find all hits along each ray.
+
+        Returns a dict of ray_splits, ray_ids, t_hit, geometry_ids, primitive_ids and
+        primitive_uvs. The hits of ray i have the indices from ``ray_splits[i]`` to
+        ``ray_splits[i + 1]``.
+        """
+        _, origins, directions = self._split(rays)
+        hits = self.scene.all_hits(origins, directions)
+        ray_ids = np.repeat(np.arange(len(origins)), np.diff(hits.offsets))
+        return {
+            "ray_splits": hits.offsets,
+            "ray_ids": ray_ids,
+            "t_hit": hits.t.astype(np.float32),
+            "geometry_ids": self._ids(hits.mesh),
+            "primitive_ids": self._ids(hits.primitive),
+            "primitive_uvs": hits.barycentrics.astype(np.float32),
+        }
+
+    def compute_closest_points(self, query_points, nthreads=0):
+        """Find the nearest points: a dict of points, geometry_ids and primitive_ids."""
+        shape, points = self._points(query_points)
+        nearest = self.scene.closest_point(points)
+        return {
+            "points": nearest.point.astype(np.float32).reshape(*shape, 3),
+            "geometry_ids": self._ids(nearest.mesh).reshape(shape),
+            "primitive_ids": self._ids(nearest.primitive).reshape(shape),
+        }
+
+    def compute_distance(self, query_points, nthreads=0):
+        """Return the distance of each point from the meshes."""
+        shape, points = self._points(query_points)
+        return self.scene.distance(points).astype(np.float32).reshape(shape)
+
+    def compute_signed_distance(self, query_points, nthreads=0, nsamples=1):
+        """Return the distance of each point, negative inside. One sample is exact."""
+        shape, points = self._points(query_points)
+        return self.scene.distance(points, signed=True).astype(np.float32).reshape(shape)
+
+    def compute_occupancy(self, query_points, nthreads=0, nsamples=1):
+        """Return 1 for points inside, else 0. One sample is exact."""
+        shape, points = self._points(query_points)
+        return self.scene.contains(points).astype(np.float32).reshape(shape)

@@ -1,0 +1,139 @@
+"""Rays for trimesh: a `RayMeshIntersector` with the methods of those of `trimesh.ray`.
+
+Examples
+--------
+    mesh.ray = lightpath.trimesh.RayMeshIntersector(mesh)
+"""
+
+import numpy as np
+
+from ._rays import RayScene
+
+# Rays start this fraction of the mesh's size before their origins, so that an origin on the surface
+# is a hit. It exceeds the rounding of an origin to float32.
+_START = 2.5e-7
+
+
+class RayMeshIntersector:
+    """Ray queries of a `trimesh.Trimesh`.
+
+    Parameters
+    ----------
+    geometry : trimesh.Trimesh
+        The mesh. If it changes, the next query builds the tree again.
+    scale_to_box : bool, optional
+        Ignored: precision does not depend on the size of a mesh.
+
+    Notes
+    -----
+    A ray without direction, or with a number that is not finite, hits nothing. Hits at the origin of
+    a ray count, up to 2.5e-7 of the size of the mesh before it: trimesh's own classes count them, too.
+    """
+
+    def __init__(self, geometry, scale_to_box=True):
+        self.mesh = geometry
+        self._scale_to_box = scale_to_box
+        self._built = None
+
+    @property
+    def scene(self):
+        """The `lightpath.RayScene` of the mesh as it is now."""
+        key = hash(self.mesh)
+        if self._built is None or self._built[0] != key:
+            self._built = key, RayScene.from_trimesh(self.mesh)
+        return self._built[1]
+
+    def _rays(self, ray_origins, ray_directions):
+        origins = np.array(ray_origins, dtype=np.float64)
+        directions = np.array(ray_directions, dtype=np.float64)
+        if origins.shape != directions.shape:
+            raise ValueError("Ray origin and direction don't match!")
+        if origins.size == 0:
+            origins = directions = np.empty((0, 3))
+        valid = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1)
+        lengths = np.linalg.norm(np.where(valid[:, None], directions, 0.0), axis=1)
+        valid &= lengths > 0.0
+        origins[~valid], directions[~valid], lengths[~valid] = 0.0, 1.0, 1.0
+        directions /= lengths[:, None]
+        back = _START * self.mesh.scale
+        return origins - back * directions, directions, valid
+
+    def intersects_id(self, ray_origins, ray_directions, multiple_hits=True, max_hits=100,
+                      return_locations=False):
+        """Find the triangles that rays hit.
+
+        Parameters
+        ----------
+        ray_origins, ray_directions : (n, 3) float
+            The rays.
+        multiple_hits : bool
+            Whether to return all hits of a ray or the first.
+        max_hits : int
+            Most hits of a ray.
+        return_locations : bool
+            Whether to return the points, too.
+
+        Returns
+        -------
+        index_tri, index_ray : (m,) int
+            Indices of faces and rays, in order of the rays and of their hits.
+        locations : (m, 3) float
+            Only if `return_locations`.
+        """
+        origins, directions, valid = self._rays(ray_origins, ray_directions)
+        if multiple_hits:
+            hits = self.scene.all_hits(origins, directions)
+            counts = np.diff(hits.offsets)
+            index_ray = np.repeat(np.arange(len(counts)), counts)
+            rank = np.arange(len(index_ray)) - hits.offsets[index_ray]
+            kept = valid[index_ray] & (rank < max_hits)
+            index_ray, index_tri, t = index_ray[kept], hits.primitive[kept], hits.t[kept]
+        else:
+            hits = self.scene.closest(origins, directions)
+            index_ray = np.nonzero(valid & (hits.primitive >= 0))[0]
+            index_tri, t = hits.primitive[index_ray], hits.t[index_ray]
+        if not return_locations:
+            return index_tri, index_ray
+        return index_tri, index_ray, origins[index_ray] + t[:, None] * directions[index_ray]
+
+    def intersects_location(self, ray_origins, ray_directions, multiple_hits=True):
+        """Find the points where rays hit the surface.
+
+        Returns
+        -------
+        locations : (m, 3) float
+        index_ray, index_tri : (m,) int
+        """
+        index_tri, index_ray, locations = self.intersects_id(
+            ray_origins, ray_directions, multiple_hits, return_locations=True
+        )
+        return locations, index_ray, index_tri
+
+    def intersects_first(self, ray_origins, ray_directions):
+        """Return the first triangle of each ray; -1 for a miss."""
+        origins, directions, valid = self._rays(ray_origins, ray_directions)
+        return np.where(valid, self.scene.closest(origins, directions).primitive, -1)
+
+    def intersects_any(self, ray_origins, ray_directions):
+        """Return whether each ray hits the surface."""
+        origins, directions, valid = self._rays(ray_origins, ray_directions)
+        return valid & self.scene.occluded(origins, directions)
+
+    def contains_points(self, points):
+        """Return whether each point is inside or on the surface: see `RayScene.contains`."""
+        points = np.asanyarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError("points must be (n,3)")
+        return self.scene.contains(points)
+
+    def __getstate__(self):
+        return {"mesh": self.mesh, "_scale_to_box": self._scale_to_box, "_built": None}
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+
+    def __copy__(self):
+        return RayMeshIntersector(self.mesh, self._scale_to_box)
+
+    def __deepcopy__(self, *args):
+        return self.__copy__()

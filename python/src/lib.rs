@@ -1,0 +1,24 @@
+//! `lightpath._lightpath`: what the Python package `lightpath` calls. The package converts arrays
+//! and checks their shapes; this module releases the GIL, calls the library and maps its errors.
+
+mod arrays;
+mod errors;
+mod mesh;
+mod picture;
+mod pools;
+mod program;
+mod scene;
+mod watch;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _lightpath(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("Error", module.py().get_type::<errors::Error>())?;
+    module.add_class::<scene::Scene>()?;
+    module.add_class::<picture::Picture>()?;
+    module.add_function(wrap_pyfunction!(picture::render, module)?)?;
+    module.add_function(wrap_pyfunction!(mesh::read_mesh, module)?)?;
+    module.add_function(wrap_pyfunction!(program::main, module)?)
+}

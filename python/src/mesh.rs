@@ -1,0 +1,129 @@
+//! Meshes whose memory belongs to numpy.
+
+use lightpath::{Faces, Mesh, MeshArrays, Positions, Vertices};
+use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::{arrays, errors};
+
+/// Rows of a numpy array.
+struct Rows<T> {
+    start: *const [T; 3],
+    len: usize,
+    /// Keeps the memory alive.
+    _array: Py<PyAny>,
+}
+
+// SAFETY: the memory is only read, by any thread, and lives as long as `_array`.
+unsafe impl<T: Sync> Send for Rows<T> {}
+// SAFETY: see above.
+unsafe impl<T: Sync> Sync for Rows<T> {}
+
+impl<T: Element> Rows<T> {
+    fn new(array: &Bound<'_, PyAny>) -> Option<PyResult<Self>> {
+        let array = array.cast::<PyArray2<T>>().ok()?;
+        let rows = |array: &Bound<'_, PyArray2<T>>| {
+            let read: PyReadonlyArray2<'_, T> = array.try_readonly()?;
+            let rows = arrays::rows(&read)?;
+            Ok(Self { start: rows.as_ptr(), len: rows.len(), _array: array.clone().into() })
+        };
+        Some(rows(array))
+    }
+
+    fn get(&self) -> &[[T; 3]] {
+        // SAFETY: `_array` owns the memory. The documentation forbids to resize it or to write to
+        // it while a scene uses it; indices are checked at every use.
+        unsafe { std::slice::from_raw_parts(self.start, self.len) }
+    }
+}
+
+enum VertexRows {
+    F32(Rows<f32>),
+    F64(Rows<f64>),
+}
+
+enum FaceRows {
+    U32(Rows<u32>),
+    I32(Rows<i32>),
+    U64(Rows<u64>),
+    I64(Rows<i64>),
+}
+
+/// The arrays of a mesh.
+pub struct NumpyMesh {
+    vertices: VertexRows,
+    faces: FaceRows,
+}
+
+impl NumpyMesh {
+    /// Takes an (n, 3) array of f32 or f64 and an (m, 3) array of 32 or 64-bit integers, both in C
+    /// order, without a copy.
+    pub fn new(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let other = |name: &str| PyTypeError::new_err(format!("{name}: not an array of its type"));
+        let vertices = if let Some(rows) = Rows::new(vertices) {
+            VertexRows::F32(rows?)
+        } else {
+            VertexRows::F64(Rows::new(vertices).ok_or_else(|| other("vertices"))??)
+        };
+        let faces = if let Some(rows) = Rows::new(faces) {
+            FaceRows::U32(rows?)
+        } else if let Some(rows) = Rows::new(faces) {
+            FaceRows::I32(rows?)
+        } else if let Some(rows) = Rows::new(faces) {
+            FaceRows::U64(rows?)
+        } else {
+            FaceRows::I64(Rows::new(faces).ok_or_else(|| other("faces"))??)
+        };
+        Ok(Self { vertices, faces })
+    }
+
+    /// Copies the arrays.
+    pub fn to_mesh(&self) -> lightpath::Result<Mesh> {
+        let positions = match self.vertices() {
+            Vertices::F32(all) => Positions::F32(all.to_vec()),
+            Vertices::F64(all) => Positions::F64(all.to_vec()),
+        };
+        // An index that does not fit is reported by `Mesh::new`, as is one beyond the vertices.
+        let narrow = |v: i128| u32::try_from(v).unwrap_or(u32::MAX);
+        let triangles = match self.faces() {
+            Faces::U32(all) => all.to_vec(),
+            Faces::I32(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
+            Faces::U64(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
+            Faces::I64(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
+        };
+        Mesh::new(positions, triangles)
+    }
+}
+
+impl MeshArrays for NumpyMesh {
+    fn vertices(&self) -> Vertices<'_> {
+        match &self.vertices {
+            VertexRows::F32(rows) => Vertices::F32(rows.get()),
+            VertexRows::F64(rows) => Vertices::F64(rows.get()),
+        }
+    }
+
+    fn faces(&self) -> Faces<'_> {
+        match &self.faces {
+            FaceRows::U32(rows) => Faces::U32(rows.get()),
+            FaceRows::I32(rows) => Faces::I32(rows.get()),
+            FaceRows::U64(rows) => Faces::U64(rows.get()),
+            FaceRows::I64(rows) => Faces::I64(rows.get()),
+        }
+    }
+}
+
+/// Reads the vertices and faces of a PLY file.
+#[pyfunction]
+pub fn read_mesh<'py>(
+    py: Python<'py>,
+    path: std::path::PathBuf,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let mesh = py.detach(|| Mesh::read(&path)).map_err(|error| errors::to_python(py, error))?;
+    let vertices = match mesh.positions {
+        Positions::F32(all) => arrays::table(py, all)?,
+        Positions::F64(all) => arrays::table(py, all)?,
+    };
+    Ok((vertices, arrays::table(py, mesh.triangles)?))
+}

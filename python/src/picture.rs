@@ -1,0 +1,143 @@
+//! Pictures: a scene, mesh or file -> film -> arrays and files.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use lightpath::{ChannelKind, Film, LoadedScene, Mesh, PictureWriter};
+use pyo3::prelude::*;
+
+use crate::arrays::column;
+use crate::mesh::NumpyMesh;
+use crate::{errors, pools, watch};
+
+/// A rendered film and what is needed to write it.
+#[pyclass(frozen, module = "lightpath._lightpath")]
+pub struct Picture {
+    loaded: Arc<LoadedScene>,
+    film: Film,
+    writer: PictureWriter,
+}
+
+/// What to render.
+#[derive(FromPyObject)]
+pub enum Subject<'py> {
+    /// A JSON text, and meshes with their names and materials.
+    Text(String, Vec<(String, String, Bound<'py, PyAny>, Bound<'py, PyAny>)>),
+    /// A mesh in the studio.
+    Mesh(Bound<'py, PyAny>, Bound<'py, PyAny>),
+    /// A scene file or a mesh file.
+    File(PathBuf),
+}
+
+/// Renders a subject. `overrides` are `/json/pointer=VALUE`.
+#[pyfunction]
+pub fn render(
+    py: Python<'_>,
+    subject: Subject<'_>,
+    overrides: Vec<String>,
+    threads: Option<usize>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Picture> {
+    let pool = pools::pool(py, threads)?;
+    let source = Source::new(subject).map_err(|error| match error {
+        Unfit::Library(error) => errors::to_python(py, error),
+        Unfit::Python(error) => error,
+    })?;
+    watch::run(py, &pool, usize::MAX, progress, |monitor| {
+        let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
+        let loaded = Arc::new(source.load(&overrides)?);
+        monitor.check()?;
+        let renderer = loaded.renderer()?;
+        let film = renderer.render_watched(monitor)?;
+        let writer = renderer.writer();
+        Ok(Picture { loaded: Arc::clone(&loaded), film, writer })
+    })
+}
+
+enum Source {
+    Text(String, Vec<(String, String, Mesh)>),
+    Studio(Box<Mesh>),
+    File(PathBuf),
+}
+
+enum Unfit {
+    Library(lightpath::Error),
+    Python(PyErr),
+}
+
+impl Source {
+    fn new(subject: Subject<'_>) -> Result<Self, Unfit> {
+        let mesh = |vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>| {
+            let arrays = NumpyMesh::new(vertices, faces).map_err(Unfit::Python)?;
+            arrays.to_mesh().map_err(Unfit::Library)
+        };
+        match subject {
+            Subject::File(path) => Ok(Self::File(path)),
+            Subject::Mesh(vertices, faces) => Ok(Self::Studio(Box::new(mesh(&vertices, &faces)?))),
+            Subject::Text(text, meshes) => {
+                let mut ready = Vec::new();
+                for (name, material, vertices, faces) in meshes {
+                    ready.push((name, material, mesh(&vertices, &faces)?));
+                }
+                Ok(Self::Text(text, ready))
+            }
+        }
+    }
+
+    fn load(self, overrides: &[&str]) -> lightpath::Result<LoadedScene> {
+        match self {
+            Self::Text(text, meshes) => {
+                let meshes = meshes.iter().map(|(n, m, mesh)| (&n[..], &m[..], mesh.clone()));
+                LoadedScene::with_meshes(&text, overrides, meshes.collect())
+            }
+            Self::Studio(mesh) => LoadedScene::of_mesh_in_studio(*mesh, overrides),
+            Self::File(path) => {
+                let is_scene = path.extension().is_some_and(|end| end == "json");
+                if is_scene {
+                    return LoadedScene::read(path, overrides);
+                }
+                LoadedScene::in_studio(Mesh::read(&path)?, &path, overrides)
+            }
+        }
+    }
+}
+
+#[pymethods]
+impl Picture {
+    /// Height and width in pixels.
+    #[getter]
+    fn size(&self) -> (u32, u32) {
+        (self.film.window.height(), self.film.window.width())
+    }
+
+    /// Warnings of the scene.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.loaded.warnings().iter().map(|warning| warning.to_string()).collect()
+    }
+
+    /// R, G, B, A of all pixels, in one row.
+    fn pixels<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        column(py, self.film.pixels.as_flattened().to_vec())
+    }
+
+    /// Names of the layer channels, and whether they hold integers.
+    #[getter]
+    fn channels(&self) -> Vec<(String, bool)> {
+        let channels = self.film.planes.channels.iter();
+        channels.map(|c| (c.name.clone(), c.kind == ChannelKind::Uint)).collect()
+    }
+
+    /// The words of the layer channels, pixel by pixel.
+    fn words<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        column(py, self.film.planes.words.clone())
+    }
+
+    /// Writes PREFIX.exr and PREFIX.png.
+    fn write(&self, py: Python<'_>, prefix: PathBuf) -> PyResult<Vec<PathBuf>> {
+        let pool = pools::pool(py, None)?;
+        let files =
+            py.detach(|| pool.install(|| self.writer.write(&self.loaded, &self.film, &prefix)));
+        Ok(files.map_err(|error| errors::to_python(py, error))?.to_vec())
+    }
+}

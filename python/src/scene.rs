@@ -1,0 +1,209 @@
+//! The class behind `lightpath.RayScene`.
+
+use std::sync::Arc;
+
+use lightpath::{Limits, MeshArrays, Monitor, RayBatch, RayScene};
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+use rayon::ThreadPool;
+
+use crate::arrays::{Triples, column, rows, table};
+use crate::mesh::NumpyMesh;
+use crate::{errors, pools, watch};
+
+type Any<'py> = Bound<'py, PyAny>;
+type Progress<'a, 'py> = Option<&'a Any<'py>>;
+type Answer<T> = lightpath::Result<T>;
+
+/// A scene and the threads that its queries use.
+#[pyclass(frozen, module = "lightpath._lightpath")]
+pub struct Scene {
+    scene: RayScene,
+    threads: Option<usize>,
+}
+
+/// Rays in the form in which Python passes them: origins, directions, and for tnear and tfar an
+/// array of one or all values.
+#[derive(FromPyObject)]
+pub struct PyRays<'py>(
+    Triples<'py>,
+    Triples<'py>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+);
+
+impl PyRays<'_> {
+    fn len(&self) -> PyResult<usize> {
+        Ok(rows(&self.0)?.len())
+    }
+}
+
+fn limits(values: &[f64]) -> Limits<'_> {
+    if let [one] = values { Limits::All(*one) } else { Limits::Each(values) }
+}
+
+impl Scene {
+    fn pool(&self, py: Python<'_>) -> PyResult<Arc<ThreadPool>> {
+        pools::pool(py, self.threads)
+    }
+
+    fn with_rays<T: Send>(
+        &self,
+        py: Python<'_>,
+        rays: &PyRays<'_>,
+        progress: Progress<'_, '_>,
+        query: impl FnOnce(&RayScene, &RayBatch, &Monitor) -> Answer<T> + Send,
+    ) -> PyResult<T> {
+        let (origins, directions) = (rows(&rays.0)?, rows(&rays.1)?);
+        let (tnear, tfar) = (limits(rays.2.as_slice()?), limits(rays.3.as_slice()?));
+        let (pool, scene) = (self.pool(py)?, &self.scene);
+        watch::run(py, &pool, rays.len()?, progress, move |monitor| {
+            let rays = RayBatch::new(origins, directions)?.with_limits(tnear, tfar)?;
+            query(scene, &rays, monitor)
+        })
+    }
+
+    fn with_points<T: Send>(
+        &self,
+        py: Python<'_>,
+        points: &Triples<'_>,
+        progress: Progress<'_, '_>,
+        query: impl FnOnce(&RayScene, &[[f64; 3]], &Monitor) -> Answer<T> + Send,
+    ) -> PyResult<T> {
+        let (points, pool, scene) = (rows(points)?, self.pool(py)?, &self.scene);
+        // A point costs more than a ray.
+        let items = points.len().saturating_mul(16);
+        watch::run(py, &pool, items, progress, move |monitor| query(scene, points, monitor))
+    }
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        meshes: Vec<(Any<'_>, Any<'_>)>,
+        threads: Option<usize>,
+        progress: Progress<'_, '_>,
+    ) -> PyResult<Self> {
+        let mut arrays: Vec<Box<dyn MeshArrays>> = Vec::new();
+        for (vertices, faces) in &meshes {
+            arrays.push(Box::new(NumpyMesh::new(vertices, faces)?));
+        }
+        let items = arrays.iter().map(|mesh| mesh.faces().len()).sum();
+        let pool = pools::pool(py, threads)?;
+        let scene = watch::run(py, &pool, items, progress, |m| RayScene::new(arrays, m))?;
+        Ok(Self { scene, threads })
+    }
+
+    #[getter]
+    fn bytes(&self) -> (u64, u64) {
+        (self.scene.bytes(), self.scene.peak_bytes())
+    }
+
+    #[getter]
+    fn bounds(&self) -> [[f64; 3]; 2] {
+        self.scene.bounds()
+    }
+
+    fn closed(&self, py: Python<'_>) -> PyResult<Vec<bool>> {
+        let pool = self.pool(py)?;
+        Ok(py.detach(|| pool.install(|| self.scene.closed().to_vec())))
+    }
+
+    fn closest<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyRays<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<(Any<'py>, Any<'py>, Any<'py>, Any<'py>, Any<'py>)> {
+        let hits = self.with_rays(py, &rays, progress, |scene, rays, m| scene.closest(rays, m))?;
+        let ids = (column(py, hits.primitive), column(py, hits.mesh));
+        let (weights, normal) = (table(py, hits.barycentrics)?, table(py, hits.normal)?);
+        Ok((column(py, hits.t), ids.0, ids.1, weights, normal))
+    }
+
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyRays<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<Any<'py>> {
+        let all = self.with_rays(py, &rays, progress, |scene, rays, m| scene.occluded(rays, m))?;
+        Ok(column(py, all))
+    }
+
+    fn count<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyRays<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<Any<'py>> {
+        let all = self.with_rays(py, &rays, progress, |scene, rays, m| scene.count(rays, m))?;
+        Ok(column(py, all))
+    }
+
+    fn all_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyRays<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<(Any<'py>, Any<'py>, Any<'py>, Any<'py>, Any<'py>)> {
+        let hits = self.with_rays(py, &rays, progress, |scene, rays, m| scene.all_hits(rays, m))?;
+        let ids = (column(py, hits.primitive), column(py, hits.mesh));
+        let weights = table(py, hits.barycentrics)?;
+        Ok((column(py, hits.offsets), column(py, hits.t), ids.0, ids.1, weights))
+    }
+
+    fn contains<'py>(
+        &self,
+        py: Python<'py>,
+        points: Triples<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<Any<'py>> {
+        let all = self.with_points(py, &points, progress, |scene, p, m| scene.contains(p, m))?;
+        Ok(column(py, all))
+    }
+
+    fn winding_number<'py>(
+        &self,
+        py: Python<'py>,
+        points: Triples<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<Any<'py>> {
+        let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.winding_number(p, m);
+        Ok(column(py, self.with_points(py, &points, progress, query)?))
+    }
+
+    fn closest_point<'py>(
+        &self,
+        py: Python<'py>,
+        points: Triples<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<(Any<'py>, Any<'py>, Any<'py>, Any<'py>)> {
+        let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.closest_point(p, m);
+        let all = self.with_points(py, &points, progress, query)?;
+        let ids = (column(py, all.primitive), column(py, all.mesh));
+        Ok((table(py, all.point)?, column(py, all.distance), ids.0, ids.1))
+    }
+
+    fn visible<'py>(
+        &self,
+        py: Python<'py>,
+        points: Triples<'py>,
+        from: Triples<'py>,
+        progress: Progress<'_, 'py>,
+    ) -> PyResult<Any<'py>> {
+        let from = rows(&from)?;
+        let all = self.with_points(py, &points, progress, move |scene, points, m| {
+            scene.visible(points, from, m)
+        })?;
+        Ok(column(py, all))
+    }
+
+    /// The library's error for invalid input, for tests of the mapping.
+    #[staticmethod]
+    fn refuse(py: Python<'_>, place: String, message: String) -> PyErr {
+        errors::to_python(py, lightpath::Error::invalid(place, message))
+    }
+}

@@ -1,0 +1,88 @@
+"""Pictures from Python."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lightpath
+from shapes import cube
+
+SCENE = {
+    "spp": 1,
+    "camera": {"type": "pinhole", "width": 40, "height": 30, "fov": 40, "position": [0, 0, 6],
+               "target": [0, 0, 0], "up": [0, 1, 0]},
+    "scene": {"lightsources": [{"type": "pointlight", "position": [0, 5, 9], "id": [9, 9, 9]}],
+              "materials": {"clay": {"diffusecolor": [0.8, 0.4, 0.3]}}, "shapes": []},
+}
+
+
+def test_a_mesh_in_the_studio_has_layers():
+    picture = lightpath.render(cube(), camera={"width": 48, "height": 32}, spp=2, layers=["Z", "N", "primid"])
+    assert picture["RGBA"].shape == (32, 48, 4) and picture["RGBA"].dtype == np.float32
+    assert picture["RGBA"][16, 24, :3].min() > 0.01
+    assert picture["Z"].shape == (32, 48) and picture["N"].shape == (32, 48, 3)
+    assert np.isclose(np.linalg.norm(picture["N"][16, 24]), 1, atol=0.01)
+
+
+def test_a_scene_as_a_dict_with_a_mesh_from_memory():
+    picture = lightpath.render(SCENE, meshes={"box": ("clay", *cube())}, camera={"width": np.int64(20)})
+    red, green, blue, _ = picture["RGBA"][15, 10]
+    assert picture["RGBA"].shape == (30, 20, 4) and red > green > blue > 0
+    scene = lightpath.RayScene(*cube())
+    assert lightpath.render(scene, spp=1, camera={"width": 8, "height": 8})["RGBA"].shape == (8, 8, 4)
+
+
+def test_all_problems_of_a_scene_are_listed():
+    scene = {**SCENE, "camera": {**SCENE["camera"], "fov": 400, "widht": 3}}
+    with pytest.raises(lightpath.Error) as caught:
+        lightpath.render(scene)
+    text, problems = str(caught.value), caught.value.problems
+    assert len(problems) >= 2 and "fov" in text and "widht" in text
+    with pytest.raises(lightpath.Error, match="clay2"):
+        lightpath.render(SCENE, meshes={"box": ("clay2", *cube())})
+    with pytest.raises(lightpath.Error, match="nothing.json"):
+        lightpath.render("nothing.json")
+    with pytest.raises(TypeError, match="scene: found int"):
+        lightpath.render(3)
+    with pytest.raises(ValueError, match="meshes: expected only"):
+        lightpath.render(cube(), meshes={})
+    with pytest.raises(ValueError, match="triangle 0"):
+        lightpath.render((cube()[0], cube()[1] + 7))
+
+
+def test_files(tmp_path):
+    picture = lightpath.render(cube(), camera={"width": 16, "height": 16}, spp=1)
+    picture.write_exr(tmp_path / "a.exr")
+    picture.write_png(str(tmp_path / "b.png"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "b.png"]
+    assert (tmp_path / "a.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
+    assert picture._repr_png_()[:4] == (tmp_path / "b.png").read_bytes()[:4] == b"\x89PNG"
+    with pytest.raises((lightpath.Error, OSError)):
+        picture.write(tmp_path / "no" / "folder")
+
+
+def test_a_scene_shows_itself():
+    assert lightpath.RayScene(*cube())._repr_png_()[:4] == b"\x89PNG"
+
+
+def test_views_are_made_one_by_one():
+    views = lightpath.render_views(cube(), ({"width": w, "height": 4} for w in (4, 8)), spp=1)
+    assert next(views)["RGBA"].shape == (4, 4, 4)
+    assert next(views)["RGBA"].shape == (4, 8, 4)
+
+
+def test_the_program_is_there():
+    folder = os.path.dirname(os.path.dirname(lightpath.__file__))
+    environment = {**os.environ, "PYTHONPATH": folder}
+
+    def program(*arguments):
+        command = [sys.executable, "-m", "lightpath", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, env=environment)
+
+    assert lightpath.__version__ in program("--version").stdout
+    missing = program("render", "nothing.json")
+    assert missing.returncode == 2 and "nothing.json" in missing.stderr
+    assert program("rendre").returncode == 2

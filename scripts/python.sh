@@ -1,0 +1,60 @@
+#!/bin/bash
+# Builds and tests the Python package. `python.sh test` puts it into a virtual environment that is
+# kept under target/; `python.sh wheel` makes a wheel and tests it in a fresh one.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+scripts/setup.sh python
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+python=${PYTHON:-python3}
+
+# Makes a virtual environment with pip, and installs packages in it.
+environment() {
+    local folder=$1
+    shift
+    [ -x "$folder/bin/pip" ] || "$python" -m venv --clear "$folder"
+    "$folder/bin/pip" install --quiet --disable-pip-version-check "$@"
+}
+
+run_tests() {
+    # In a folder without the sources, so that the installed package is tested.
+    local tests=$PWD/python/tests
+    (cd "$target" && PYTHONPATH=$tests "$1/bin/python" -m pytest -q -p no:cacheprovider "$tests")
+}
+
+case ${1:-test} in
+test)
+    venv=$target/python-venv
+    environment "$venv" numpy pytest hypothesis
+    # Dependencies are those of the program, compiled once. The library itself is not optimised
+    # here: it compiles faster, and the tests are short.
+    cargo build --locked --release --manifest-path python/Cargo.toml --target-dir "$target" \
+        --config profile.release.package.lightpath.opt-level=0 \
+        --config profile.release.package.lightpath.codegen-units=64
+    packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
+    rm -rf "$packages/lightpath"
+    cp -r python/lightpath "$packages/lightpath"
+    rm -f "$packages/lightpath/_lightpath".*so
+    cp "$target/release/lib_lightpath.so" "$packages/lightpath/_lightpath.abi3.so"
+    run_tests "$venv"
+    ;;
+wheel)
+    builder=$target/python-builder
+    environment "$builder" 'maturin>=1.8,<2'
+    rm -rf "$target/wheels"
+    # Symbols of glibc decide on which systems the wheel runs: the tag says so.
+    "$builder/bin/maturin" build --release --locked --compatibility "${COMPATIBILITY:-linux}" \
+        --manifest-path python/Cargo.toml --target-dir "$target" --out "$target/wheels" \
+        --interpreter "$python"
+    "$builder/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$target/wheels"
+    venv=$target/wheel-venv
+    rm -rf "$venv"
+    environment "$venv" pytest hypothesis "$target"/wheels/*.whl
+    run_tests "$venv"
+    "$venv/bin/lightpath" --version
+    ls -l "$target/wheels"
+    ;;
+*)
+    echo "usage: $0 [test|wheel]" >&2
+    exit 2
+    ;;
+esac

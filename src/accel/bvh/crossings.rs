@@ -1,0 +1,204 @@
+//! All crossings of a ray with the triangles.
+//!
+//! A ray that passes exactly through an edge or a vertex touches several triangles. Each crossing of
+//! the surface is assigned to one of them by a tie rule (simulation of simplicity, Edelsbrunner and
+//! Mücke 1990, ACM TOG 9(1)): the point where the ray pierces the plane normal to its dominant axis
+//! is moved by (e, e^2), with e infinitely small. An edge function that is zero has the sign that it
+//! takes after this move. The move is the same for all triangles, and vertices are sheared in the
+//! same way in every triangle. So the answer is that of one ray in general position:
+//!
+//! - Where a ray crosses a closed surface at an edge or a vertex, exactly one triangle is hit.
+//! - Where a ray only touches a surface at a silhouette edge or vertex, the moved ray either misses
+//!   it (no hit) or passes through both sides (two hits at the same t).
+//! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
+
+use super::Bvh;
+use super::exact::{Ray64, ShearedTriangle};
+use super::node::{Block, ChildKind};
+use super::query::{Lane, Query};
+use super::simd::{self, Path, Tier};
+use super::single::Single;
+use crate::ray::{LANES, Mask, Rays};
+use crate::simd::{Isa, Kernel};
+
+/// A crossing of a ray with a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// Ray parameter.
+    pub t: f64,
+    /// Number of the triangle in the whole scene.
+    pub primitive: u32,
+    /// Lane of the ray.
+    pub lane: u32,
+}
+
+impl Bvh<'_> {
+    /// Adds all crossings of the active rays within (`tnear`, `tfar`) to `found`, lane by lane, in
+    /// no particular order within a lane. Spheres are ignored.
+    pub fn crossings(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
+        let bvh = self;
+        with_tier!(self.isa, tier => tier.run(AllCrossings { tier, bvh, active, rays, found }));
+    }
+}
+
+struct AllCrossings<'a, T> {
+    tier: T,
+    bvh: &'a Bvh<'a>,
+    active: &'a Mask,
+    rays: &'a Rays,
+    found: &'a mut Vec<Crossing>,
+}
+
+impl<T: Tier> Kernel for AllCrossings<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { tier, bvh, active, rays, found } = self;
+        let query = Query::new(rays, &bvh.tree.bounds);
+        let mut path = Path::new();
+        for i in 0..LANES {
+            if active.0[i] != 0 {
+                bvh.single(tier, &query, rays, i).crossings(&mut path, found);
+            }
+        }
+    }
+}
+
+impl<T: Tier> Single<'_, T> {
+    /// Adds all crossings of this ray.
+    #[inline(always)]
+    fn crossings(&self, path: &mut Path, found: &mut Vec<Crossing>) {
+        let tfar = self.lane.value(&self.lane.query.tfar);
+        let mut index = 0;
+        let mut left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
+        loop {
+            while left == 0 {
+                let Some(step) = path.pop() else { return };
+                (index, left) = step;
+            }
+            let node = &self.tree.nodes[index];
+            let child = node.first(left);
+            left &= left - 1;
+            match child.kind() {
+                ChildKind::Node(below) => {
+                    if left != 0 {
+                        path.push(index, left);
+                        self.tree.prefetch(node.first(left));
+                    }
+                    index = below;
+                    left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
+                }
+                ChildKind::Triangles(block) => self.crossings_in_block(block, found),
+                ChildKind::Spheres(_) | ChildKind::Empty => {}
+            }
+        }
+    }
+
+    /// Adds the crossings with the triangles of a leaf.
+    #[inline(always)]
+    fn crossings_in_block(&self, index: usize, found: &mut Vec<Crossing>) {
+        let block = &self.tree.blocks[index];
+        let candidates =
+            self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
+        let mut left = candidates.maybe;
+        while left != 0 {
+            let i = left.trailing_zeros();
+            left &= left - 1;
+            let slot = i as usize % block.primitives.len();
+            if (candidates.sure >> i) & 1 == 0 && !is_crossed(&self.lane, block, slot) {
+                continue;
+            }
+            let (seen, ray) = (ShearedTriangle::new(&self.lane, block, slot), self.ray());
+            let t = seen.t(&ray, block.triangle(slot));
+            if self.is_within(&seen, &ray, t, block.triangle(slot)) {
+                let lane = (self.lane.i % LANES) as u32;
+                found.push(Crossing { t, primitive: block.primitives[slot], lane });
+            }
+        }
+    }
+
+    /// Whether a hit at `t` lies within the open segment of the ray.
+    #[inline(always)]
+    fn is_within(
+        &self,
+        seen: &ShearedTriangle,
+        ray: &Ray64,
+        t: f64,
+        corners: [[f32; 3]; 3],
+    ) -> bool {
+        let within = t > ray.tnear && t < ray.tfar;
+        within && (seen.is_ahead(ray) || ray.starts_before(t, corners))
+    }
+}
+
+/// Whether the ray crosses triangle `slot` of a leaf, by the tie rule.
+#[inline(always)]
+fn is_crossed(lane: &Lane, block: &Block, slot: usize) -> bool {
+    let corner = |k: usize| {
+        let v = block.corner(k, slot);
+        let [x, y, _] = lane.sheared(lane.axes.map(|axis| block.vertices[axis][v]));
+        [x, y]
+    };
+    let (a, b, c) = (corner(0), corner(1), corner(2));
+    let (u, v, w) = (side(b, c), side(c, a), side(a, b));
+    u != 0 && u == v && v == w
+}
+
+/// Returns the side of the edge from `a` to `b` on which the ray passes: -1 or 1; 0 if the points
+/// are equal or not finite.
+///
+/// The sign of a x b is exact: see [`super::exact`]. For the moved ray (e, e^2) the edge function is
+/// a x b + e (a_y - b_y) + e^2 (b_x - a_x).
+#[inline(always)]
+fn side(a: [f32; 2], b: [f32; 2]) -> i32 {
+    let (p, q) = (f64::from(a[0]) * f64::from(b[1]), f64::from(a[1]) * f64::from(b[0]));
+    let sign = |x: f64, y: f64| i32::from(x > y) - i32::from(x < y);
+    match sign(p, q) {
+        0 if (p - q).is_nan() => 0,
+        0 => match sign(a[1].into(), b[1].into()) {
+            0 => sign(b[0].into(), a[0].into()),
+            tie => tie,
+        },
+        decided => decided,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All lattice triangles around the ray: each ordered pair of points has opposite sides.
+    #[test]
+    fn sides_are_antisymmetric_and_never_tied() {
+        let points: Vec<[f32; 2]> =
+            (-2i8..=2).flat_map(|x| (-2i8..=2).map(move |y| [x.into(), y.into()])).collect();
+        for &a in &points {
+            for &b in &points {
+                assert_eq!(side(a, b), -side(b, a));
+                assert_eq!(side(a, b) == 0, a == b);
+            }
+        }
+        assert_eq!(side([f32::NAN, 0.0], [1.0, 1.0]), 0);
+    }
+
+    /// A fan around the origin: the ray through its middle crosses one triangle.
+    #[test]
+    fn a_vertex_belongs_to_one_triangle_of_a_fan() {
+        let ring: [[f32; 2]; 6] =
+            [[2.0, 0.0], [1.0, 1.0], [-1.0, 2.0], [-2.0, 0.0], [-1.0, -1.0], [0.0, -3.0]];
+        let inside = |a, b, c| {
+            let (u, v, w) = (side(b, c), side(c, a), side(a, b));
+            u != 0 && u == v && v == w
+        };
+        let middle = [0.0, 0.0];
+        let hits = (0..6).filter(|&i| inside(middle, ring[i], ring[(i + 1) % 6])).count();
+        assert_eq!(hits, 1);
+        // The same ring seen from a point on its rim: a silhouette gives no or two hits.
+        let rim = [2.0f32, 0.0];
+        let moved = |p: [f32; 2]| [p[0] - rim[0], p[1] - rim[1]];
+        let hits = (0..6)
+            .filter(|&i| inside(moved(middle), moved(ring[i]), moved(ring[(i + 1) % 6])))
+            .count();
+        assert!(hits < 2, "{hits}");
+    }
+}

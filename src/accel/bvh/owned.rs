@@ -1,0 +1,57 @@
+//! A tree that does not borrow the arrays it was built from.
+
+use std::sync::Arc;
+
+use super::Bvh;
+use super::build::Tree;
+use crate::accel::accelerator::{Accelerator, BuildInfo, BuildOptions};
+use crate::error::Result;
+use crate::geometry::{Geometry, TriangleMesh};
+use crate::monitor::Monitor;
+use crate::simd::Isa;
+
+/// A tree over triangle meshes, and how their primitives are numbered. The leaves hold the vertices,
+/// so the arrays of the meshes are freed after the build.
+pub struct OwnedBvh {
+    /// Numbers of the primitives. Its meshes are empty.
+    geometry: Geometry,
+    tree: Arc<Tree>,
+    isa: Isa,
+    peak_bytes: u64,
+}
+
+impl OwnedBvh {
+    /// Builds the tree over the triangles of `geometry`, on the current rayon pool.
+    ///
+    /// # Errors
+    /// `Interrupted` after a signal; `Retry` if there is too little memory.
+    pub fn build(mut geometry: Geometry, isa: Isa, monitor: &Monitor) -> Result<Self> {
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
+        let Bvh { tree, isa, peak_bytes, .. } = Bvh::build(&geometry, isa, &options, monitor)?;
+        let peak_bytes = peak_bytes + geometry.bytes();
+        geometry.meshes.iter_mut().for_each(|mesh| *mesh = TriangleMesh::default());
+        Ok(Self { geometry, tree, isa, peak_bytes })
+    }
+
+    /// Returns the tree as an accelerator.
+    pub fn bvh(&self) -> Bvh<'_> {
+        let Self { geometry, tree, isa, peak_bytes } = self;
+        Bvh { geometry, tree: Arc::clone(tree), isa: *isa, peak_bytes: *peak_bytes }
+    }
+
+    /// Numbers of the primitives, and the origin of the coordinates. Its meshes are empty.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Lower and upper corner of the box of all triangles, relative to the origin of
+    /// [`Self::geometry`].
+    pub fn bounds(&self) -> [[f32; 3]; 2] {
+        [self.tree.bounds.lower(), self.tree.bounds.upper()]
+    }
+
+    /// Version, instruction set and memory.
+    pub fn info(&self) -> BuildInfo {
+        self.bvh().info()
+    }
+}

@@ -1,0 +1,154 @@
+//! Winding numbers of points, with far parts of the tree taken as dipoles.
+//!
+//! Source: Barill, Dickson, Schmidt, Levin and Jacobson 2018, "Fast Winding Numbers for Soups and
+//! Clouds", ACM TOG 37(4), of first order. A part is far from a point if its distance exceeds
+//! [`FAR`] times its radius. Near triangles add their exact solid angles (van Oosterom and Strackee
+//! 1983).
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::Bvh;
+use super::node::{Child, ChildKind};
+
+/// Distance of a part in units of its radius from which it is a dipole.
+const FAR: f64 = 2.0;
+
+/// The triangles of a subtree as one dipole.
+#[derive(Debug, Clone, Copy, Default)]
+struct Dipole {
+    /// Mean position, weighted by area.
+    center: DVec3,
+    /// Sum of the normals, each with the length of its triangle's area.
+    normal: DVec3,
+    /// Sum of the areas.
+    area: f64,
+    /// Largest distance of a vertex from `center`, or a bound of it.
+    radius: f64,
+    /// Square of [`FAR`] times `radius`. Points that are nearer see the parts.
+    near_squared: f64,
+}
+
+/// The dipoles of all nodes and leaves of a tree.
+#[derive(Debug, Default)]
+pub struct Dipoles {
+    nodes: Vec<Dipole>,
+    blocks: Vec<Dipole>,
+}
+
+/// Returns the corners of a triangle by its number, or `None` if it does not count.
+pub type Corners<'a> = &'a (dyn Fn(u32) -> Option<[DVec3; 3]> + Sync);
+
+impl Bvh<'_> {
+    /// Computes the dipoles.
+    pub fn dipoles(&self, corners: Corners) -> Dipoles {
+        let mut dipoles = Dipoles {
+            nodes: vec![Dipole::default(); self.tree.nodes.len()],
+            blocks: vec![Dipole::default(); self.tree.blocks.len()],
+        };
+        for (dipole, block) in dipoles.blocks.iter_mut().zip(&self.tree.blocks) {
+            let used = (0..block.primitives.len()).filter(|i| block.present >> i & 1 != 0);
+            let all: Vec<_> = used.filter_map(|i| corners(block.primitives[i])).collect();
+            *dipole = Dipole::of_triangles(&all);
+        }
+        self.dipole_of(Child::node(0), &mut dipoles);
+        dipoles
+    }
+
+    /// Computes the dipoles of all nodes below a child, and returns that of the child.
+    fn dipole_of(&self, child: Child, dipoles: &mut Dipoles) -> Dipole {
+        match child.kind() {
+            ChildKind::Node(index) => {
+                let parts = self.tree.nodes[index].children.map(|c| self.dipole_of(c, dipoles));
+                dipoles.nodes[index] = Dipole::of_parts(&parts);
+                dipoles.nodes[index]
+            }
+            ChildKind::Triangles(index) => dipoles.blocks[index],
+            ChildKind::Spheres(_) | ChildKind::Empty => Dipole::default(),
+        }
+    }
+
+    /// Returns the winding number of a point: 1 inside a closed surface whose normals point
+    /// outward, 0 outside.
+    pub fn winding(&self, dipoles: &Dipoles, point: DVec3, corners: Corners) -> f64 {
+        let (mut sum, mut stack) = (0.0, Vec::with_capacity(256));
+        stack.push(Child::node(0));
+        while let Some(child) = stack.pop() {
+            let dipole = match child.kind() {
+                ChildKind::Node(index) => &dipoles.nodes[index],
+                ChildKind::Triangles(index) => &dipoles.blocks[index],
+                ChildKind::Spheres(_) | ChildKind::Empty => continue,
+            };
+            if dipole.area == 0.0 {
+                continue;
+            }
+            let to = dipole.center - point;
+            let squared = to.length_squared();
+            if squared > dipole.near_squared {
+                sum += dipole.normal.dot(to) / (squared * squared.sqrt());
+                continue;
+            }
+            match child.kind() {
+                ChildKind::Node(index) => stack.extend(self.tree.nodes[index].children),
+                ChildKind::Triangles(index) => {
+                    let block = &self.tree.blocks[index];
+                    let used = (0..block.primitives.len()).filter(|i| block.present >> i & 1 != 0);
+                    sum += used
+                        .filter_map(|i| corners(block.primitives[i]))
+                        .map(|corners| solid_angle(corners, point))
+                        .sum::<f64>();
+                }
+                ChildKind::Spheres(_) | ChildKind::Empty => {}
+            }
+        }
+        sum / (4.0 * PI)
+    }
+}
+
+impl Dipole {
+    fn of_triangles(all: &[[DVec3; 3]]) -> Self {
+        let mut dipole = Self::default();
+        for [a, b, c] in all {
+            let normal = (*b - *a).cross(*c - *a) * 0.5;
+            dipole.add(normal, normal.length(), (*a + *b + *c) / 3.0);
+        }
+        dipole.finish();
+        let far = all.iter().flatten().map(|&v| (v - dipole.center).length());
+        dipole.with_radius(far.fold(0.0, f64::max))
+    }
+
+    fn of_parts(parts: &[Self]) -> Self {
+        let mut dipole = Self::default();
+        for part in parts {
+            dipole.add(part.normal, part.area, part.center);
+        }
+        dipole.finish();
+        let used = parts.iter().filter(|part| part.area > 0.0);
+        let far = used.map(|part| (part.center - dipole.center).length() + part.radius);
+        dipole.with_radius(far.fold(0.0, f64::max))
+    }
+
+    fn add(&mut self, normal: DVec3, area: f64, center: DVec3) {
+        self.normal += normal;
+        self.area += area;
+        self.center += center * area;
+    }
+
+    fn with_radius(self, radius: f64) -> Self {
+        Self { radius, near_squared: FAR * FAR * radius * radius, ..self }
+    }
+
+    fn finish(&mut self) {
+        self.center = if self.area > 0.0 { self.center / self.area } else { DVec3::ZERO };
+    }
+}
+
+/// Returns the signed solid angle of a triangle seen from a point, in steradians. Positive if the
+/// point is on the side from which the corners appear clockwise.
+fn solid_angle(corners: [DVec3; 3], point: DVec3) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - point);
+    let (la, lb, lc) = (a.length(), b.length(), c.length());
+    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    2.0 * a.dot(b.cross(c)).atan2(below)
+}

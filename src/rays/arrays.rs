@@ -1,0 +1,184 @@
+//! The arrays of a mesh, which stay with the caller in the types that they have there.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::mesh::{Mesh, Positions};
+
+/// Largest magnitude of a coordinate.
+const MAX_COORDINATE: f64 = 1e18;
+
+/// Vertex positions.
+#[derive(Debug, Clone, Copy)]
+pub enum Vertices<'a> {
+    /// Single precision.
+    F32(&'a [[f32; 3]]),
+    /// Double precision.
+    F64(&'a [[f64; 3]]),
+}
+
+impl Vertices<'_> {
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(all) => all.len(),
+            Self::F64(all) => all.len(),
+        }
+    }
+
+    /// Whether there is no vertex.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Position of a vertex; `None` beyond the last one.
+    #[inline(always)]
+    pub(super) fn get(&self, i: usize) -> Option<DVec3> {
+        match self {
+            Self::F32(all) => all.get(i).map(|v| DVec3::from(v.map(f64::from))),
+            Self::F64(all) => all.get(i).map(|&v| DVec3::from(v)),
+        }
+    }
+}
+
+/// Vertex indices of triangles.
+#[derive(Debug, Clone, Copy)]
+pub enum Faces<'a> {
+    /// Unsigned 32-bit indices.
+    U32(&'a [[u32; 3]]),
+    /// Signed 32-bit indices.
+    I32(&'a [[i32; 3]]),
+    /// Unsigned 64-bit indices.
+    U64(&'a [[u64; 3]]),
+    /// Signed 64-bit indices.
+    I64(&'a [[i64; 3]]),
+}
+
+impl Faces<'_> {
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U32(all) => all.len(),
+            Self::I32(all) => all.len(),
+            Self::U64(all) => all.len(),
+            Self::I64(all) => all.len(),
+        }
+    }
+
+    /// Whether there is no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Vertex indices of a triangle; `None` for a negative one.
+    #[inline(always)]
+    pub(super) fn get(&self, i: usize) -> [Option<u64>; 3] {
+        match self {
+            Self::U32(all) => all[i].map(|v| Some(v.into())),
+            Self::I32(all) => all[i].map(|v| v.try_into().ok()),
+            Self::U64(all) => all[i].map(Some),
+            Self::I64(all) => all[i].map(|v| v.try_into().ok()),
+        }
+    }
+
+    /// An index as the caller wrote it.
+    fn written(&self, i: usize, k: usize) -> i128 {
+        match self {
+            Self::U32(all) => all[i][k].into(),
+            Self::I32(all) => all[i][k].into(),
+            Self::U64(all) => all[i][k].into(),
+            Self::I64(all) => all[i][k].into(),
+        }
+    }
+}
+
+/// The arrays of a triangle mesh.
+///
+/// They must not change while a [`RayScene`](super::RayScene) uses them. If they do, answers are
+/// meaningless, but nothing else happens as long as their lengths stay.
+pub trait MeshArrays: Send + Sync {
+    /// Vertex positions. Those that no face uses are ignored.
+    fn vertices(&self) -> Vertices<'_>;
+    /// Vertex indices of the faces.
+    fn faces(&self) -> Faces<'_>;
+}
+
+impl MeshArrays for Mesh {
+    fn vertices(&self) -> Vertices<'_> {
+        match &self.positions {
+            Positions::F32(all) => Vertices::F32(all),
+            Positions::F64(all) => Vertices::F64(all),
+        }
+    }
+
+    fn faces(&self) -> Faces<'_> {
+        Faces::U32(&self.triangles)
+    }
+}
+
+/// Corners of a face. NaN where an index is out of range.
+#[inline(always)]
+pub(super) fn corners(mesh: &dyn MeshArrays, face: usize) -> [DVec3; 3] {
+    let (vertices, faces) = (mesh.vertices(), mesh.faces());
+    faces.get(face).map(|index| index.and_then(|i| vertices.get(i as usize)).unwrap_or(DVec3::NAN))
+}
+
+/// The box of some vertices.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Range {
+    pub min: DVec3,
+    pub max: DVec3,
+}
+
+impl Range {
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The position that coordinates are rounded relative to: 0 if the box is near 0, so that f32
+    /// vertices keep their bits. Else the middle of the box, rounded to f32.
+    pub fn origin(self) -> DVec3 {
+        let middle = (self.min + self.max) * 0.5;
+        let size = (self.max - self.min).max_element();
+        if middle.abs().max_element() <= size { DVec3::ZERO } else { middle.as_vec3().as_dvec3() }
+    }
+}
+
+/// Checks indices and vertices, and returns the box of the vertices that faces use.
+pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Range> {
+    let (vertices, faces) = (mesh.vertices(), mesh.faces());
+    let count = vertices.len();
+    if faces.is_empty() {
+        return Err(Error::invalid(
+            format!("{place}faces"),
+            "found no face, expected at least one",
+        ));
+    }
+    let vertex = |i: usize, k: usize| faces.get(i)[k].and_then(|v| vertices.get(v as usize));
+    let sound = |v: DVec3| v.abs().max_element() <= MAX_COORDINATE && !v.is_nan();
+    let bad = |i: usize| (0..3).any(|k| !vertex(i, k).is_some_and(sound));
+    let bad = (0..faces.len()).into_par_iter().with_min_len(1 << 14).find_first(|&i| bad(i));
+    if let Some(i) = bad {
+        let k = (0..3).find(|&k| !vertex(i, k).is_some_and(sound)).unwrap_or(0);
+        let index = faces.written(i, k);
+        return Err(match vertex(i, k) {
+            None => Error::invalid(
+                format!("{place}faces[{i}, {k}]"),
+                format!("found vertex {index}, expected 0 to {}", count as i128 - 1),
+            ),
+            Some(v) => Error::invalid(
+                format!("{place}vertices[{index}]"),
+                format!("found {:?}, expected finite numbers up to 1e18", v.to_array()),
+            ),
+        });
+    }
+    let ranges = (0..faces.len()).into_par_iter().with_min_len(1 << 14).map(|i| {
+        corners(mesh, i)
+            .iter()
+            .fold(Range::EMPTY, |range, &v| range.union(Range { min: v, max: v }))
+    });
+    Ok(ranges.reduce(|| Range::EMPTY, Range::union))
+}

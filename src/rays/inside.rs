@@ -1,0 +1,144 @@
+//! Which points lie inside the meshes.
+
+use glam::DVec3;
+
+use super::batch::{first, fits};
+use super::progress;
+use super::{RayScene, closed};
+use crate::accel::bvh::{Bvh, HalfLine};
+use crate::error::{Error, Result};
+use crate::geometry::{Meeting, half_line};
+use crate::monitor::Monitor;
+use crate::reserve;
+
+/// Buffers of a task.
+#[derive(Default)]
+struct Scratch {
+    stack: Vec<u32>,
+    found: Vec<u32>,
+    /// Meshes with an odd number of crossings.
+    odd: Vec<usize>,
+}
+
+impl RayScene {
+    /// For each mesh, whether it is closed: an even number of faces meets at every edge. Vertices
+    /// with equal coordinates count as one.
+    pub fn closed(&self) -> &[bool] {
+        self.closed.get_or_init(|| {
+            self.meshes.iter().map(|mesh| closed::is_closed(mesh.as_ref())).collect()
+        })
+    }
+
+    /// Returns whether each point lies inside a mesh or on its surface.
+    ///
+    /// For closed meshes the answer is exact: the crossings of a half-line are counted without
+    /// rounding, from the caller's coordinates. The meshes that are not closed are taken together.
+    /// A point is inside them if their winding number there, in magnitude, is at least 1/2.
+    ///
+    /// # Errors
+    /// `Invalid` for a point that is not finite or beyond 1e18; as [`RayScene::closest`].
+    pub fn contains(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<bool>> {
+        check_points(points)?;
+        let (closed, mut inside) =
+            (self.closed(), reserve::filled(false, points.len(), "contains")?);
+        let bvh = self.bvh();
+        let is_open = closed.contains(&false);
+        progress::fill(&mut inside, monitor, |start, inside| {
+            let mut scratch = Scratch::default();
+            for (i, inside) in inside.iter_mut().enumerate() {
+                let point = points[start + i];
+                *inside = self.in_closed(&bvh, point, closed, &mut scratch)
+                    || is_open && self.winding_of_open(&bvh, point.into()).abs() >= 0.5;
+            }
+        })?;
+        Ok(inside)
+    }
+
+    /// Returns the winding number of each point in all meshes together: 1 inside a closed mesh
+    /// whose normals point outward, 0 outside. Accurate to some 0.01.
+    ///
+    /// # Errors
+    /// As [`RayScene::contains`].
+    pub fn winding_number(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<f64>> {
+        check_points(points)?;
+        let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
+        let corners = |primitive: u32| Some(self.corners(primitive));
+        let bvh = self.bvh();
+        let dipoles = bvh.dipoles(&corners);
+        progress::fill(&mut winding, monitor, |start, winding| {
+            for (i, winding) in winding.iter_mut().enumerate() {
+                *winding = bvh.winding(&dipoles, points[start + i].into(), &corners);
+            }
+        })?;
+        Ok(winding)
+    }
+
+    /// Whether a point lies in a closed mesh, or on any mesh.
+    fn in_closed(
+        &self,
+        bvh: &Bvh,
+        point: [f64; 3],
+        closed: &[bool],
+        scratch: &mut Scratch,
+    ) -> bool {
+        let (p, [min, max]) = (DVec3::from(point), self.bounds);
+        if p.cmplt(min).any() || p.cmpgt(max).any() {
+            return false;
+        }
+        // The nearest side of the box.
+        let (up, down) = ((max - p).to_array(), (p - min).to_array());
+        let (mut axis, mut upward) = (0, true);
+        for k in 0..3 {
+            let least = if upward { up[axis] } else { down[axis] };
+            if up[k] < least {
+                (axis, upward) = (k, true);
+            }
+            if down[k] < least.min(up[k]) {
+                (axis, upward) = (k, false);
+            }
+        }
+        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
+        let local = p - self.origin();
+        let slack = self.slack(local.abs().max_element());
+        let start = axes.map(|k| local[k] as f32);
+        let start = [start.map(|x| x - slack), start.map(|x| x + slack)];
+        let Scratch { stack, found, odd } = scratch;
+        found.clear();
+        odd.clear();
+        bvh.column(&HalfLine { axes, start, upward }, stack, found);
+        for &primitive in found.iter() {
+            let corners = self.corners(primitive).map(|corner| corner.to_array());
+            match half_line(corners, point, axes, upward) {
+                Meeting::Misses => {}
+                Meeting::Starts => return true,
+                Meeting::Crosses => {
+                    let (mesh, _) = self.place(primitive);
+                    match odd.iter().position(|&other| other == mesh) {
+                        Some(at) => drop(odd.swap_remove(at)),
+                        None => odd.push(mesh),
+                    }
+                }
+            }
+        }
+        odd.iter().any(|&mesh| closed[mesh])
+    }
+
+    fn winding_of_open(&self, bvh: &Bvh, point: DVec3) -> f64 {
+        let corners = |primitive: u32| {
+            (!self.closed()[self.place(primitive).0]).then(|| self.corners(primitive))
+        };
+        let dipoles = self.dipoles.get_or_init(|| bvh.dipoles(&corners));
+        bvh.winding(dipoles, point, &corners)
+    }
+}
+
+/// Checks that all points are finite.
+pub(super) fn check_points(points: &[[f64; 3]]) -> Result<()> {
+    match first(points, |v| !fits(v)) {
+        None => Ok(()),
+        Some(i) => {
+            let message = format!("found {:?}, expected finite numbers up to 1e18", points[i]);
+            Err(Error::invalid(format!("points[{i}]"), message))
+        }
+    }
+}

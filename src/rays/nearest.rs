@@ -1,0 +1,109 @@
+//! The points of the meshes that are nearest to given points.
+
+use glam::DVec3;
+
+use super::RayScene;
+use super::inside::check_points;
+use super::progress;
+use crate::accel::bvh::Bvh;
+use crate::error::Result;
+use crate::monitor::Monitor;
+
+/// Nearest points on the meshes, an element for each point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClosestPoints {
+    /// The nearest point of all faces.
+    pub point: Vec<[f64; 3]>,
+    /// Its distance, >= 0.
+    pub distance: Vec<f64>,
+    /// Its face. Of equally near ones, the lowest.
+    pub primitive: Vec<i64>,
+    /// Index of the mesh.
+    pub mesh: Vec<i32>,
+}
+
+/// The nearest point so far.
+struct Nearest {
+    squared: f64,
+    point: DVec3,
+    primitive: u32,
+}
+
+impl RayScene {
+    /// Finds the nearest point of the meshes to each point, in f64 from the caller's arrays.
+    ///
+    /// # Errors
+    /// `Invalid` for a point that is not finite or beyond 1e18; as [`RayScene::closest`].
+    pub fn closest_point(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<ClosestPoints> {
+        check_points(points)?;
+        let bvh = self.bvh();
+        let chunks = progress::in_chunks(points.len(), monitor, |range| {
+            range.map(|i| self.nearest(&bvh, points[i].into())).collect::<Vec<_>>()
+        })?;
+        let count = points.len();
+        let mut all = ClosestPoints {
+            point: Vec::with_capacity(count),
+            distance: Vec::with_capacity(count),
+            primitive: Vec::with_capacity(count),
+            mesh: Vec::with_capacity(count),
+        };
+        for nearest in chunks.into_iter().flatten() {
+            let (mesh, face) = self.place(nearest.primitive);
+            all.point.push(nearest.point.to_array());
+            all.distance.push(nearest.squared.sqrt());
+            all.primitive.push(face as i64);
+            all.mesh.push(mesh as i32);
+        }
+        Ok(all)
+    }
+
+    fn nearest(&self, bvh: &Bvh, point: DVec3) -> Nearest {
+        let local = point - self.origin();
+        let mut best = Nearest { squared: f64::INFINITY, point: DVec3::NAN, primitive: 0 };
+        let slack = self.slack(local.abs().max_element());
+        bvh.visit_nearest(local.as_vec3().to_array(), slack, |primitive| {
+            let on = nearest_on_triangle(self.corners(primitive), point);
+            let squared = (on - point).length_squared();
+            let lower = squared == best.squared && primitive < best.primitive;
+            if squared < best.squared || lower {
+                best = Nearest { squared, point: on, primitive };
+            }
+            best.squared
+        });
+        best
+    }
+}
+
+/// Returns the point of a triangle that is nearest to `p`. Source: Ericson 2005, "Real-Time
+/// Collision Detection", 5.1.5.
+fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let sum = va + vb + vc;
+    a + ab * (vb / sum) + ac * (vc / sum)
+}

@@ -1,0 +1,157 @@
+//! `RayScene` beside the renderer, and beside closed forms where rays and points meet vertices and
+//! edges. The Python tests compare it with integers.
+
+use lightpath::{
+    ErrorKind, Limits, LoadedScene, Mesh, Monitor, Positions, Ray, RayBatch, RayScene,
+};
+
+/// A bumpy ball: a cube whose faces are grids of `n` squares, moved to a sphere of radii 0.7 to 1.
+fn ball(n: i32, middle: [f64; 3]) -> Mesh {
+    let (mut positions, mut triangles) = (Vec::<[f64; 3]>::new(), Vec::new());
+    let mut index = std::collections::BTreeMap::new();
+    let mut vertex = |p: [i32; 3]| {
+        *index.entry(p).or_insert_with(|| {
+            let [x, y, z] = p.map(|k| f64::from(k) / f64::from(n));
+            let length = (x * x + y * y + z * z).sqrt();
+            let hash = (p[0] * 73 + p[1] * 179 + p[2] * 283).rem_euclid(97);
+            let radius = 0.7 + 0.3 * f64::from(hash) / 97.0;
+            let at = |k: usize, x: f64| middle[k] + x / length * radius;
+            positions.push([at(0, x), at(1, y), at(2, z)]);
+            positions.len() as u32 - 1
+        })
+    };
+    for axis in 0..3 {
+        for side in [-n, n] {
+            for i in (-n..n).step_by(2) {
+                for j in (-n..n).step_by(2) {
+                    let mut at = |i: i32, j: i32| {
+                        let mut p = [0; 3];
+                        (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side, i, j);
+                        vertex(p)
+                    };
+                    let [a, b, c, d] = [at(i, j), at(i + 2, j), at(i + 2, j + 2), at(i, j + 2)];
+                    let quad = if side > 0 { [a, b, c, d] } else { [d, c, b, a] };
+                    triangles.push([quad[0], quad[1], quad[2]]);
+                    triangles.push([quad[0], quad[2], quad[3]]);
+                }
+            }
+        }
+    }
+    Mesh::new(Positions::F64(positions), triangles).expect("a mesh")
+}
+
+fn scene(mesh: Mesh) -> RayScene {
+    RayScene::new(vec![Box::new(mesh)], &Monitor::default()).expect("a scene")
+}
+
+/// Points on a spiral around the origin, at a distance.
+fn around(count: usize, distance: f64) -> Vec<[f64; 3]> {
+    let at = |i: usize| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+        let (r, angle) = ((1.0 - z * z).sqrt(), i as f64 * 2.399_963);
+        [r * angle.cos(), r * angle.sin(), z].map(|x| x * distance)
+    };
+    (0..count).map(at).collect()
+}
+
+fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[test]
+fn closest_hits_are_those_of_the_renderer() {
+    let mesh = ball(12, [0.0; 3]);
+    let loaded = LoadedScene::of_mesh(mesh.clone()).expect("a mesh");
+    let renderer = loaded.renderer().expect("a tree");
+    let origins = around(3000, 3.0);
+    let targets: Vec<_> = (0..3000).map(|i| origins[(i * 7 + 5) % 3000].map(|x| x * 0.3)).collect();
+    let directions: Vec<_> =
+        origins.iter().zip(&targets).map(|(&o, &t)| difference(t, o)).collect();
+    let rays: Vec<_> = origins.iter().zip(&directions).map(|(&o, &d)| Ray::new(o, d)).collect();
+    let (scene, monitor) = (scene(mesh), Monitor::default());
+    let batch = RayBatch::new(&origins, &directions).expect("rays");
+    let hits = scene.closest(&batch, &monitor).expect("hits");
+    let occluded = scene.occluded(&batch, &monitor).expect("answers");
+    let all = scene.all_hits(&batch, &monitor).expect("hits");
+    let mut met = 0;
+    for (i, expected) in renderer.closest(&rays).into_iter().enumerate() {
+        assert_eq!(occluded[i], expected.is_some());
+        let first = all.offsets[i] as usize;
+        assert_eq!(all.offsets[i + 1] > all.offsets[i], expected.is_some());
+        let Some(expected) = expected else {
+            assert_eq!((hits.t[i], hits.primitive[i]), (f64::INFINITY, -1));
+            continue;
+        };
+        met += 1;
+        assert_eq!(hits.primitive[i], expected.primitive as i64);
+        assert!((hits.t[i] - expected.t).abs() < 1e-6);
+        assert_eq!((all.primitive[first], all.t[first]), (hits.primitive[i], hits.t[i]));
+    }
+    assert!((1000..3000).contains(&met), "{met}");
+}
+
+/// Rays from the middle of the ball cross its surface once, whatever they pass through.
+#[test]
+fn each_crossing_at_a_vertex_or_an_edge_is_one_hit() {
+    for middle in [[0.0; 3], [499_999.37, 4_100_000.71, 31.3]] {
+        let mesh = ball(10, middle);
+        let Positions::F64(vertices) = mesh.positions.clone() else { panic!("f64") };
+        let corner = |i: u32| difference(vertices[i as usize], middle);
+        let mut directions: Vec<_> = (0..vertices.len() as u32).map(corner).collect();
+        for &[a, b, _] in &mesh.triangles {
+            let ([ax, ay, az], [bx, by, bz]) = (corner(a), corner(b));
+            directions.push([(ax + bx) * 0.5, (ay + by) * 0.5, (az + bz) * 0.5]);
+        }
+        let (scene, monitor) = (scene(mesh), Monitor::default());
+        let inside = vec![middle; directions.len()];
+        let rays = RayBatch::new(&inside, &directions).expect("rays");
+        assert!(scene.count(&rays, &monitor).expect("counts").iter().all(|&count| count == 1));
+        let outside: Vec<_> = directions
+            .iter()
+            .map(|d| [middle[0] + 4.0 * d[0], middle[1] + 4.0 * d[1], middle[2] + 4.0 * d[2]])
+            .collect();
+        let back: Vec<_> = directions.iter().map(|d| d.map(|x| -x)).collect();
+        let rays = RayBatch::new(&outside, &back).expect("rays");
+        assert!(scene.count(&rays, &monitor).expect("counts").iter().all(|&count| count == 2));
+        assert!(scene.contains(&vertices, &monitor).expect("answers").iter().all(|&inside| inside));
+        assert!(!scene.contains(&outside, &monitor).expect("answers").contains(&true));
+    }
+}
+
+#[test]
+fn a_stopped_monitor_ends_every_query() {
+    let (scene, monitor) = (scene(ball(4, [0.0; 3])), Monitor::default());
+    monitor.signal.store(2, std::sync::atomic::Ordering::Relaxed);
+    let (points, directions) = (around(5000, 2.0), around(5000, 1.0));
+    let rays = RayBatch::new(&points, &directions).expect("rays");
+    let kinds = [
+        scene.closest(&rays, &monitor).unwrap_err().kind,
+        scene.occluded(&rays, &monitor).unwrap_err().kind,
+        scene.count(&rays, &monitor).unwrap_err().kind,
+        scene.all_hits(&rays, &monitor).unwrap_err().kind,
+        scene.contains(&points, &monitor).unwrap_err().kind,
+        scene.closest_point(&points, &monitor).unwrap_err().kind,
+        scene.visible(&points, &directions, &monitor).unwrap_err().kind,
+        scene.winding_number(&points, &monitor).unwrap_err().kind,
+    ];
+    assert_eq!(kinds, [ErrorKind::Interrupted(2); 8]);
+}
+
+#[test]
+fn wrong_rays_are_refused_with_their_place() {
+    let (good, short) = ([[0.0, 0.0, 1.0]; 3], [[0.0, 0.0, 1.0]; 2]);
+    let place = |result: lightpath::Result<RayBatch>| {
+        result.map(|_| ()).unwrap_err().problems[0].place.clone()
+    };
+    assert_eq!(place(RayBatch::new(&good, &short)), "directions");
+    let mut wrong = good;
+    wrong[1] = [0.0; 3];
+    assert_eq!(place(RayBatch::new(&good, &wrong)), "directions[1]");
+    wrong[2][0] = f64::NAN;
+    assert_eq!(place(RayBatch::new(&wrong, &good)), "origins[2]");
+    let rays = RayBatch::new(&good, &good).expect("rays");
+    let limited = |tnear, tfar| place(rays.with_limits(tnear, tfar));
+    assert_eq!(limited(Limits::All(f64::INFINITY), Limits::All(1.0)), "tnear");
+    assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0, -1.0, 1.0])), "tfar[1]");
+    assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0])), "tfar");
+}
