@@ -104,8 +104,8 @@ fn height(corners: [[f64; 3]; 3], point: [f64; 3]) -> i32 {
     sign(orient3d(a, b, c, p))
 }
 
-/// Returns the sign of the area of `a b p`, or if it is zero the sign after the move of the tie rule.
-/// The area changes by e (a_y - b_y) + e^2 (b_x - a_x), halved. Zero only for equal points.
+/// Returns the sign of the area of `a b p`, or if it is zero the sign after the move of the tie
+/// rule. The area changes by e (a_y - b_y) + e^2 (b_x - a_x), halved. Zero only for equal points.
 fn or_tie(side: i32, a: [f64; 2], b: [f64; 2]) -> i32 {
     match (side, sign(a[1] - b[1])) {
         (0, 0) => sign(b[0] - a[0]),

@@ -1,11 +1,11 @@
 //! All crossings of a ray with the triangles.
 //!
-//! A ray that passes exactly through an edge or a vertex touches several triangles. Each crossing of
-//! the surface is assigned to one of them by a tie rule (simulation of simplicity, Edelsbrunner and
-//! Mücke 1990, ACM TOG 9(1)): the point where the ray pierces the plane normal to its dominant axis
-//! is moved by (e, e^2), with e infinitely small. An edge function that is zero has the sign that it
-//! takes after this move. The move is the same for all triangles, and vertices are sheared in the
-//! same way in every triangle. So the answer is that of one ray in general position:
+//! A ray that passes exactly through an edge or a vertex touches several triangles. Each crossing
+//! of the surface is assigned to one of them by a tie rule (simulation of simplicity, Edelsbrunner
+//! and Mücke 1990, ACM TOG 9(1)): the point where the ray pierces the plane normal to its dominant
+//! axis is moved by (e, e^2), with e infinitely small. An edge function that is zero has the sign
+//! that it takes after this move. The move is the same for all triangles, and vertices are sheared
+//! in the same way in every triangle. So the answer is that of one ray in general position:
 //!
 //! - Where a ray crosses a closed surface at an edge or a vertex, exactly one triangle is hit.
 //! - Where a ray only touches a surface at a silhouette edge or vertex, the moved ray either misses
@@ -147,8 +147,8 @@ fn is_crossed(lane: &Lane, block: &Block, slot: usize) -> bool {
 /// Returns the side of the edge from `a` to `b` on which the ray passes: -1 or 1; 0 if the points
 /// are equal or not finite.
 ///
-/// The sign of a x b is exact: see [`super::exact`]. For the moved ray (e, e^2) the edge function is
-/// a x b + e (a_y - b_y) + e^2 (b_x - a_x).
+/// The sign of a x b is exact: see [`super::exact`]. For the moved ray (e, e^2) the edge function
+/// is a x b + e (a_y - b_y) + e^2 (b_x - a_x).
 #[inline(always)]
 fn side(a: [f32; 2], b: [f32; 2]) -> i32 {
     let (p, q) = (f64::from(a[0]) * f64::from(b[1]), f64::from(a[1]) * f64::from(b[0]));

@@ -4,9 +4,9 @@
 //! `build` makes the tree. `query` and `frustum` prepare rays. `single` and `packet` traverse.
 //! `simd` tests 16 boxes or triangles at a time. `exact` decides hits. `validate` checks the tree.
 //!
-//! More queries: `crossings` finds all hits of a ray, `column` and `segment` find the triangles that
-//! a half-line or a segment may meet, `closest_point` finds the triangle nearest to a point, and
-//! `winding` computes winding numbers. `owned` is a tree without a borrow.
+//! More queries: `crossings` finds all hits of a ray, `column` and `segment` find the triangles
+//! that a half-line or a segment may meet, `closest_point` finds the triangle nearest to a point,
+//! and `winding` computes winding numbers. `owned` is a tree without a borrow.
 
 /// Returns the value of `$run` with the kernels of an instruction set.
 macro_rules! with_tier {

@@ -10,8 +10,8 @@ use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
 use crate::simd::Isa;
 
-/// A tree over triangle meshes, and how their primitives are numbered. The leaves hold the vertices,
-/// so the arrays of the meshes are freed after the build.
+/// A tree over triangle meshes, and how their primitives are numbered. The leaves hold the
+/// vertices, so the arrays of the meshes are freed after the build.
 pub struct OwnedBvh {
     /// Numbers of the primitives. Its meshes are empty.
     geometry: Geometry,
