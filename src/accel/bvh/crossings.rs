@@ -193,7 +193,7 @@ mod tests {
         let middle = [0.0, 0.0];
         let hits = (0..6).filter(|&i| inside(middle, ring[i], ring[(i + 1) % 6])).count();
         assert_eq!(hits, 1);
-        // The same ring seen from a point on its rim: a silhouette gives no or two hits.
+        // At a point on its rim the fan ends, so the ray crosses it at most once.
         let rim = [2.0f32, 0.0];
         let moved = |p: [f32; 2]| [p[0] - rim[0], p[1] - rim[1]];
         let hits = (0..6)
