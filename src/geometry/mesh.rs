@@ -1,6 +1,6 @@
 //! A triangle mesh as the accelerators read it.
 
-/// Triangles over shared vertices; f32, relative to [`Geometry::origin`].
+/// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
 pub struct TriangleMesh {
     /// One unused element stands at the end: Embree reads 16 bytes from each vertex.

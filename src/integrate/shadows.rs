@@ -34,7 +34,7 @@ impl<'a> ShadowRays<'a> {
         let falloff = area.map_or(falloff, |area| area.falloff(falloff));
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
         if let Some(Distant::Environment(environment)) = area.and_then(|area| area.distant) {
-            environment.weigh(points, q, lit);
+            environment.weigh(points, q, &mut lit.diffuse, &mut lit.specular);
         }
         let grazing = match area {
             Some(area) if area.flush > 0.0 => area.end_before_plane(points, rays, &mut active),

@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::batch::RayBatch;
 use super::batch::Refined;
 use super::progress;
-use super::{RayBatch, RayScene};
+use super::scene::RayScene;
 use crate::accel::bvh::{Bvh, Crossing};
 use crate::error::Result;
 use crate::monitor::Monitor;

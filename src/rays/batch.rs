@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::RayScene;
+use super::scene::RayScene;
 use crate::error::{Error, Result};
 use crate::geometry::clamp_barycentrics;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use std::sync::atomic::Ordering::Relaxed;
 
+use super::batch::RayBatch;
 use super::progress::{self, CHUNK};
-use super::{RayBatch, RayScene};
+use super::scene::RayScene;
 use crate::accel::{Accelerator, bvh::Bvh};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};

@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::batch::{first, fits};
+use super::closed;
 use super::progress;
-use super::{RayScene, closed};
+use super::scene::RayScene;
 use crate::accel::bvh::{Bvh, HalfLine};
 use crate::error::{Error, Result};
 use crate::geometry::{Meeting, half_line};

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::RayScene;
 use super::inside::check_points;
 use super::progress;
+use super::scene::RayScene;
 use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::monitor::Monitor;

@@ -1,6 +1,5 @@
 //! Directions of an environment: light of the same radiance from all sides.
 
-use super::light::LightWeights;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::reach;
 use crate::geometry::Geometry;
@@ -52,16 +51,22 @@ impl Environment {
         q
     }
 
-    /// Divides the weights of the light points `q` by the density of their directions, relative to
-    /// 1 / pi.
+    /// Divides the diffuse and specular weights of the light points `q` by the density of their
+    /// directions, relative to 1 / pi.
     #[inline(always)]
-    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) {
+    pub fn weigh(
+        &self,
+        points: &ShadowPoints,
+        q: &Lanes3,
+        diffuse: &mut Lanes,
+        specular: &mut Lanes,
+    ) {
+        // The cosine of the diffuse term cancels out.
+        *diffuse = points.kd;
         for i in 0..LANES {
             let to_light = lane(q, i) - lane(&points.position, i);
             let cosine = lane(&points.n, i).dot(to_light) * (1.0 / to_light.dot(to_light).sqrt());
-            // The cosine of the diffuse term cancels out.
-            lit.diffuse[i] = points.kd[i];
-            lit.specular[i] *= 1.0 / cosine;
+            specular[i] *= 1.0 / cosine;
         }
     }
 }

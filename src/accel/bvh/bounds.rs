@@ -1,6 +1,6 @@
 //! Axis-aligned boxes of eight f32. One instruction computes the union of two boxes.
 
-use super::simd::min8;
+use super::simd::min8::min8;
 
 /// An axis-aligned box: the lower corner in lanes 0 to 2, the negated upper corner in lanes 4 to 6.
 /// Lanes 3 and 7 are free for the owner.

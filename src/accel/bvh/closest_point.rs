@@ -1,7 +1,7 @@
 //! The triangle that is nearest to a point.
 
-use super::Bvh;
 use super::node::{Block, Child, ChildKind, Node, WIDTH};
+use super::tree::Bvh;
 use crate::simd::{self, Kernel};
 
 impl Bvh<'_> {

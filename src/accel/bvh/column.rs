@@ -1,7 +1,7 @@
 //! The triangles that a half-line along an axis may meet: candidates for an exact test.
 
-use super::Bvh;
 use super::node::{Block, Child, ChildKind, Node, WIDTH};
+use super::tree::Bvh;
 use crate::simd::{self, Kernel};
 
 /// A half-line along an axis, widened by a slack. Coordinates are relative to the scene's origin.

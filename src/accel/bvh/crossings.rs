@@ -12,12 +12,12 @@
 //!   it (no hit) or passes through both sides (two hits at the same t).
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
-use super::Bvh;
 use super::exact::{Ray64, ShearedTriangle};
 use super::node::{Block, ChildKind};
 use super::query::{Lane, Query};
 use super::simd::{self, Path, Tier};
 use super::single::Single;
+use super::tree::Bvh;
 use crate::ray::{LANES, Mask, Rays};
 use crate::simd::{Isa, Kernel};
 

@@ -2,7 +2,7 @@
 
 use crate::ray::{LANES, Mask};
 
-use super::Bounds3;
+use super::bounds::Bounds3;
 use super::query::{Lane, Query, max, min};
 
 /// Computes the minimum of 16 numbers. None of them may be NaN.

@@ -1,9 +1,9 @@
 //! Access to single kernels of the tree, for `benches/kernels.rs`.
 
-use super::Bvh;
 use super::exact::{Ray64, ShearedTriangle};
 use super::query::{Lane, Query};
 use super::simd::{Stack, Tier, portable::Portable};
+use super::tree::Bvh;
 use crate::ray::Rays;
 use crate::simd::{Isa, Kernel, dispatch};
 

@@ -45,6 +45,7 @@ mod simd;
 mod single;
 #[cfg(test)]
 mod tests;
+mod tree;
 mod validate;
 mod visits;
 mod winding;
@@ -52,78 +53,21 @@ mod winding;
 pub use self::column::HalfLine;
 pub use self::crossings::Crossing;
 pub use self::owned::OwnedBvh;
+pub use self::tree::Bvh;
 pub use self::validate::TreeStats;
 pub use self::winding::Dipoles;
 
-use std::sync::Arc;
-
-use self::bounds::Bounds3;
-use self::build::Tree;
 use self::hits::ClosestHits;
 use self::packet::{Bits, Packet, Stacks};
 use self::query::Query;
 use self::shaft::MayHit;
 use self::simd::{Path, Stack, Tier};
-use self::single::Single;
 use self::visits::{Counting, Counts};
-use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
+use super::accelerator::{Accelerator, BuildInfo, Visits};
 use super::shaft::Shaft;
-use crate::error::Result;
-use crate::geometry::{Geometry, Nearby, Unseen};
-use crate::monitor::Monitor;
+use crate::geometry::{Geometry, Nearby};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{Isa, Kernel};
-
-/// A tree over the primitives of a scene.
-pub struct Bvh<'g> {
-    geometry: &'g Geometry,
-    tree: Arc<Tree>,
-    isa: Isa,
-    peak_bytes: u64,
-}
-
-impl<'g> Bvh<'g> {
-    /// Builds the tree. Queries use the kernels of `isa`, or of the best instruction set below it
-    /// that this machine supports.
-    ///
-    /// # Errors
-    /// See [`super::build`].
-    pub fn build(
-        geometry: &'g Geometry,
-        isa: Isa,
-        options: &BuildOptions,
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        Self::build_part((geometry, &Unseen::NONE), isa, options, monitor)
-    }
-
-    /// [`Bvh::build`] without the primitives of a set.
-    ///
-    /// # Errors
-    /// See [`super::build`].
-    pub fn build_part(
-        (geometry, unseen): (&'g Geometry, &Unseen),
-        isa: Isa,
-        options: &BuildOptions,
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let isa = isa.min(Isa::detect());
-        let part = (geometry, unseen);
-        let (tree, peak_bytes) = build::build(part, isa, options.max_bytes, monitor)?;
-        Ok(Self { geometry, tree: Arc::new(tree), isa, peak_bytes })
-    }
-
-    #[inline(always)]
-    fn single<'a, T: Tier>(
-        &'a self,
-        tier: T,
-        query: &'a Query,
-        rays: &'a Rays,
-        i: usize,
-    ) -> Single<'a, T> {
-        Single::new(tier, (&self.tree, self.geometry), query.lane(i), rays)
-    }
-}
 
 /// Traces the active rays one by one.
 struct SingleClosest<'a, T> {

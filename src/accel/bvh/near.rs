@@ -1,7 +1,7 @@
 //! Search for the triangles and quads near a point.
 
-use super::Bvh;
 use super::node::{Child, ChildKind, WIDTH};
+use super::tree::Bvh;
 use crate::geometry::Nearby;
 use crate::ray::NONE;
 

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::Bvh;
 use super::build::Tree;
+use super::tree::Bvh;
 use crate::accel::accelerator::{Accelerator, BuildInfo, BuildOptions};
 use crate::error::Result;
 use crate::geometry::{Geometry, TriangleMesh};

@@ -2,7 +2,7 @@
 
 use crate::ray::{LANES, Mask, Rays};
 
-use super::Bounds3;
+use super::bounds::Bounds3;
 
 /// The largest relative error of one f32 operation: half an ulp of 1, 2^-24.
 const U: f32 = f32::EPSILON / 2.0;

@@ -1,9 +1,9 @@
 //! The triangles that a segment may meet: candidates for an exact test.
 
-use super::Bvh;
 use super::node::ChildKind;
 use super::query::Query;
 use super::simd::{self, Path, Tier};
+use super::tree::Bvh;
 use crate::ray::Rays;
 use crate::simd::{Isa, Kernel};
 

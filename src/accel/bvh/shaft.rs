@@ -1,12 +1,12 @@
 //! Conservative test whether nothing lies in a [`Shaft`].
 
-use super::Bvh;
 use super::bounds::Bounds3;
 use super::frustum::{Frustum, HorizontalMin, select};
 use super::node::{Block, Child, ChildKind};
 use super::packet::Bits;
 use super::query::{max, min};
 use super::simd::{Stack, Tier};
+use super::tree::Bvh;
 use crate::accel::shaft::Shaft;
 use crate::ray::LANES;
 use crate::simd::Kernel;

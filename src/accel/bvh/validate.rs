@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use super::Bvh;
 use super::bounds::Bounds3;
 use super::node::{Child, ChildKind, Node, SECOND_HALF, WIDTH};
 use super::simd::MAX_DEPTH;
+use super::tree::Bvh;
 use crate::geometry::{Geometry, GeometryKind, quad_halves};
 use crate::ray::NONE;
 

@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::Bvh;
 use super::node::{Child, ChildKind};
+use super::tree::Bvh;
 
 /// Distance of a part in units of its radius from which it is a dipole.
 const FAR: f64 = 2.0;

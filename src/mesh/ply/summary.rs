@@ -96,7 +96,7 @@ pub struct PlySummary {
 /// Summarises the file at `path` from its header.
 ///
 /// # Errors
-/// If the header alone shows that [`super::read`] would reject the file.
+/// If the header alone shows that [`read`](super::read()) would reject the file.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
     inspect_with(path, &ReadOptions::default())
 }
@@ -104,7 +104,7 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
 /// Summarises the file at `path` as [`inspect`] does, for a reader with these options.
 ///
 /// # Errors
-/// If the header alone shows that [`super::read`] would reject the file.
+/// If the header alone shows that [`read`](super::read()) would reject the file.
 pub fn inspect_with(path: &Path, options: &ReadOptions) -> Result<PlySummary> {
     let name = path.display().to_string();
     let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;

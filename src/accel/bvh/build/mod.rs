@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use self::binary::Leaf;
 use self::block::MakeBlock;
-use super::Bounds3;
+use super::bounds::Bounds3;
 use super::node::{Block, Child, SphereLeaf};
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};

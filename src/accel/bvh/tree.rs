@@ -1,0 +1,68 @@
+//! The tree and the primitives that it holds.
+
+use std::sync::Arc;
+
+use super::build::{self, Tree};
+use super::query::Query;
+use super::simd::Tier;
+use super::single::Single;
+use crate::accel::accelerator::BuildOptions;
+use crate::error::Result;
+use crate::geometry::{Geometry, Unseen};
+use crate::monitor::Monitor;
+use crate::ray::Rays;
+use crate::simd::Isa;
+
+/// A tree over the primitives of a scene.
+pub struct Bvh<'g> {
+    pub(super) geometry: &'g Geometry,
+    pub(super) tree: Arc<Tree>,
+    /// Instruction set of the kernels.
+    pub(super) isa: Isa,
+    /// Most bytes that the build held.
+    pub(super) peak_bytes: u64,
+}
+
+impl<'g> Bvh<'g> {
+    /// Builds the tree. Queries use the kernels of `isa`, or of the best instruction set below it
+    /// that this machine supports.
+    ///
+    /// # Errors
+    /// See [`crate::accel::build`].
+    pub fn build(
+        geometry: &'g Geometry,
+        isa: Isa,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Self::build_part((geometry, &Unseen::NONE), isa, options, monitor)
+    }
+
+    /// [`Bvh::build`] without the primitives of a set.
+    ///
+    /// # Errors
+    /// See [`crate::accel::build`].
+    pub fn build_part(
+        (geometry, unseen): (&'g Geometry, &Unseen),
+        isa: Isa,
+        options: &BuildOptions,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let isa = isa.min(Isa::detect());
+        let part = (geometry, unseen);
+        let (tree, peak_bytes) = build::build(part, isa, options.max_bytes, monitor)?;
+        Ok(Self { geometry, tree: Arc::new(tree), isa, peak_bytes })
+    }
+
+    /// Prepares ray `i` for a traversal of its own.
+    #[inline(always)]
+    pub(super) fn single<'a, T: Tier>(
+        &'a self,
+        tier: T,
+        query: &'a Query,
+        rays: &'a Rays,
+        i: usize,
+    ) -> Single<'a, T> {
+        Single::new(tier, (&self.tree, self.geometry), query.lane(i), rays)
+    }
+}

@@ -1,0 +1,167 @@
+//! The meshes of a caller, and the tree over them.
+
+use std::fmt;
+use std::sync::OnceLock;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::arrays::{self, MeshArrays, Range};
+use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::{Geometry, TriangleMesh};
+use crate::monitor::Monitor;
+use crate::reserve;
+use crate::simd::Isa;
+
+/// Meshes that are ready for rays and points, without camera, lights and materials.
+///
+/// Rays are traced by `bvh`, which is exactly watertight: no ray slips through an edge or a vertex.
+/// Rays and vertices are rounded to f32 for that, relative to an origin in or near the meshes. The
+/// values of a hit are computed in f64 from the caller's arrays. [`RayScene::contains`] and
+/// [`RayScene::visible`] do not round at all.
+///
+/// Everything runs on the threads of the current rayon pool. A [`Monitor`] counts finished rays or
+/// points, and can stop a query, which then returns an error.
+///
+/// ```
+/// use lightpath::{Limits, Mesh, Monitor, Positions, RayBatch, RayScene};
+///
+/// # fn main() -> lightpath::Result<()> {
+/// // A tetrahedron.
+/// let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// let mesh = Mesh::new(Positions::F64(corners), faces)?;
+/// let monitor = Monitor::default();
+/// let scene = RayScene::new(vec![Box::new(mesh)], &monitor)?;
+///
+/// let (origins, directions) = ([[0.25, 0.25, 5.0]], [[0.0, 0.0, -1.0]]);
+/// let rays = RayBatch::new(&origins, &directions)?;
+/// let hits = scene.closest(&rays, &monitor)?;
+/// assert_eq!((hits.t[0], hits.primitive[0]), (4.5, 3));
+/// let all = scene.all_hits(&rays, &monitor)?;
+/// assert_eq!((all.offsets, all.t), (vec![0, 2], vec![4.5, 5.0]));
+///
+/// let points = [[0.1, 0.1, 0.1], [0.5, 0.5, 0.5]];
+/// assert_eq!(scene.contains(&points, &monitor)?, [true, false]);
+/// # Ok(())
+/// # }
+/// ```
+pub struct RayScene {
+    pub(super) meshes: Vec<Box<dyn MeshArrays>>,
+    /// Numbers of the triangles, and the origin.
+    pub(super) tree: OwnedBvh,
+    /// Lower and upper corner of all triangles in the caller's coordinates.
+    pub(super) bounds: [DVec3; 2],
+    /// For each mesh, whether it is closed.
+    pub(super) closed: OnceLock<Vec<bool>>,
+    pub(super) dipoles: OnceLock<Dipoles>,
+}
+
+impl fmt::Debug for RayScene {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (meshes, info) = (self.meshes.len(), self.tree.info());
+        f.debug_struct("RayScene").field("meshes", &meshes).field("tree", &info).finish()
+    }
+}
+
+impl RayScene {
+    /// Builds the acceleration structure. Triangles are numbered in each mesh from 0.
+    ///
+    /// # Errors
+    /// - `Invalid`: no mesh, a mesh without faces, an index out of range, or a vertex of a face
+    ///   that is not finite or beyond 1e18.
+    /// - `Limit`: more than 2^32 - 2 triangles.
+    /// - `Retry`: there is too little memory.
+    /// - `Interrupted`: the monitor was stopped.
+    pub fn new(meshes: Vec<Box<dyn MeshArrays>>, monitor: &Monitor) -> Result<Self> {
+        let mut range = Range::EMPTY;
+        for (index, mesh) in meshes.iter().enumerate() {
+            let place = if meshes.len() > 1 { format!("mesh {index}: ") } else { String::new() };
+            range = range.union(arrays::check(mesh.as_ref(), &place)?);
+        }
+        if meshes.is_empty() {
+            return Err(Error::invalid("meshes", "found no mesh, expected at least one"));
+        }
+        let origin = range.origin();
+        let rounded = meshes.iter().map(|mesh| rounded(mesh.as_ref(), origin));
+        let geometry = Geometry::new(origin, rounded.collect::<Result<_>>()?, vec![], vec![]);
+        let geometry = geometry.map_err(|count| {
+            let message = format!("found {count} faces, expected at most 4294967294");
+            Error::new(Kind::Limit, Problem::new("faces", message))
+        })?;
+        let tree = OwnedBvh::build(geometry, Isa::detect(), monitor)?;
+        let (closed, dipoles) = (OnceLock::new(), OnceLock::new());
+        Ok(Self { meshes, tree, bounds: [range.min, range.max], closed, dipoles })
+    }
+
+    /// The meshes, in order.
+    pub fn meshes(&self) -> &[Box<dyn MeshArrays>] {
+        &self.meshes
+    }
+
+    /// Lower and upper corner of the box around all faces.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        self.bounds.map(|corner| corner.to_array())
+    }
+
+    /// Bytes that the scene holds beside the arrays of the meshes.
+    pub fn bytes(&self) -> u64 {
+        self.tree.info().bytes
+    }
+
+    /// Most bytes that the build held beside the arrays of the meshes.
+    pub fn peak_bytes(&self) -> u64 {
+        self.tree.info().peak_bytes
+    }
+
+    pub(super) fn bvh(&self) -> Bvh<'_> {
+        self.tree.bvh()
+    }
+
+    /// Position that the coordinates of the tree are relative to.
+    pub(super) fn origin(&self) -> DVec3 {
+        self.tree.geometry().origin
+    }
+
+    /// Mesh and face of a triangle by its number in the scene.
+    pub(super) fn place(&self, primitive: u32) -> (usize, usize) {
+        let (mesh, face) = self.tree.geometry().place(primitive);
+        (mesh as usize, face as usize)
+    }
+
+    /// Corners of a triangle by its number in the scene. NaN if the caller's arrays have changed so
+    /// that an index is out of range.
+    pub(super) fn corners(&self, primitive: u32) -> [DVec3; 3] {
+        let (mesh, face) = self.place(primitive);
+        arrays::corners(self.meshes[mesh].as_ref(), face)
+    }
+
+    /// Bound of how far rounding to f32 moves a vertex of the tree or a point, which must be within
+    /// `reach` of the origin.
+    pub(super) fn slack(&self, reach: f64) -> f32 {
+        let [low, high] = self.tree.bounds();
+        let far = low.into_iter().chain(high).fold(reach as f32, |far, x| far.max(x.abs()));
+        far * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE
+    }
+}
+
+/// Rounds a mesh to f32, relative to `origin`.
+fn rounded(mesh: &dyn MeshArrays, origin: DVec3) -> Result<TriangleMesh> {
+    let (vertices, faces) = (mesh.vertices(), mesh.faces());
+    let mut local = Vec::new();
+    // A mesh has one element of padding.
+    reserve::exact(&mut local, vertices.len() + 1, "vertices")?;
+    local.par_extend((0..vertices.len()).into_par_iter().map(|i| {
+        let vertex = vertices.get(i).filter(|v| v.is_finite()).unwrap_or(origin);
+        (vertex - origin).as_vec3().to_array()
+    }));
+    let mut triangles = Vec::new();
+    reserve::exact(&mut triangles, faces.len(), "faces")?;
+    let count = vertices.len() as u64;
+    let last = (vertices.len() - 1) as u32;
+    // The caller's arrays may have changed since they were checked.
+    let triangle = |i: usize| faces.get(i).map(|v| v.map_or(last, |v| v.min(count - 1) as u32));
+    triangles.par_extend((0..faces.len()).into_par_iter().map(triangle));
+    Ok(TriangleMesh::new(local, triangles, false))
+}
