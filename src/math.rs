@@ -1,5 +1,7 @@
 //! Small numeric helpers that the standard library lacks.
 
+use glam::Vec3;
+
 /// `x^n` for x, n >= 0, with 0^0 = 1. Relative error below 1e-7.
 ///
 /// Computed in f64 without branches, from bits and polynomials: log2 by the series of atanh, 2^f by
@@ -34,6 +36,34 @@ pub fn pow(x: f32, n: f32) -> f32 {
     if x > 0.0 { power } else { at_zero }
 }
 
+/// Angle of the vector (x, y) from the x axis, in [-pi, pi], as `f32::atan2`. Absolute error below
+/// 4e-7; atan2(0, 0) is 0.
+///
+/// Without branches, and with the same bits on every machine, as [`pow`]. The polynomial is that of
+/// `atanf` in the Cephes library (Moshier 1989).
+#[inline(always)]
+pub fn atan2(y: f32, x: f32) -> f32 {
+    use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    let (small, large) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
+    let ratio = if large > 0.0 { small / large } else { 0.0 };
+    // Above tan(pi / 8), the angle is pi / 4 plus a small one.
+    let wide = ratio > 0.414_213_57;
+    let a = if wide { (ratio - 1.0) / (ratio + 1.0) } else { ratio };
+    let z = a * a;
+    let p = 0.080_537_446 * z - 0.138_776_86;
+    let p = (p * z + 0.199_777_1) * z - 0.333_329_5;
+    let angle = a + a * z * p + if wide { FRAC_PI_4 } else { 0.0 };
+    let angle = if y.abs() > x.abs() { FRAC_PI_2 - angle } else { angle };
+    let angle = if x < 0.0 { PI - angle } else { angle };
+    angle.copysign(y)
+}
+
+/// Luminance of linear RGB with the primaries of Rec. 709.
+#[inline(always)]
+pub fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -45,6 +75,33 @@ mod tests {
             let exact = f64::from(x).powf(f64::from(n));
             let error = (f64::from(pow(x, n)) - exact).abs();
             prop_assert!(error <= 1e-7 * exact + 1e-38 || exact > f64::from(f32::MAX), "{x}^{n}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn atan2_agrees_with_libm(x in -2f32..2.0, y in -2f32..2.0, shrink in 0..30) {
+            let y = y / (1u32 << shrink) as f32;
+            for (y, x) in [(y, x), (x, y)] {
+                let exact = f64::from(y).atan2(f64::from(x));
+                prop_assert!((f64::from(atan2(y, x)) - exact).abs() <= 4e-7, "{y} {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn atan2_on_the_axes() {
+        use std::f32::consts::{FRAC_PI_2, PI};
+        let cases = [
+            (0.0, 1.0, 0.0),
+            (1.0, 0.0, FRAC_PI_2),
+            (-1.0, 0.0, -FRAC_PI_2),
+            (0.0, -1.0, PI),
+            (-0.0, -1.0, -PI),
+            (0.0, 0.0, 0.0),
+        ];
+        for (y, x, angle) in cases {
+            assert_eq!(atan2(y, x), angle);
         }
     }
 

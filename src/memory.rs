@@ -14,7 +14,7 @@ use crate::{
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
     scene::{Backend, Scene, ShapeKind, Smooth},
-    shading::Texture,
+    shading::{EnvironmentMap, Texture},
     world::color_request,
 };
 
@@ -175,14 +175,22 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
     .with_peak())
 }
 
-/// Adds the images of all materials that shapes use, each as often as it is loaded. Files that are
-/// not images are reported later.
+/// Adds the images of all materials that shapes use, each as often as it is loaded, and those of the
+/// environments. Files that are not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
     let used = used.filter_map(|m| m.texture.as_ref());
     let keys: HashSet<_> = used.map(|t| (t.path.as_path(), t.color_space)).collect();
     for (path, _) in keys {
         if let Ok(size) = Texture::size(path) {
+            sum.texture_bytes = sum.texture_bytes.saturating_add(size.stored);
+            let beside = size.decoding.saturating_sub(size.stored);
+            sum.decoding_bytes = sum.decoding_bytes.max(beside);
+        }
+    }
+    let maps: HashSet<_> = scene.maps().map(|map| map.path.as_path()).collect();
+    for path in maps {
+        if let Ok(size) = EnvironmentMap::size(path) {
             sum.texture_bytes = sum.texture_bytes.saturating_add(size.stored);
             let beside = size.decoding.saturating_sub(size.stored);
             sum.decoding_bytes = sum.decoding_bytes.max(beside);

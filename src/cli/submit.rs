@@ -238,7 +238,7 @@ impl Needs {
                     LightKind::Point { .. } => 1.0,
                     LightKind::Area { samples, .. }
                     | LightKind::Sun { samples, .. }
-                    | LightKind::Environment { samples } => f64::from(samples),
+                    | LightKind::Environment { samples, .. } => f64::from(samples),
                 };
                 let lights: f64 = scene.lights.iter().map(points).sum();
                 let rays = pixels * f64::from(scene.spp) * (1.0 + lights);

@@ -20,7 +20,7 @@ impl WhittedIntegrator<'_> {
     pub(super) fn area_light<R: Record>(
         &mut self,
         lamp: &SampledLight,
-        area: Area,
+        area: &Area,
         slot: &CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
@@ -30,14 +30,17 @@ impl WhittedIntegrator<'_> {
         let mut sums = Sums::NONE;
         // Rays near edges, and rays to a light in a surface, have rules of their own.
         let view = if self.crevices.is_empty() && area.flush == 0.0 {
-            self.shafts.view(self.shadows, &self.points.at, lamp.index, &area)
+            self.shafts.view(self.shadows, &self.points.at, lamp.index, area)
         } else {
             View::Unknown
         };
         let clear = view == View::Clear;
         if view == View::Dark {
             // No shadow ray is active.
-        } else if self.world.adaptive_shadows && AdaptiveShadows::first(samples) < samples {
+        } else if self.world.adaptive_shadows
+            && AdaptiveShadows::first(samples) < samples
+            && area.map().is_none()
+        {
             self.sparing_light::<R>((lamp, area, clear), slot, counts, &mut sums);
         } else {
             self.all_points::<R>((lamp, area, clear), slot, counts, &mut sums);
@@ -63,7 +66,7 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     fn all_points<R: Record>(
         &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
+        (lamp, area, clear): (&SampledLight, &Area, bool),
         slot: &CameraPacket,
         counts: &mut RayCounts,
         sums: &mut Sums,
@@ -85,10 +88,13 @@ impl WhittedIntegrator<'_> {
                     number[i] = number[i].wrapping_add(1);
                 }
                 let from = &self.points.at;
-                let light = (&area.points(&square, from), Some(&area));
+                let light = (&area.points(&square, from), Some(area));
                 let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
                 let aimed =
                     ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
+                if let Some(map) = area.map() {
+                    self.batch.colors[k] = map.weigh(&self.points.at, light.0, lit);
+                }
                 counts.shadow += u64::from(aimed.active.count());
                 self.batch.active[k] = aimed.active;
                 if clear {
@@ -111,7 +117,12 @@ impl WhittedIntegrator<'_> {
                 for i in 0..LANES {
                     seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
                 }
-                sums.add_lanes::<R>(lamp.light, &self.batch.lit[k], &seen);
+                let lit = &self.batch.lit[k];
+                if area.map().is_some() {
+                    sums.add_colored::<R>(lamp.light, (lit, &self.batch.colors[k]), &seen);
+                } else {
+                    sums.add_lanes::<R>(lamp.light, lit, &seen);
+                }
             }
             left -= count as u32;
         }
@@ -121,7 +132,7 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     fn sparing_light<R: Record>(
         &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
+        (lamp, area, clear): (&SampledLight, &Area, bool),
         slot: &CameraPacket,
         counts: &mut RayCounts,
         sums: &mut Sums,
@@ -161,7 +172,7 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     fn light_points(
         &mut self,
-        (lamp, area, clear): (&SampledLight, Area, bool),
+        (lamp, area, clear): (&SampledLight, &Area, bool),
         slot: &CameraPacket,
         mut pairs: impl Iterator<Item = (usize, u32)>,
         mut counts: Option<&mut RayCounts>,
@@ -185,7 +196,7 @@ impl WhittedIntegrator<'_> {
             self.gathered.gather(&self.points.at, &from, count);
             let q = area.points(&square, &self.gathered);
             let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
-            let (world, light_points) = (self.world, (&q, Some(&area)));
+            let (world, light_points) = (self.world, (&q, Some(area)));
             let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);
             let active = aimed.active;
             if !active.any() {

@@ -99,7 +99,13 @@ impl WhittedIntegrator<'_> {
             number = number.map(|number: u32| number.wrapping_add(1));
             let (rays, lit) = (&mut self.shadow, &mut self.lit);
             let aimed = ShadowRays::aim(&self.points.at, light, falloff, lamp.glossy, rays, lit);
-            sums.add_lanes::<Beauty>(lamp.light, lit, &aimed.active);
+            match area.map() {
+                Some(map) => {
+                    let colors = map.weigh(&self.points.at, light.0, lit);
+                    sums.add_colored::<Beauty>(lamp.light, (lit, &colors), &aimed.active);
+                }
+                None => sums.add_lanes::<Beauty>(lamp.light, lit, &aimed.active),
+            }
         }
         let share = 1.0 / f64::from(area.samples);
         let whole = sums.light.map(|axis| axis.map(|sum| (sum * share) as f32));

@@ -45,7 +45,9 @@ impl<'a> EmptyBlocks<'a> {
         };
         // The rays of a lens have no common origin. Curved rays may leave the corners' frustum.
         let cone = !world.camera.has_lens() && world.camera.curved().is_none();
-        let levels = if cone { (0..LEVELS).filter(worth).count() } else { 0 };
+        // Pixels of a map differ.
+        let even = world.backdrops.is_empty() || world.transparent;
+        let levels = if cone && even { (0..LEVELS).filter(worth).count() } else { 0 };
         // No query was made yet.
         let squares = [Square { corner: [u32::MAX; 2], empty: false }; LEVELS];
         Self { world, accelerator, levels, squares }

@@ -14,10 +14,13 @@ const MIN_JOINT_SAMPLES: u32 = 16;
 #[inline(always)]
 pub fn joint_light(world: &World) -> Option<u32> {
     let (area, first) =
-        world.lights.iter().zip(0..).find_map(|(light, index)| match light.emitter {
+        world.lights.iter().zip(0..).find_map(|(light, index)| match &light.emitter {
             Emitter::Area(area) => Some((area, index)),
             Emitter::Point(_) => None,
         })?;
-    let shares = area.samples == 1 && world.spp >= MIN_JOINT_SAMPLES && !world.camera.has_lens();
+    let shares = area.samples == 1
+        && area.map().is_none()
+        && world.spp >= MIN_JOINT_SAMPLES
+        && !world.camera.has_lens();
     shares.then_some(first)
 }

@@ -6,7 +6,7 @@
 
 use crate::accel::Accelerator;
 use crate::ray::{Coherence, LANES, Mask, Rays};
-use crate::shading::{Lanes, LightWeights};
+use crate::shading::{Lanes, Lanes3, LightWeights};
 
 /// Most light points per lane in a batch.
 pub const POINTS: usize = 16;
@@ -20,6 +20,8 @@ pub struct LightBatch {
     pub rays: [Rays; POINTS],
     /// By light point: the light that arrives if nothing occludes it.
     pub lit: [LightWeights; POINTS],
+    /// By light point of a map: its colour, by lane.
+    pub colors: [Lanes3; POINTS],
     /// By light point: the lanes that have a ray.
     pub active: [Mask; POINTS],
     /// By light point: the lanes whose ray [`LightBatch::trace`] traces.
@@ -36,6 +38,7 @@ impl LightBatch {
     pub const EMPTY: Self = Self {
         rays: [Rays::EMPTY; POINTS],
         lit: [const { LightWeights::EMPTY }; POINTS],
+        colors: [[[0.0; LANES]; 3]; POINTS],
         active: [Mask::NONE; POINTS],
         waiting: [Mask::NONE; POINTS],
         cells: [[0; LANES]; POINTS],

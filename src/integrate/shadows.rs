@@ -21,6 +21,8 @@ pub struct ShadowRays<'a> {
 impl<'a> ShadowRays<'a> {
     /// Creates `rays` from `points` to the light points `q`. Sets `lit` to the light that arrives
     /// if nothing occludes the ray. `glossy`: whether any shading point has a specular term.
+    ///
+    /// The weights of a map's light points are still to be divided by their density.
     #[inline(always)]
     pub fn aim(
         points: &ShadowPoints,
@@ -33,8 +35,11 @@ impl<'a> ShadowRays<'a> {
         let normal = area.and_then(|area| area.normal);
         let falloff = area.map_or(falloff, |area| area.falloff(falloff));
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
-        if let Some(Distant::Environment(environment)) = area.and_then(|area| area.distant) {
-            environment.weigh(points, q, &mut lit.diffuse, &mut lit.specular);
+        match area.and_then(|area| area.distant.as_ref()) {
+            Some(Distant::Environment(environment)) if environment.map().is_none() => {
+                environment.weigh(points, q, lit);
+            }
+            _ => {}
         }
         let grazing = match area {
             Some(area) if area.flush > 0.0 => area.end_before_plane(points, rays, &mut active),

@@ -1,5 +1,7 @@
 //! The diffuse and specular light of one light source, separated for layers.
 
+use glam::Vec3;
+
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes, Lanes3, Light, LightWeights};
 
@@ -52,12 +54,12 @@ impl LightPartSums {
     pub const NONE: Self =
         Self { diffuse: [[0.0; LANES]; 3], specular: [[0.0; LANES]; 3], visible: [0.0; LANES] };
 
-    /// Adds a visible light point to lane `i`, with the weights of [`LightWeights`].
+    /// Adds the light of a visible light point to lane `i`.
     #[inline(always)]
-    pub fn add(&mut self, i: usize, light: &Light, diffuse: f32, specular: f32) {
+    pub fn add(&mut self, i: usize, diffuse: Vec3, specular: Vec3) {
         for axis in 0..3 {
-            self.diffuse[axis][i] += f64::from(light.diffuse[axis] * diffuse);
-            self.specular[axis][i] += f64::from(light.specular[axis] * specular);
+            self.diffuse[axis][i] += f64::from(diffuse[axis]);
+            self.specular[axis][i] += f64::from(specular[axis]);
         }
         self.visible[i] += 1.0;
     }

@@ -5,7 +5,7 @@ use super::record::Record;
 use super::sampled_light::SampledLight;
 use super::split::LightPartSums;
 use crate::ray::{LANES, Mask};
-use crate::shading::{Light, LightWeights};
+use crate::shading::{Lanes3, Light, LightWeights, lane};
 
 /// Light of one area light, by lane, before the base colour. In f64, because there may be many
 /// points.
@@ -31,7 +31,28 @@ impl Sums {
         add_seen(z, (d.z, s.z), lit, seen);
         if R::ON {
             for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
-                self.split.add(i, light, lit.diffuse[i], lit.specular[i]);
+                let (diffuse, specular) = (d * lit.diffuse[i], s * lit.specular[i]);
+                self.split.add(i, diffuse, specular);
+            }
+        }
+    }
+
+    /// [`Sums::add_lanes`] for light points of different colours.
+    pub fn add_colored<R: Record>(
+        &mut self,
+        light: &Light,
+        (lit, colors): (&LightWeights, &Lanes3),
+        seen: &Mask,
+    ) {
+        for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
+            let color = lane(colors, i);
+            let diffuse = light.diffuse * color * lit.diffuse[i];
+            let specular = light.specular * color * lit.specular[i];
+            for (sum, sent) in self.light.iter_mut().zip((diffuse + specular).to_array()) {
+                sum[i] += f64::from(sent);
+            }
+            if R::ON {
+                self.split.add(i, diffuse, specular);
             }
         }
     }
@@ -46,7 +67,7 @@ impl Sums {
             sum[lane] += f64::from(sent);
         }
         if R::ON {
-            self.split.add(lane, light, diffuse, specular);
+            self.split.add(lane, light.diffuse * diffuse, light.specular * specular);
         }
     }
 

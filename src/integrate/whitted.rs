@@ -19,7 +19,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, Rays};
 use crate::sampler::Sampler;
 use crate::shading::{
-    Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect,
+    Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect, set_lane,
 };
 use crate::world::World;
 
@@ -124,7 +124,7 @@ impl<'a> WhittedIntegrator<'a> {
                 first_hit = hit;
             }
             if !(bounce == 0 && world.transparent) {
-                self.background(&active, &hit, bounce, record);
+                self.background(slot, (&active, &hit), bounce, record);
             }
             if !hit.any() {
                 break;
@@ -253,7 +253,7 @@ impl<'a> WhittedIntegrator<'a> {
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         for (index, light) in self.world.lights.iter().enumerate() {
             let lamp = SampledLight { light, index: index as u32, bounce, glossy };
-            match light.emitter {
+            match &light.emitter {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
                     self.one_point(&lamp, &q, None, counts, record);
@@ -261,7 +261,7 @@ impl<'a> WhittedIntegrator<'a> {
                         self.catch_point(&lamp, &q, None);
                     }
                 }
-                Emitter::Area(area) if area.samples == 1 => {
+                Emitter::Area(area) if area.samples == 1 && area.map().is_none() => {
                     let square = if bounce == 0 && self.joint == Some(lamp.index) {
                         slot.spare
                     } else {
@@ -269,15 +269,15 @@ impl<'a> WhittedIntegrator<'a> {
                         self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
                     };
                     let q = area.points(&square, &self.points.at);
-                    self.one_point(&lamp, &q, Some(&area), counts, record);
+                    self.one_point(&lamp, &q, Some(area), counts, record);
                     if catching {
-                        self.catch_point(&lamp, &q, Some(&area));
+                        self.catch_point(&lamp, &q, Some(area));
                     }
                 }
                 Emitter::Area(area) => {
                     self.area_light(&lamp, area, slot, counts, record);
                     if catching {
-                        self.catch_area(&lamp, &area, slot);
+                        self.catch_area(&lamp, area, slot);
                     }
                 }
             }
@@ -330,22 +330,47 @@ impl<'a> WhittedIntegrator<'a> {
 
     /// Adds the background to the active lanes that missed.
     #[inline(always)]
-    fn background<R: Record>(&mut self, active: &Mask, hit: &Mask, bounce: u32, record: &mut R) {
-        if !active.without(hit).any() {
+    fn background<R: Record>(
+        &mut self,
+        slot: &CameraPacket,
+        (active, hit): (&Mask, &Mask),
+        bounce: u32,
+        record: &mut R,
+    ) {
+        let missed = active.without(hit);
+        if !missed.any() {
             return;
         }
         let color = self.world.background.to_array();
         let mut sent = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in 0..LANES {
-                let missed = (active.0[i] & !hit.0[i]) != 0;
                 let carried = color[axis] * self.throughput[i];
-                sent[axis][i] = if missed { carried } else { 0.0 };
+                sent[axis][i] = if missed.0[i] != 0 { carried } else { 0.0 };
+            }
+        }
+        if !self.world.backdrops.is_empty() {
+            self.backdrops(&slot.packet.rays, &missed, &mut sent);
+        }
+        for axis in 0..3 {
+            for i in 0..LANES {
                 self.radiance[axis][i] += sent[axis][i];
             }
         }
         if R::ON {
             record.background(bounce, &sent);
+        }
+    }
+
+    /// Adds the maps that rays see to the radiance of the rays that missed.
+    #[cold]
+    #[inline(never)]
+    fn backdrops(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {
+        for i in (0..LANES).filter(|&i| missed.0[i] != 0) {
+            let seen =
+                self.world.backdrops.iter().map(|backdrop| backdrop.seen(lane(&rays.dir, i)));
+            let color = seen.sum::<Vec3>() * self.throughput[i];
+            set_lane(sent, i, lane(sent, i) + color);
         }
     }
 

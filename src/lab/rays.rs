@@ -106,8 +106,8 @@ pub fn record(
         taking: [true; Class::ALL.len()],
         surfaces: Surfaces::EMPTY,
     };
-    let points = world.lights.iter().filter_map(|light| match light.emitter {
-        Emitter::Point(q) => Some(q),
+    let points = world.lights.iter().filter_map(|light| match &light.emitter {
+        Emitter::Point(q) => Some(*q),
         Emitter::Area(_) => None,
     });
     let recorder = Recorder {

@@ -70,9 +70,18 @@ impl Scene {
             LightKind::Point { .. } => false,
             LightKind::Area { samples, .. }
             | LightKind::Sun { samples, .. }
-            | LightKind::Environment { samples } => samples > FIRST_SHADOW_POINTS,
+            | LightKind::Environment { samples, map: None } => samples > FIRST_SHADOW_POINTS,
+            LightKind::Environment { map: Some(_), .. } => false,
         };
         self.adaptive_shadows && self.lights.iter().any(spares)
+    }
+
+    /// The images of the environments.
+    pub fn maps(&self) -> impl Iterator<Item = &MapUse> {
+        self.lights.iter().filter_map(|light| match &light.kind {
+            LightKind::Environment { map, .. } => map.as_ref(),
+            _ => None,
+        })
     }
 
     /// Returns true if alpha may differ from 1.
@@ -204,11 +213,26 @@ pub enum LightKind {
         /// Number of directions per shading point, >= 1.
         samples: u32,
     },
-    /// The same radiance from all directions.
+    /// Light from all directions.
     Environment {
         /// Number of directions per shading point, >= 1.
         samples: u32,
+        /// The image of its radiance; otherwise all directions have the same.
+        map: Option<MapUse>,
     },
+}
+
+/// The image of an environment.
+#[derive(Debug, Clone)]
+pub struct MapUse {
+    /// Place in the scene file where `path` is written, for messages.
+    pub place: String,
+    /// Path of the image, joined to the scene's folder.
+    pub path: PathBuf,
+    /// Azimuth of its middle, in degrees from -z towards +x.
+    pub rotation_deg: f64,
+    /// Whether camera rays and mirrors see it.
+    pub visible: bool,
 }
 
 /// A shape with its material and its name in the EXR.

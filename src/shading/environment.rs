@@ -1,5 +1,11 @@
-//! Directions of an environment: light of the same radiance from all sides.
+//! Directions of an environment: light from all sides, of one radiance or of a map.
 
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::environment_map::{Arrival, EnvironmentMap};
+use super::light::LightWeights;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::reach;
 use crate::geometry::Geometry;
@@ -10,30 +16,111 @@ use crate::sampler::disk;
 /// be lost to rounding.
 const RADIUS: f32 = 1.0 - f32::EPSILON;
 
+/// Share of the directions that follow the map. The others follow the cosine.
+const MAP_SHARE: f32 = 0.5;
+
 /// Directions over the hemisphere of each shading point, with a density of cosine / pi.
 ///
 /// So a diffuse surface receives the same from every direction, and the mean over the visible ones
 /// has no error but that of their visibility: a white surface of a convex body returns exactly the
 /// radiance.
-#[derive(Debug, Clone, Copy)]
+///
+/// With a map, a half of the directions has a density that follows the map, over the whole sphere.
+#[derive(Debug, Clone)]
 pub struct Environment {
     /// Length of the shadow rays: they end outside of the scene.
     reach: f32,
+    map: Option<TurnedMap>,
+}
+
+/// A map that is turned about the y axis.
+#[derive(Debug, Clone)]
+pub struct TurnedMap {
+    map: Arc<EnvironmentMap>,
+    /// Cosine and sine of the azimuth of the map's middle.
+    turn: [f32; 2],
+}
+
+impl TurnedMap {
+    /// A map whose middle has this azimuth, in degrees from -z towards +x.
+    pub fn new(map: Arc<EnvironmentMap>, rotation_deg: f64) -> Self {
+        let (sin, cos) = rotation_deg.to_radians().sin_cos();
+        Self { map, turn: [cos as f32, sin as f32] }
+    }
+
+    /// The world's direction for a direction of the map.
+    #[inline(always)]
+    fn in_world(&self, Vec3 { x, y, z }: Vec3) -> Vec3 {
+        let [cos, sin] = self.turn;
+        Vec3::new(cos * x - sin * z, y, sin * x + cos * z)
+    }
+
+    /// The map's direction for a direction of the world.
+    #[inline(always)]
+    fn in_map(&self, Vec3 { x, y, z }: Vec3) -> Vec3 {
+        let [cos, sin] = self.turn;
+        Vec3::new(cos * x + sin * z, y, cos * z - sin * x)
+    }
+
+    /// Radiance that camera rays and mirrors see in a direction of any length but 0, if they see
+    /// the map.
+    pub fn seen(&self, direction: Vec3) -> Vec3 {
+        self.map.seen(self.in_map(direction.normalize()))
+    }
+
+    /// Radiance of the directions of the light points `q`. Divides their diffuse and specular
+    /// weights by the density of [`Environment::points`], relative to 1 / pi.
+    ///
+    /// The density is that of both kinds of directions together: the balance heuristic of Veach
+    /// 1997, "Robust Monte Carlo Methods for Light Transport Simulation", eq. 9.13.
+    #[inline(always)]
+    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) -> Lanes3 {
+        let mut radiance = [[0.0; LANES]; 3];
+        let share = if self.map.is_flat() { 0.0 } else { MAP_SHARE };
+        for i in 0..LANES {
+            let to_light = lane(q, i) - lane(&points.position, i);
+            let direction = to_light * (1.0 / to_light.dot(to_light).sqrt());
+            let Arrival { radiance: sent, density } = self.map.arrival(self.in_map(direction));
+            let cosine = lane(&points.n, i).dot(direction).max(0.0);
+            let density = share * std::f32::consts::PI * density + (1.0 - share) * cosine;
+            // A light point behind the surface has no ray and no weight.
+            let weight = if density > 0.0 { 1.0 / density } else { 0.0 };
+            lit.diffuse[i] *= weight;
+            lit.specular[i] *= weight;
+            set_lane(&mut radiance, i, sent);
+        }
+        radiance
+    }
 }
 
 impl Environment {
     /// The environment of these primitives.
-    pub fn new(geometry: &Geometry) -> Self {
-        Self { reach: reach(geometry) as f32 }
+    pub fn new(geometry: &Geometry, map: Option<TurnedMap>) -> Self {
+        Self { reach: reach(geometry) as f32, map }
+    }
+
+    /// The map of the radiance.
+    #[inline(always)]
+    pub fn map(&self) -> Option<&TurnedMap> {
+        self.map.as_ref()
     }
 
     /// Ends of the shadow rays from `from`, for 16 points (s, t) in the unit square.
+    #[inline(always)]
+    pub fn points(&self, square: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
+        match &self.map {
+            Some(map) if !map.map.is_flat() => self.map_points(map, square, from),
+            _ => self.cosine_points(square, from),
+        }
+    }
+
+    /// [`Environment::points`] by the cosine alone.
     ///
     /// Malley's method: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition,
     /// A.5.3. The tangents are those of Duff et al. 2017, "Building an Orthonormal Basis,
     /// Revisited", JCGT 6(1).
     #[inline(always)]
-    pub fn points(&self, [s, t]: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
+    fn cosine_points(&self, [s, t]: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
         let mut q = [[0.0; LANES]; 3];
         for i in 0..LANES {
             let [x, y] = disk([s[i], t[i]]);
@@ -43,43 +130,51 @@ impl Environment {
             let sign = 1f32.copysign(n.z);
             let a = -1.0 / (sign + n.z);
             let b = n.x * n.y * a;
-            let across = glam::Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
-            let along = glam::Vec3::new(b, sign + n.y * n.y * a, -n.y);
+            let across = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
+            let along = Vec3::new(b, sign + n.y * n.y * a, -n.y);
             let direction = across * x + along * y + n * up;
             set_lane(&mut q, i, lane(&from.position, i) + direction * self.reach);
         }
         q
     }
 
-    /// Divides the diffuse and specular weights of the light points `q` by the density of their
-    /// directions, relative to 1 / pi.
+    /// [`Environment::points`] with directions of the map in the part of the square where s is below
+    /// [`MAP_SHARE`]. Both parts of a stratified set are stratified.
     #[inline(always)]
-    pub fn weigh(
-        &self,
-        points: &ShadowPoints,
-        q: &Lanes3,
-        diffuse: &mut Lanes,
-        specular: &mut Lanes,
-    ) {
+    fn map_points(&self, map: &TurnedMap, [s, t]: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
+        let mut rest = [0.0; LANES];
+        for i in 0..LANES {
+            rest[i] = ((s[i] - MAP_SHARE) / (1.0 - MAP_SHARE)).max(0.0);
+        }
+        let mut q = self.cosine_points(&[rest, *t], from);
+        for i in (0..LANES).filter(|&i| s[i] < MAP_SHARE) {
+            let direction = map.in_world(map.map.direction([s[i] / MAP_SHARE, t[i]]));
+            set_lane(&mut q, i, lane(&from.position, i) + direction * self.reach);
+        }
+        q
+    }
+
+    /// Divides the diffuse and specular weights of the light points `q` by the density of their
+    /// directions, relative to 1 / pi. For an environment without a map.
+    #[inline(always)]
+    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) {
         // The cosine of the diffuse term cancels out.
-        *diffuse = points.kd;
+        lit.diffuse = points.kd;
         for i in 0..LANES {
             let to_light = lane(q, i) - lane(&points.position, i);
             let cosine = lane(&points.n, i).dot(to_light) * (1.0 / to_light.dot(to_light).sqrt());
-            specular[i] *= 1.0 / cosine;
+            lit.specular[i] *= 1.0 / cosine;
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
 
     #[test]
     fn directions_have_the_density_of_the_cosine() {
-        let environment = Environment { reach: 4.0 };
+        let environment = Environment { reach: 4.0, map: None };
         for n in [Vec3::Y, -Vec3::Z, Vec3::Z, Vec3::new(0.6, 0.0, -0.8)] {
             let mut points = ShadowPoints::EMPTY;
             for i in 0..LANES {
@@ -105,7 +200,7 @@ mod tests {
 
     #[test]
     fn directions_in_the_horizon_are_above_it() {
-        let environment = Environment { reach: 1.0 };
+        let environment = Environment { reach: 1.0, map: None };
         let mut points = ShadowPoints::EMPTY;
         set_lane(&mut points.n, 0, Vec3::Y);
         for edge in [[0.0, 0.5], [0.5, 0.0], [0.999_999_94, 0.5], [0.0, 0.0]] {

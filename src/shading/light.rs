@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::environment::Environment;
+use super::environment::{Environment, TurnedMap};
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::Cone;
 use crate::geometry::NONE;
@@ -31,7 +31,7 @@ pub enum Emitter {
 
 /// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1). With `distant`,
 /// directions instead.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Area {
     /// Light from beyond the scene. The fields of the rectangle are then 0.
     pub distant: Option<Distant>,
@@ -66,6 +66,15 @@ impl Area {
         Some([Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side))
     }
 
+    /// The map of an environment, if the light has one.
+    #[inline(always)]
+    pub fn map(&self) -> Option<&TurnedMap> {
+        match &self.distant {
+            Some(Distant::Environment(environment)) => environment.map(),
+            _ => None,
+        }
+    }
+
     /// The scene's falloff, or none for light from beyond the scene.
     #[inline(always)]
     pub fn falloff(&self, of_scene: Falloff) -> Falloff {
@@ -90,7 +99,7 @@ impl Area {
 }
 
 /// Light that arrives from beyond the scene.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub enum Distant {
     /// A disc in the sky.
     Sun(Cone),

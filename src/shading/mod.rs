@@ -2,6 +2,7 @@
 //! Independent of the accelerators.
 
 mod environment;
+mod environment_map;
 mod exr;
 mod image_file;
 mod light;
@@ -15,7 +16,8 @@ mod sun;
 mod texture;
 mod uv;
 
-pub use environment::Environment;
+pub use environment::{Environment, TurnedMap};
+pub use environment_map::EnvironmentMap;
 pub use image_file::TextureSize;
 pub use light::{Area, Distant, Emitter, Falloff, Light, LightWeights, light_rays};
 pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};

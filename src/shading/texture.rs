@@ -98,6 +98,15 @@ impl Texture {
         Ok(TextureSize::of(&source(path, u64::MAX)?.source))
     }
 
+    /// Width and height of the image at `path`, from its header alone.
+    ///
+    /// # Errors
+    /// The errors of [`Texture::load`] that concern the header.
+    pub fn dimensions(path: &Path) -> Result<[u32; 2]> {
+        let (width, height) = source(path, u64::MAX)?.source.dimensions();
+        Ok([width, height])
+    }
+
     /// Reads an image that needs at most `max_bytes` while it is decoded.
     pub fn load_within(
         path: &Path,
@@ -205,7 +214,8 @@ impl Texture {
     }
 
     /// The texel in column `x` of row `y`, both inside the image.
-    fn texel(&self, x: usize, y: usize) -> Vec3 {
+    #[inline(always)]
+    pub(super) fn texel(&self, x: usize, y: usize) -> Vec3 {
         let at = 3 * (y * self.width as usize + x);
         match &self.texels {
             Texels::Bytes(bytes, table) => {

@@ -15,8 +15,8 @@ use crate::{
     files::{Stamp, changed},
     mesh,
     scene::{
-        Layer, Loaded, Material, ShapeKind, hexadecimal,
-        written::{self, MaterialUse, Name, Shape},
+        Layer, LightKind, Loaded, Material, ShapeKind, hexadecimal,
+        written::{self, Light, MaterialUse, Name, Shape},
     },
 };
 
@@ -139,6 +139,14 @@ pub fn fingerprint(
             if !replace_texture(material, checked, contents)? {
                 return Ok(None);
             }
+        }
+    }
+    for (light, checked) in description.scene.lightsources.iter_mut().zip(&scene.lights) {
+        if let (Light::Environment(light), LightKind::Environment { map: Some(map), .. }) =
+            (light, &checked.kind)
+        {
+            let Some(hash) = contents.sha256_of(&map.path)? else { return Ok(None) };
+            light.image = Some(Name(hash));
         }
     }
     let mut hash = Sha256::new();

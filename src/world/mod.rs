@@ -5,6 +5,7 @@ mod bounds;
 mod colors;
 mod fingerprint;
 mod gather;
+mod maps;
 mod origin;
 mod place;
 mod resolution;
@@ -23,8 +24,10 @@ use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, LightKind, SamplerKind, Scene, ShapeKind, Trimesh};
-use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, Shapes};
+use crate::scene::{Falloff, LightKind, MapUse, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::shading::{
+    Area, Cone, Distant, Emitter, Environment, Light, Shapes, Texture, TurnedMap,
+};
 
 use self::gather::gather;
 use self::place::{MAX_COORDINATE, PlacedMesh};
@@ -33,6 +36,7 @@ use self::textures::Given;
 pub use self::bounds::Bounds;
 pub use self::colors::color_request;
 pub use self::fingerprint::{ContentHashes, fingerprint};
+pub use self::maps::Maps;
 pub use self::origin::Origin;
 pub use self::place::placement;
 pub use self::resolution::{Detail, Resolution, ulp};
@@ -110,6 +114,10 @@ pub struct World {
     pub sampler: SamplerKind,
     /// Radiance of rays that hit nothing.
     pub background: Vec3,
+    /// Maps that such rays see in addition.
+    pub backdrops: Vec<Backdrop>,
+    /// The loaded images of the environments.
+    pub maps: Maps,
     /// Colour of the ambient light.
     pub ambient: Vec3,
     /// Falloff with distance, of all lights.
@@ -144,6 +152,9 @@ impl World {
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
         let left = asked.or(options.room);
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
+        let held = looks.iter().flat_map(|(textures, _)| textures).map(Texture::bytes).sum();
+        let left = left.map(|left| left.less(held));
+        let maps = failures.keep(Maps::load(scene, left, (&mut read, &mut warnings)));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
@@ -214,19 +225,24 @@ impl World {
             .zip(&geometry.meshes)
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         warnings.extend(settled);
-        let world = Self::over(Arc::new(geometry), Arc::new(shapes), chosen, scene);
+        let maps = maps.unwrap_or_default();
+        let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), chosen, scene);
         let world = Self { resolutions, read, legend, ..world };
         Ok((world, warnings))
     }
 
     /// Creates the world around existing geometry and shapes.
-    fn over(geometry: Arc<Geometry>, shapes: Arc<Shapes>, chosen: Origin, scene: &Scene) -> Self {
+    fn over(
+        (geometry, shapes, maps): (Arc<Geometry>, Arc<Shapes>, Maps),
+        chosen: Origin,
+        scene: &Scene,
+    ) -> Self {
         let origin = chosen.position;
         let [right, up, forward] = camera::axes(&scene.camera);
         Self {
             shapes,
             camera_axes: [right, up, -forward].map(|axis| axis.as_vec3()),
-            lights: scene.lights.iter().map(|light| recentre(light, &geometry)).collect(),
+            lights: scene.lights.iter().map(|light| recentre(light, &geometry, &maps)).collect(),
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
             overscan: 0,
@@ -236,6 +252,8 @@ impl World {
             seed: scene.seed,
             sampler: scene.sampler,
             background: scene.background,
+            backdrops: backdrops(scene, &maps),
+            maps,
             ambient: scene.ambient,
             falloff: scene.falloff,
             transparent: scene.transparent,
@@ -249,9 +267,10 @@ impl World {
 
     /// Another frame of the same scene: new camera, lights and settings, the same geometry and
     /// shapes. An accelerator over this world's geometry serves the new world too. `scene` must not
-    /// differ from the loaded scene in shapes or materials.
+    /// differ from the loaded scene in shapes, materials or images.
     pub fn frame_of(&self, scene: &Scene) -> Self {
-        Self::over(Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.origin, scene)
+        let shared = (Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.maps.clone());
+        Self::over(shared, self.origin, scene)
     }
 
     /// Adds `overscan` pixels of overscan on every side of the camera's frame. The frame's own
@@ -284,9 +303,9 @@ impl World {
         self.geometry.bytes() + self.shapes.vertex_bytes()
     }
 
-    /// Memory of textures, in bytes.
+    /// Memory of textures and of the environments' images, in bytes.
     pub fn texture_bytes(&self) -> u64 {
-        self.shapes.texture_bytes()
+        self.shapes.texture_bytes() + self.maps.bytes()
     }
 }
 
@@ -309,7 +328,35 @@ fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     Ok(())
 }
 
-fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
+/// An environment's map as rays that hit nothing see it.
+#[derive(Debug, Clone)]
+pub struct Backdrop {
+    map: TurnedMap,
+    factor: Vec3,
+}
+
+impl Backdrop {
+    /// Radiance in a direction of any length but 0.
+    pub fn seen(&self, direction: Vec3) -> Vec3 {
+        self.map.seen(direction) * self.factor
+    }
+}
+
+fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
+    Some(TurnedMap::new(maps.get(&spec.path)?, spec.rotation_deg))
+}
+
+fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
+    let seen = scene.lights.iter().filter_map(|light| match &light.kind {
+        LightKind::Environment { map: Some(spec), .. } if spec.visible => {
+            Some(Backdrop { map: turned(spec, maps)?, factor: light.diffuse })
+        }
+        _ => None,
+    });
+    seen.collect()
+}
+
+fn recentre(light: &crate::scene::Light, geometry: &Geometry, maps: &Maps) -> Light {
     let origin = geometry.origin;
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
@@ -323,8 +370,9 @@ fn recentre(light: &crate::scene::Light, geometry: &Geometry) -> Light {
             let sun = Distant::Sun(Cone::new(*towards, *angle_deg, geometry));
             Emitter::Area(Area::from_distant(sun, *samples))
         }
-        LightKind::Environment { samples } => {
-            let environment = Distant::Environment(Environment::new(geometry));
+        LightKind::Environment { samples, map } => {
+            let map = map.as_ref().and_then(|spec| turned(spec, maps));
+            let environment = Distant::Environment(Environment::new(geometry, map));
             Emitter::Area(Area::from_distant(environment, *samples))
         }
     };

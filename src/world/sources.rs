@@ -11,8 +11,8 @@ use crate::{
     scene::{Scene, ShapeKind},
 };
 
-/// All files that a scene names: meshes, textures of its materials, and the images that the meshes
-/// themselves name, used or not. Reads the headers of the meshes; pipes are not opened.
+/// All files that a scene names: meshes, textures of its materials, images of environments, and the
+/// images that the meshes themselves name, used or not. Reads the headers of the meshes; pipes are not opened.
 pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for shape in &scene.shapes {
@@ -22,6 +22,7 @@ pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     }
     let textures = scene.materials.iter().filter_map(|m| m.texture.as_ref());
     all.extend(textures.map(|texture| texture.path.clone()));
+    all.extend(scene.maps().map(|map| map.path.clone()));
     all
 }
 

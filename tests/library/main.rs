@@ -53,6 +53,7 @@ mod pictures {
     mod closed_forms;
     mod data_layers;
     mod environment;
+    mod environment_map;
     mod layers;
     mod mesh_colors;
     mod noise_bias;

@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Light, LightKind},
-    description::{self, AreaLight, Color, Emission, Sky},
+    checked::{Light, LightKind, MapUse},
+    description::{self, AreaLight, Color, Emission, Name, Sky},
 };
 
 use super::{context::Check, geometry::is_flat};
@@ -23,8 +23,10 @@ impl Check<'_, '_> {
             };
             let (kind, name, group, id, specular) = match light {
                 description::Light::Environment(l) => {
-                    let kind = LightKind::Environment { samples: l.samples };
-                    (kind, l.name, l.group, l.radiance, l.specular)
+                    let map = self.map(&pointer, &l);
+                    let kind = LightKind::Environment { samples: l.samples, map };
+                    let factor = l.factor();
+                    (kind, l.name, l.group, factor, l.specular)
                 }
                 description::Light::Directional(l) => {
                     let kind = LightKind::Sun {
@@ -60,6 +62,25 @@ impl Check<'_, '_> {
             });
         }
         lights
+    }
+
+    /// Checks that an environment has a radiance or an image, and that the image exists.
+    fn map(&mut self, pointer: &str, light: &description::Environment) -> Option<MapUse> {
+        let Some(Name(written)) = &light.image else {
+            if light.radiance.is_none() {
+                let message = "found neither, expected `radiance` or `image`";
+                self.problems.error(pointer, message, None);
+            }
+            if light.rotation != 0.0 {
+                let message = "found `rotation` without `image`; it has no effect";
+                self.problems.warn(&format!("{pointer}/rotation"), message, None);
+            }
+            return None;
+        };
+        let place = format!("{pointer}/image");
+        let path = self.file(&place, written, "an image");
+        let place = self.document.place(&place);
+        Some(MapUse { place, path, rotation_deg: light.rotation, visible: light.visible })
     }
 
     /// The unit direction towards a distant light.

@@ -76,10 +76,12 @@ pub fn check(
     check.problems.is_empty().then_some((description, scene))
 }
 
-/// What rays return that hit nothing.
+/// What rays return that hit nothing, without the images of environments.
 fn background(description: &Description) -> Vec3 {
     let seen = |light: &Light| match light {
-        Light::Environment(environment) if environment.visible => environment.radiance.vec(),
+        Light::Environment(environment) if environment.visible && environment.image.is_none() => {
+            environment.factor().vec()
+        }
         _ => Vec3::ZERO,
     };
     let lights = description.scene.lightsources.iter();

@@ -14,7 +14,7 @@ pub enum Light {
     PointLight(PointLight),
     /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
-    /// The same radiance from all sides, from beyond the scene.
+    /// Light from all sides, from beyond the scene: of one radiance, or an image.
     Environment(Environment),
     /// Parallel light from beyond the scene: a sun of size 0.
     Directional(Directional),
@@ -65,15 +65,22 @@ pub struct AreaLight {
     pub emission: Emission,
 }
 
-/// The same radiance from all sides, from beyond the scene.
+/// Light from all sides, from beyond the scene: of one radiance, or an image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Environment {
     /// Name of the light in the EXR.
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Radiance. A white diffuse surface that sees all of it returns the same.
-    pub radiance: Color,
+    /// Radiance. A white diffuse surface that sees all of it returns the same. With `image`, a
+    /// factor of the image; default: 1.
+    pub radiance: Option<Color>,
+    /// Equirectangular image of the radiance, relative to the scene file. Its top is +y, its middle
+    /// -z, its right half the half of +x.
+    pub image: Option<Name>,
+    /// Azimuth of the image's middle, in degrees from -z towards +x.
+    #[serde(default)]
+    pub rotation: f64,
     /// Colour of the specular light; default: `radiance`.
     #[serde(rename = "is")]
     pub specular: Option<Color>,
@@ -84,6 +91,13 @@ pub struct Environment {
     /// Whether camera rays and mirrors see it, in addition to `backgroundcolor`.
     #[serde(default = "yes")]
     pub visible: bool,
+}
+
+impl Environment {
+    /// The factor of the image, or the radiance itself.
+    pub fn factor(&self) -> Color {
+        self.radiance.unwrap_or(Color([1.0; 3]))
+    }
 }
 
 /// Parallel light from beyond the scene. It has no falloff.

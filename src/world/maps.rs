@@ -1,0 +1,94 @@
+//! Loads the images of environments; each image is opened once.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::error::{Error, Failures, Kind, Problem, Result};
+use crate::reserve::MemoryLimit;
+use crate::scene::{MapUse, Scene};
+use crate::shading::{DEFAULT_MAX_BYTES, EnvironmentMap, Negative, Texture};
+use crate::units;
+
+use super::sources::ReadFiles;
+
+/// The loaded images by path.
+#[derive(Debug, Clone, Default)]
+pub struct Maps(Vec<(PathBuf, Arc<EnvironmentMap>)>);
+
+impl Maps {
+    /// Loads the images that the scene's environments name, within `budget`.
+    ///
+    /// # Errors
+    /// All images that cannot be read or are no radiance.
+    pub fn load(
+        scene: &Scene,
+        budget: Option<MemoryLimit>,
+        (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
+    ) -> Result<Self> {
+        let (mut all, mut failures) = (Self::default(), Failures::default());
+        let mut tried: Vec<&Path> = Vec::new();
+        for spec in scene.maps() {
+            if tried.contains(&spec.path.as_path()) {
+                continue;
+            }
+            tried.push(&spec.path);
+            let left = budget.map(|budget| budget.less(all.bytes()));
+            let Some(map) = failures.keep(one(spec, left)) else { continue };
+            read.0.push((spec.path.clone(), map.texture().stamp()));
+            warn(spec, &map, warnings);
+            all.0.push((spec.path.clone(), Arc::new(map)));
+        }
+        failures.check()?;
+        Ok(all)
+    }
+
+    /// The image at `path`, if it is loaded.
+    pub fn get(&self, path: &Path) -> Option<Arc<EnvironmentMap>> {
+        let (_, map) = self.0.iter().find(|(known, _)| known == path)?;
+        Some(Arc::clone(map))
+    }
+
+    /// Memory of all images, in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.0.iter().map(|(_, map)| map.bytes()).sum()
+    }
+}
+
+fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
+    let shown = spec.path.display().to_string();
+    let needed = EnvironmentMap::size(&spec.path)?.decoding;
+    if let Some(left) = left {
+        left.check(needed, &shown)?;
+    } else if needed > DEFAULT_MAX_BYTES {
+        let (needed, limit) = (units::bytes_rounded_up(needed), units::bytes(DEFAULT_MAX_BYTES));
+        let message = format!("needs {needed}; the limit is {limit}");
+        let problem = Problem::new(shown, message).help("scale the image down");
+        return Err(Error::new(Kind::Limit, problem));
+    }
+    let texture = Texture::load_within(&spec.path, None, needed)?;
+    if let Some(Negative { texels, first: [x, y] }) = texture.negative() {
+        let message = format!(
+            "{texels} texels are negative, the first at ({x}, {y}); expected a radiance of at least 0"
+        );
+        return Err(Error::invalid(shown, message));
+    }
+    EnvironmentMap::new(texture, &shown)
+}
+
+fn warn(spec: &MapUse, map: &EnvironmentMap, warnings: &mut Vec<Problem>) {
+    let (texture, path) = (map.texture(), spec.path.display());
+    let (width, height) = (texture.width(), texture.height());
+    let mut warn = |message: String| warnings.push(Problem::new(&spec.place, message));
+    if u64::from(width) != 2 * u64::from(height) {
+        warn(format!(
+            "{path} is {width} x {height} pixels, expected twice as wide as high; it is taken as \
+             the whole sphere"
+        ));
+    }
+    if texture.had_alpha() {
+        warn(format!("the alpha channel of {path} is ignored"));
+    }
+    if map.mean() == 0.0 {
+        warn(format!("{path} is black; it sends no light"));
+    }
+}
