@@ -139,7 +139,13 @@ impl LoadedScene {
         let subject = Subject::new(path.as_ref());
         let mut user = Overrides::default();
         overrides.iter().for_each(|set| user.set(set));
-        let shown = studio::show_mesh(&subject, mesh, &Template::studio(), user, None)?;
+        let shown = studio::show_mesh(
+            &subject,
+            mesh,
+            &Template::studio(subject.looks.lighting.unwrap_or_default()),
+            user,
+            None,
+        )?;
         Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
     }
 

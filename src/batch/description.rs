@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{
     output::exr::Compression,
     scene::written::{Angles, MeshColor, Name, Point, Smooth},
-    studio::{Axis, LightsFollow, Quality, Turning},
+    studio::{Axis, Lighting, LightsFollow, Quality, Turning},
 };
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
@@ -44,6 +44,9 @@ pub struct JobFile {
     pub texture: Option<Name>,
     /// Camera samples of the built-in studio. Excludes `template`.
     pub quality: Option<Quality>,
+    /// Light of the built-in studio. Excludes `template`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub studio: Option<Lighting>,
     /// Colours of all meshes, as `color` of a mesh in a scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<MeshColor>,

@@ -108,7 +108,7 @@ impl Job {
         }
         let template = failures.keep(match &file.template {
             Some(path) => Template::file(&base.join(&path.0)),
-            None => Ok(Template::studio()),
+            None => Ok(Template::studio(file.studio.unwrap_or_default())),
         });
         let poses = failures.keep(poses(&file, base, &flags)).flatten();
         let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
@@ -171,6 +171,7 @@ impl Job {
                 texture: file.texture.as_ref().map(|path| base.join(&path.0)),
                 no_ground: file.ground == Some(false),
                 quality: file.quality,
+                lighting: file.studio,
                 color: file.color,
                 points: file.points,
             },

@@ -14,7 +14,7 @@ use crate::{
         written::{Accelerator, ColorMap, MeshColor},
     },
     simd::Isa,
-    studio::{Appearance, Axis, Quality, smooth},
+    studio::{Appearance, Axis, Lighting, Quality, smooth},
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two},
 };
 
@@ -112,9 +112,9 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
-    /// Colours of the .ply: of its vertices, of its faces, or a number that they have (see `info`)
-    /// through a colour map [default: vertex, else face]
-    #[arg(long, value_name = "vertex|face|PROPERTY")]
+    /// Colours of the .ply: of its vertices, of its faces, none, or a number that they have (see
+    /// `info`) through a colour map [default: vertex, else face]
+    #[arg(long, value_name = "vertex|face|none|PROPERTY")]
     pub color: Option<String>,
 
     /// Colour map of --color PROPERTY [default: viridis]
@@ -129,6 +129,14 @@ pub struct LookArgs {
     /// of its faces
     #[arg(long, value_name = "RADIUS", allow_negative_numbers = true)]
     pub points: Option<f64>,
+
+    /// Light of the built-in studio [default: lamps]
+    #[arg(long, value_name = "NAME")]
+    pub studio: Option<Lighting>,
+
+    /// Short for --studio clay
+    #[arg(long, conflicts_with = "studio")]
+    pub clay: bool,
 
     /// Camera samples of the built-in studio; --spp wins
     #[arg(long, value_name = "NAME")]
@@ -169,6 +177,7 @@ impl LookArgs {
             texture: self.texture.clone(),
             no_ground: self.no_ground,
             quality: self.quality,
+            lighting: self.studio.or(self.clay.then_some(Lighting::Clay)),
             color,
             points: self.points,
         })

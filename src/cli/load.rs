@@ -58,8 +58,8 @@ pub struct SceneRequest<'a> {
     pub light_samples: Option<u32>,
     /// Scene file in which a mesh is shown.
     pub template: Option<&'a Path>,
-    /// Text of the scene in which a mesh is shown if there is no template.
-    pub studio: &'a str,
+    /// Scene in which a mesh is shown if there is no template, in place of the studio.
+    pub studio: Option<&'a str>,
     /// Limit of the memory in bytes.
     pub max_memory: Option<u64>,
     /// The input, with the options for a mesh.
@@ -73,7 +73,7 @@ impl<'a> SceneRequest<'a> {
             overrides: Overrides::default(),
             light_samples: None,
             template: None,
-            studio: Template::STUDIO,
+            studio: None,
             max_memory: None,
             subject: Subject::new(input),
         }
@@ -104,9 +104,10 @@ pub fn load(request: SceneRequest) -> Result<SceneJob> {
 /// Reads a mesh and frames it in the template.
 fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
-    let template = match template {
-        Some(template) => Template::file(template)?,
-        None => Template::builtin("<studio>", studio),
+    let template = match (template, studio) {
+        (Some(template), _) => Template::file(template)?,
+        (None, Some(text)) => Template::builtin("<studio>", text),
+        (None, None) => Template::studio(subject.looks.lighting.unwrap_or_default()),
     };
     if let Some(limit) = max_memory {
         memory::predict_mesh(subject.path, subject.looks.points.is_some())?.check(limit)?;

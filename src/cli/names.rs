@@ -7,7 +7,7 @@ use crate::{
     output::{exr::Compression, tonemap::Depth},
     scene::{SamplerKind, ToneOperator, written::Accelerator},
     simd::Isa,
-    studio::{Axis, LightsFollow, Quality, Turning},
+    studio::{Axis, Lighting, LightsFollow, Quality, Turning},
 };
 
 /// Gives the values of a type names on the command line, and help for each name.
@@ -70,6 +70,12 @@ names! { Relative:
     Pixel = "pixel", "Each pixel's own radiance: all pixels get the same relative error";
     Picture = "picture", "The frame's mean radiance, and more where a pixel has more samples: the \
         lowest RMSE for the samples taken";
+}
+
+names! { Lighting:
+    Lamps = "lamps", "A key lamp and a fill lamp";
+    Soft = "soft", "Light from all sides, and a large sun";
+    Clay = "clay", "Light from all sides on grey clay, without the colours of the .ply";
 }
 
 names! { Quality:

@@ -11,7 +11,7 @@ use super::shadows::{OWN_LANES, ShadowRays};
 use super::sums::Sums;
 use super::whitted::WhittedIntegrator;
 use crate::ray::{Coherence, LANES, Mask};
-use crate::shading::Area;
+use crate::shading::{Area, Emitter, Light};
 
 impl WhittedIntegrator<'_> {
     /// Adds one area light to all lanes. Traces all of its points, or the points that
@@ -60,6 +60,26 @@ impl WhittedIntegrator<'_> {
                 self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
             }
         }
+    }
+
+    /// Records the ambient occlusion of the first hits: the visible share of `light`, which is the
+    /// hemisphere.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn occlusion<R: Record>(
+        &mut self,
+        light: &Light,
+        slot: &CameraPacket,
+        counts: &mut RayCounts,
+        record: &mut R,
+    ) {
+        let Emitter::Area(area) = &light.emitter else { return };
+        // A sequence of its own, after those of the lights.
+        let index = self.world.lights.len() as u32;
+        let lamp = SampledLight { light, index, bounce: 0, glossy: false };
+        let mut sums = Sums::NONE;
+        self.all_points::<R>((&lamp, area, false), slot, counts, &mut sums);
+        record.occlusion(&sums.split.mean(1.0 / f64::from(area.samples)).visible);
     }
 
     /// Adds all points of an area light, in batches.

@@ -339,6 +339,12 @@ impl Record for Layers<'_> {
         self.add3(plan.light_background, sent);
     }
 
+    fn occlusion(&mut self, free: &Lanes) {
+        if let Some(channel) = self.plan.occlusion {
+            self.add(channel, free);
+        }
+    }
+
     fn caught(&mut self, light: usize, taken: &Lanes) {
         if let Some(channel) = self.plan.caught[light] {
             self.add(channel, taken);

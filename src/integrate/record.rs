@@ -38,6 +38,8 @@ pub trait Record {
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
     /// Records background radiance, by lane.
     fn background(&mut self, bounce: u32, sent: &Lanes3);
+    /// Records the share of the hemisphere that is free of surfaces, by lane.
+    fn occlusion(&mut self, free: &Lanes);
     /// Records the share of the light on shadow catchers that shadows of a light take, by lane.
     fn caught(&mut self, light: usize, taken: &Lanes);
     /// Ends the packet and adds its samples within `samples`.
@@ -71,6 +73,7 @@ impl Record for Beauty<'_> {
     fn light(&mut self, _: &SampledLight, _: &Lanes3, _: &Lanes, _: &LightParts) {}
     fn ambient(&mut self, _: u32, _: &Lanes3) {}
     fn background(&mut self, _: u32, _: &Lanes3) {}
+    fn occlusion(&mut self, _: &Lanes) {}
     fn caught(&mut self, _: usize, _: &Lanes) {}
     fn packet(&mut self, _: &CameraPacket, _: &Range<u32>, _: &Lanes3) {}
 

@@ -141,6 +141,9 @@ impl<'a> WhittedIntegrator<'a> {
             }
             if R::ON && bounce == 0 {
                 record.surface(world, &slot.packet, &self.surfaces, &self.points);
+                if let Some(light) = &world.occlusion {
+                    self.occlusion(light, slot, counts, record);
+                }
             }
             if world.ambient != Vec3::ZERO {
                 self.ambient(&hit, bounce, record);
@@ -207,7 +210,9 @@ impl<'a> WhittedIntegrator<'a> {
         for i in 0..LANES {
             at_edge.0[i] = hit.0[i] & self.surfaces.at_edge.0[i];
         }
-        if at_edge.any() && (!world.lights.is_empty() || bounce < world.nbounces) {
+        if at_edge.any()
+            && (!world.lights.is_empty() || world.occlusion.is_some() || bounce < world.nbounces)
+        {
             let (scene, packet) = ((&*world.geometry, self.accelerator), &mut slot.packet);
             let kind = if bounce == 0 { RayKind::Camera } else { RayKind::Reflection };
             self.crevices.find(scene, kind, packet, &mut self.surfaces, &at_edge);

@@ -40,6 +40,8 @@ pub struct LayerPlan {
     pub albedo: Option<usize>,
     /// Texture coordinates, and whether there are any: 3 channels.
     pub uv: Option<usize>,
+    /// Ambient occlusion: 1 channel.
+    pub occlusion: Option<usize>,
     /// Diffuse light of the first hit: 3 channels.
     pub diffuse: Option<usize>,
     /// Specular light of the first hit: 3 channels.
@@ -90,6 +92,7 @@ impl LayerPlan {
                 Layer::Facing => plan.facing = first,
                 Layer::Albedo => plan.albedo = first,
                 Layer::Uv => plan.uv = first,
+                Layer::Occlusion => plan.occlusion = first,
                 Layer::Diffuse => plan.diffuse = first,
                 Layer::Specular => plan.specular = first,
                 Layer::Ambient => plan.ambient = first,
@@ -165,7 +168,9 @@ fn suffixes(layer: Layer) -> &'static [&'static str] {
         }
         // The order and the third channel follow the UV pass of Blender.
         Layer::Uv => &["U", "V", "A"],
-        Layer::Shadow(_) | Layer::Samples | Layer::Distance | Layer::Facing => &["Y"],
+        Layer::Shadow(_) | Layer::Samples | Layer::Distance | Layer::Facing | Layer::Occlusion => {
+            &["Y"]
+        }
         Layer::Primitive | Layer::Object => &["id"],
         _ => &["R", "G", "B"],
     }

@@ -54,12 +54,23 @@ pub struct Scene {
     pub layers: Vec<Layer>,
     /// Number of entries in a pixel of a cryptomatte. It is even: each layer holds two.
     pub crypto_ranks: u32,
+    /// Rays of the layer of ambient occlusion.
+    pub occlusion: OcclusionRays,
     /// Groups of lights in layers.
     pub light_groups: LightGroups,
     /// True if alpha is coverage instead of 1.
     pub transparent: bool,
     /// True to draw the legend of a colour map into the PNG.
     pub legend: bool,
+}
+
+/// The rays of the layer of ambient occlusion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OcclusionRays {
+    /// Their length in world units, > 0. `None`: they leave the scene.
+    pub distance: Option<f64>,
+    /// Their number for each camera sample, >= 1.
+    pub samples: u32,
 }
 
 impl Scene {
@@ -332,6 +343,11 @@ pub enum MeshColor {
         /// Place of the request.
         place: String,
     },
+    /// Neither colours nor textures of the file.
+    None {
+        /// Place of the request.
+        place: String,
+    },
     /// A property through a colour map.
     Property(Box<PropertyColor>),
 }
@@ -340,7 +356,7 @@ impl MeshColor {
     /// Returns the place of the request.
     pub fn place_mut(&mut self) -> &mut String {
         match self {
-            Self::Vertex { place } | Self::Face { place } => place,
+            Self::Vertex { place } | Self::Face { place } | Self::None { place } => place,
             Self::Property(color) => &mut color.place,
         }
     }

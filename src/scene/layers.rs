@@ -23,6 +23,8 @@ pub enum Layer {
     Albedo,
     /// Texture coordinates of the hit.
     Uv,
+    /// Ambient occlusion: share of the hemisphere that is free of surfaces, by the cosine.
+    Occlusion,
     /// Diffuse light of the first hit.
     Diffuse,
     /// Specular light of the first hit.
@@ -56,7 +58,7 @@ pub enum Layer {
 }
 
 /// Layers that exist once per scene, in the order of the documentation.
-const SINGLE: [(Layer, &str); 22] = [
+const SINGLE: [(Layer, &str); 23] = [
     (Layer::Depth, "Z"),
     (Layer::Distance, "distance"),
     (Layer::Position, "P"),
@@ -66,6 +68,7 @@ const SINGLE: [(Layer, &str); 22] = [
     (Layer::Facing, "facing"),
     (Layer::Albedo, "albedo"),
     (Layer::Uv, "uv"),
+    (Layer::Occlusion, "ao"),
     (Layer::Diffuse, "diffuse"),
     (Layer::Specular, "specular"),
     (Layer::Ambient, "ambient"),
@@ -160,7 +163,8 @@ impl Layer {
         let all = Self::all(groups);
         let pick = |wanted: fn(&Self) -> bool| Some(all.iter().copied().filter(wanted).collect());
         match word {
-            "all" => Some(all),
+            // Occlusion has rays of its own, which nobody pays for without asking.
+            "all" => pick(|layer| *layer != Self::Occlusion),
             "components" => pick(|layer| (Self::Diffuse..=Self::Background).contains(layer)),
             "light" => pick(|layer| (Self::Light(0)..=Self::LightBackground).contains(layer)),
             "shadow" => pick(|layer| matches!(layer, Self::Shadow(_))),
@@ -182,6 +186,7 @@ impl Layer {
             "depth" => Some("Z"),
             "normal" | "normals" => Some("N"),
             "position" | "point" => Some("P"),
+            "occlusion" | "ambientocclusion" => Some("ao"),
             "basecolor" | "base" | "color" => Some("albedo"),
             "crypto" | "mattes" => Some("cryptomatte"),
             _ => None,

@@ -99,6 +99,11 @@ impl Environment {
         Self { reach: reach(geometry) as f32, map }
     }
 
+    /// The hemisphere up to this distance, for ambient occlusion.
+    pub fn within(distance: f64) -> Self {
+        Self { reach: distance as f32, map: None }
+    }
+
     /// The map of the radiance.
     #[inline(always)]
     pub fn map(&self) -> Option<&TurnedMap> {

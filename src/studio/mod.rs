@@ -11,6 +11,7 @@ mod axes;
 mod calibrated;
 mod framing;
 mod furnish;
+mod lighting;
 mod points;
 mod quality;
 mod subject;
@@ -19,6 +20,7 @@ mod turntable;
 
 pub use framing::{FieldOfView, frame, frame_turning};
 pub use furnish::with_default_placement;
+pub use lighting::Lighting;
 pub use points::{UsedVertices, is_mesh, read};
 pub use quality::Quality;
 pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};
@@ -32,7 +34,7 @@ use glam::DVec3;
 use subject::GROUND;
 
 use crate::{
-    error::{Problem, Result},
+    error::{Error, Problem, Result},
     mesh::{Mesh, ReadOptions},
     monitor::Monitor,
     scene::{self, Loaded, Overrides, ShapeKind, Source, written},
@@ -89,6 +91,10 @@ pub fn show_mesh(
     light_samples: Option<u32>,
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
+    if subject.looks.lighting.is_some() && !template.builtin {
+        let message = format!("found with {}, expected without a template", template.name);
+        return Err(Error::invalid("--studio", message));
+    }
     if let Some(quality) = subject.looks.quality {
         user.prepend(quality.overrides(template)?);
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::quality::Quality;
+use super::{lighting::Lighting, quality::Quality};
 use crate::{reserve::MemoryLimit, scene::written};
 
 /// Default margin between the mesh and the picture's borders, as a fraction of width and height.
@@ -41,6 +41,8 @@ pub struct Appearance {
     pub points: Option<f64>,
     /// Camera samples of the built-in studio, in place of its own.
     pub quality: Option<Quality>,
+    /// Light of the built-in studio.
+    pub lighting: Option<Lighting>,
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.

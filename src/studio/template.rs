@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use super::lighting::Lighting;
 use crate::{
     error::{Error, Result},
     scene::{Loaded, ShapeKind, Source, Trimesh},
@@ -32,17 +33,14 @@ impl Template {
         Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
     }
 
-    /// The text of the built-in studio.
-    pub const STUDIO: &str = include_str!("../../assets/studio.json");
-
     /// Makes a template from a scene that is part of the program.
     pub fn builtin(name: &str, text: &str) -> Self {
         Self { name: name.to_string(), text: text.into(), folder: PathBuf::new(), builtin: true }
     }
 
-    /// Makes the template of the built-in studio.
-    pub fn studio() -> Self {
-        Self::builtin("<studio>", Self::STUDIO)
+    /// Makes the template of the built-in studio with this light.
+    pub fn studio(lighting: Lighting) -> Self {
+        Self::builtin("<studio>", lighting.text())
     }
 
     /// Reads the scene file at `path`.

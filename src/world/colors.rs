@@ -15,7 +15,7 @@ pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
     let (source, place) = match &spec.color {
         _ if textured => (Source::Nothing, ""),
         None if spec.vertex_colors => (Source::Any, ""),
-        None => (Source::Nothing, ""),
+        None | Some(MeshColor::None { .. }) => (Source::Nothing, ""),
         Some(MeshColor::Vertex { place }) => (Source::Vertices, place.as_str()),
         Some(MeshColor::Face { place }) => (Source::Faces, place.as_str()),
         Some(MeshColor::Property(color)) => {
@@ -43,6 +43,7 @@ pub(super) fn take(
     let stored = match &spec.color {
         _ if textured => None,
         None if !spec.vertex_colors => None,
+        Some(MeshColor::None { .. }) => None,
         None => by_vertices.or(by_faces),
         Some(MeshColor::Vertex { .. }) => by_vertices,
         Some(MeshColor::Face { .. }) => by_faces,

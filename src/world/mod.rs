@@ -24,7 +24,9 @@ use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, LightKind, MapUse, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::scene::{
+    Falloff, Layer, LightKind, MapUse, OcclusionRays, SamplerKind, Scene, ShapeKind, Trimesh,
+};
 use crate::shading::{
     Area, Cone, Distant, Emitter, Environment, Light, Shapes, Texture, TurnedMap,
 };
@@ -120,6 +122,8 @@ pub struct World {
     pub maps: Maps,
     /// Colour of the ambient light.
     pub ambient: Vec3,
+    /// White light of the hemisphere for the layer of ambient occlusion, if there is one.
+    pub occlusion: Option<Light>,
     /// Falloff with distance, of all lights.
     pub falloff: Falloff,
     /// Whether alpha is coverage; otherwise it is 1.
@@ -255,6 +259,7 @@ impl World {
             backdrops: backdrops(scene, &maps),
             maps,
             ambient: scene.ambient,
+            occlusion: occlusion(scene, &geometry),
             falloff: scene.falloff,
             transparent: scene.transparent,
             resolutions: Vec::new(),
@@ -340,6 +345,19 @@ impl Backdrop {
     pub fn seen(&self, direction: Vec3) -> Vec3 {
         self.map.seen(direction) * self.factor
     }
+}
+
+fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
+    if !scene.layers.contains(&Layer::Occlusion) {
+        return None;
+    }
+    let OcclusionRays { distance, samples } = scene.occlusion;
+    let hemisphere = match distance {
+        Some(distance) => Environment::within(distance),
+        None => Environment::new(geometry, None),
+    };
+    let area = Area::from_distant(Distant::Environment(hemisphere), samples);
+    Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
 fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {

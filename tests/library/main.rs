@@ -49,6 +49,7 @@ mod output {
 }
 
 mod pictures {
+    mod ambient_occlusion;
     mod cameras;
     mod closed_forms;
     mod data_layers;

@@ -105,7 +105,7 @@ fn measure_scene(
     let note = |text: &str| args.messages.note(&format!("{}: {text}", printable(&name)));
     note("loading");
     let size = args.picture.size.or(args.quick.then_some(QUICK.2));
-    let mut request = SceneRequest { studio: SCENE, ..SceneRequest::new(input) };
+    let mut request = SceneRequest { studio: Some(SCENE), ..SceneRequest::new(input) };
     overrides::add_size(&mut request.overrides, size);
     let mut job = load::load(request)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;

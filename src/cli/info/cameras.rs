@@ -54,7 +54,13 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     for set in ["/scene/lightsources=[]", "/spp=1", "/sampler=sobol", "/output/layers=[]"] {
         overrides.set(set);
     }
-    let shown = studio::show(&subject, &Template::studio(), overrides, None, &monitor)?;
+    let shown = studio::show(
+        &subject,
+        &Template::studio(subject.looks.lighting.unwrap_or_default()),
+        overrides,
+        None,
+        &monitor,
+    )?;
     let base = shown.loaded;
     let frame = |index: usize| -> Result<Loaded> {
         let pose = &poses.list[index];

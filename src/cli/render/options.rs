@@ -61,6 +61,8 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
         ("--texture", mesh.looks.texture.is_some()),
         ("--no-ground", mesh.looks.no_ground),
         ("--quality", mesh.looks.quality.is_some()),
+        ("--studio", mesh.looks.studio.is_some()),
+        ("--clay", mesh.looks.clay),
     ];
     let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
         return Ok(());

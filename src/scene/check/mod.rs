@@ -24,7 +24,7 @@ use glam::Vec3;
 
 use self::context::Check;
 use super::{
-    checked::{Scene, Tonemap},
+    checked::{OcclusionRays, Scene, Tonemap},
     description::{Description, Light, Transfer},
     problems::Problems,
 };
@@ -66,6 +66,10 @@ pub fn check(
         materials: materials.all,
         tonemap: tonemap(&description),
         layers,
+        occlusion: OcclusionRays {
+            distance: description.output.aodistance,
+            samples: description.output.aosamples,
+        },
         crypto_ranks: description.output.cryptoranks,
         light_groups,
         transparent: description.output.transparent,

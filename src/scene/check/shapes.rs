@@ -153,6 +153,7 @@ impl Check<'_, '_> {
         match color {
             description::MeshColor::Stored(StoredColor::Vertex) => MeshColor::Vertex { place },
             description::MeshColor::Stored(StoredColor::Face) => MeshColor::Face { place },
+            description::MeshColor::Stored(StoredColor::None) => MeshColor::None { place },
             description::MeshColor::Property(color) => {
                 if let Some([low, high]) = color.range.filter(|[low, high]| low == high) {
                     let message = format!("found [{low}, {high}], expected two different numbers");

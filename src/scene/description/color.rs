@@ -24,6 +24,8 @@ pub enum StoredColor {
     Vertex,
     /// colours of the faces
     Face,
+    /// neither colours nor textures of the file
+    None,
 }
 
 /// A scalar property of the file, shown through a colour map.
@@ -46,11 +48,13 @@ pub struct PropertyColor {
 }
 
 impl MeshColor {
-    /// Returns the value of the flag `--color`: `vertex`, `face` or the name of a property.
+    /// Returns the value of the flag `--color`: `vertex`, `face`, `none` or the name of a
+    /// property.
     pub fn from_name(name: &str) -> Self {
         match name {
             "vertex" => Self::Stored(StoredColor::Vertex),
             "face" => Self::Stored(StoredColor::Face),
+            "none" => Self::Stored(StoredColor::None),
             name => Self::Property(PropertyColor {
                 property: Name(name.to_string()),
                 map: ColorMap::default(),

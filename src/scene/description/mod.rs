@@ -186,6 +186,14 @@ pub struct Output {
     /// layers `CryptoObject00`, `CryptoObject01`... holds two.
     #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
+    /// Length of the rays of the layer `ao`, in world units; default: as far as the scene reaches.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub aodistance: Option<f64>,
+    /// Number of rays of the layer `ao` for each camera sample.
+    #[serde(skip_serializing_if = "is_sixteen")]
+    #[schemars(range(min = 1, max = 65536))]
+    pub aosamples: u32,
     /// Alpha is the fraction of camera samples that hit, instead of 1.
     pub transparent: bool,
     /// Draws the colour map of a mesh's `color` into the PNG, with ticks and the property's name.
@@ -195,13 +203,24 @@ pub struct Output {
 
 impl Default for Output {
     fn default() -> Self {
-        Self { layers: Vec::new(), cryptoranks: 6, transparent: false, legend: false }
+        Self {
+            layers: Vec::new(),
+            cryptoranks: 6,
+            aodistance: None,
+            aosamples: 16,
+            transparent: false,
+            legend: false,
+        }
     }
 }
 
 /// Keys that scenes without the feature do not have are not written.
 fn is_false(value: &bool) -> bool {
     !value
+}
+
+fn is_sixteen(value: &u32) -> bool {
+    *value == 16
 }
 
 fn one_u32() -> u32 {

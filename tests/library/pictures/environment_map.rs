@@ -121,7 +121,8 @@ fn a_white_body_vanishes_in_an_image_of_one_radiance() {
     let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1.2, "material": {} });
     for backend in ["bvh", "embree", "brute"] {
         let backend = format!("/scene/accelerator={backend}");
-        for pixel in render(&camera, environment(&image), &[ball.clone()], &[&backend]) {
+        for pixel in render(&camera, environment(&image), std::slice::from_ref(&ball), &[&backend])
+        {
             assert!(pixel.iter().all(|value| (value - 0.7).abs() < 1e-6), "{pixel:?}");
         }
     }
@@ -190,7 +191,7 @@ fn cameras_and_mirrors_see_the_image_unless_it_is_hidden() {
                          "lookat": [0, 0, -1], "up": [0, 1, 0] });
     let mut light = environment(&image);
     light["radiance"] = json!([2, 1, 1]);
-    let seen = render(&around, light.clone(), &[ball.clone()], &["/spp=64"]);
+    let seen = render(&around, light.clone(), std::slice::from_ref(&ball), &["/spp=64"]);
     for (pixel, value) in seen.iter().enumerate() {
         let (x, y) = ((pixel % 72) as f64 + 0.5, (pixel / 72) as f64 + 0.5);
         let [r, g, b] = sky(direction(x * f64::from(WIDTH) / 72.0, y * f64::from(WIDTH) / 72.0));
@@ -199,7 +200,7 @@ fn cameras_and_mirrors_see_the_image_unless_it_is_hidden() {
         assert!(off.iter().all(|&off| off < 0.02) || y > 34.0, "{x} {y}: {value:?} {expected:?}");
     }
     light["rotation"] = json!(90);
-    let turned = render(&around, light.clone(), &[ball.clone()], &["/spp=64"]);
+    let turned = render(&around, light.clone(), std::slice::from_ref(&ball), &["/spp=64"]);
     let [middle, right] = [36, 54].map(|x| 18 * 72 + x);
     assert!((turned[right][2] - seen[middle][2]).abs() < 0.02);
     let hidden = render(&around, light, &[ball], &["/scene/lightsources/0/visible=false"]);

@@ -164,7 +164,7 @@ fn problems_name_the_place_in_the_scene() {
         (json!({ "color": { "property": "quality", "map": "virids" } }), "did you mean `viridis`?"),
         (json!({ "color": { "property": "quality", "range": [1, 1] } }), "two different numbers"),
         (json!({ "color": "vertx" }), "did you mean `vertex`?"),
-        (json!({ "color": 7 }), "expected `vertex` or `face` or an object"),
+        (json!({ "color": 7 }), "expected `vertex`, `face` or `none` or an object"),
         (json!({ "color": "vertex" }), "m.ply has no colours of its vertices"),
         (json!({ "color": "face", "vertexcolors": false }), "expected one of the two"),
     ] {

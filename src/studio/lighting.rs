@@ -1,0 +1,28 @@
+//! The built-in studios: scenes that a mesh without a scene is shown in.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Light of the built-in studio.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Lighting {
+    /// a key lamp and a fill lamp
+    #[default]
+    Lamps,
+    /// light from all sides, and a large sun
+    Soft,
+    /// light from all sides on grey clay, without the colours of the file
+    Clay,
+}
+
+impl Lighting {
+    /// The scene, as JSON.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Lamps => include_str!("../../assets/studio.json"),
+            Self::Soft => include_str!("../../assets/studio-soft.json"),
+            Self::Clay => include_str!("../../assets/studio-clay.json"),
+        }
+    }
+}

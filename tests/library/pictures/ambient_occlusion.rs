@@ -1,0 +1,85 @@
+//! The layer `ao`, compared with closed forms.
+
+use std::f64::consts::PI;
+
+use lightpath::LoadedScene;
+use serde_json::{Value, json};
+
+fn quad(corners: [[f64; 3]; 4]) -> Value {
+    let [v0, v1, v2, v3] = corners;
+    json!({ "type": "plane", "v0": v0, "v1": v1, "v2": v2, "v3": v3, "material": {} })
+}
+
+/// The ground's point at x = z = 0 beside `shape`, seen from near, with these rays.
+fn scene(shape: &Value, distance: Option<f64>, lights: Value) -> String {
+    let ground = quad([[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [9.0, 0.0, 9.0], [-9.0, 0.0, 9.0]]);
+    json!({
+        "spp": 16,
+        "camera": { "type": "orthographic", "width": 1, "height": 1, "viewwidth": 1e-4,
+                    "position": [0, 0.01, 0], "lookat": [0, -1, 0], "up": [0, 0, -1] },
+        "output": { "layers": ["ao"], "aodistance": distance.unwrap_or(1e4), "aosamples": 8 },
+        "scene": { "shapes": [ground, shape], "lightsources": lights }
+    })
+    .to_string()
+}
+
+/// Mean over 64 seeds, and its standard error.
+fn mean(shape: &Value, distance: Option<f64>, backend: &str) -> (f64, f64) {
+    let (mut sum, mut squares) = (0.0, 0.0);
+    let backend = format!("/scene/accelerator={backend}");
+    for seed in 0..64 {
+        let seed = format!("/seed={seed}");
+        let scene = scene(shape, distance, json!([]));
+        let loaded = LoadedScene::from_json(&scene, &[&backend, &seed]).unwrap();
+        let film = loaded.renderer().unwrap().render().unwrap();
+        let value = f64::from(film.planes.float(film.planes.index("ao.Y").unwrap(), 0));
+        (sum, squares) = (sum + value / 64.0, squares + value * value / 64.0);
+    }
+    (sum, ((squares - sum * sum).max(0.0) / 63.0).sqrt())
+}
+
+#[test]
+fn ambient_occlusion_has_its_closed_forms() {
+    let far = 4000.0;
+    let corner = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, 3.0, far], [1.0, 3.0, -far]]);
+    let wall = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, far, far], [1.0, far, -far]]);
+    let ball = json!({ "type": "sphere", "center": [0, 1.25, 0], "radius": 0.5, "material": {} });
+    let around = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 4, "material": {} });
+    // Rays of length d meet the wall if the projection of their direction is in a segment of the
+    // unit disc at height 1 / d.
+    let segment = |h: f64| (h.acos() - h * (1.0 - h * h).sqrt()) / PI;
+    let cases = [
+        (&corner, None, 1.0 - 0.5 * (1.0 - 1.0 / 10f64.sqrt())),
+        (&wall, Some(1.5), 1.0 - segment(1.0 / 1.5)),
+        (&wall, Some(4.0), 1.0 - segment(0.25)),
+        (&wall, Some(0.9), 1.0),
+        (&ball, None, 1.0 - 0.16),
+        (&ball, Some(0.7), 1.0),
+        (&around, Some(3.9), 1.0),
+        (&around, None, 0.0),
+    ];
+    for backend in ["bvh", "embree", "brute"] {
+        for (shape, distance, expected) in cases {
+            let (mean, error) = mean(shape, distance, backend);
+            let what = format!("{backend} {distance:?} {shape}: {mean} +- {error}, {expected}");
+            assert!((mean - expected).abs() <= 3.0 * error + 1e-6 && error < 0.003, "{what}");
+        }
+    }
+}
+
+#[test]
+fn the_beauty_does_not_change_with_the_layer() {
+    let ball = json!({ "type": "sphere", "center": [0, 1.25, 0], "radius": 0.5, "material": {} });
+    let light = json!([{ "type": "environment", "radiance": [1, 1, 1], "samples": 4 }]);
+    let scene = scene(&ball, None, light);
+    let render = |more: &[&str]| {
+        let loaded = LoadedScene::from_json(&scene, more).unwrap();
+        loaded.renderer().unwrap().render().unwrap()
+    };
+    let (with, without) = (render(&[]), render(&["/output/layers=[]"]));
+    assert_eq!(with.pixels, without.pixels);
+    assert_eq!(without.planes.index("ao.Y"), None);
+    // No ray is traced for it either.
+    let all = render(&[r#"/output/layers=["all"]"#]);
+    assert_eq!(all.planes.index("ao.Y"), None);
+}
