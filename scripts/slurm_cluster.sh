@@ -139,6 +139,9 @@ up() {
         start_node "$n"
     done
     for _ in $(seq 150); do
+        # Without it, each sinfo waits for seconds.
+        [ ! -s "$folder/slurmctld.pid" ] || alive "$folder/slurmctld.pid" ||
+            die "slurmctld has ended: see $folder/slurmctld.log"
         if [ "$(sinfo -h -t idle -o %D 2>/dev/null || echo 0)" = "$nodes" ]; then
             sinfo
             return 0

@@ -142,6 +142,25 @@ impl Camera {
         self.curved.as_ref().is_some_and(|curved| curved.sees_behind)
     }
 
+    /// Width of a pixel's cone at its ray's origin, and by how much it grows with the distance, in
+    /// the middle of a frame of this size. From the rays of neighbouring pixels.
+    pub fn cone(&self, [width, height]: [u32; 2]) -> [f64; 2] {
+        let exact = |x: f64, y: f64| match &self.curved {
+            Some(curved) => curved.exact_ray([x, y]),
+            None => {
+                let direction = self.corner + self.right * x + self.down * y;
+                (self.position, direction.normalize())
+            }
+        };
+        let [x, y] = [f64::from(width) / 2.0, f64::from(height) / 2.0];
+        let (origin, direction) = exact(x, y);
+        let [right, down] = [exact(x + 1.0, y), exact(x, y + 1.0)];
+        let mean = |of: fn((DVec3, DVec3)) -> DVec3, middle: DVec3| {
+            ((of(right) - middle).length() * (of(down) - middle).length()).sqrt()
+        };
+        [mean(|ray| ray.0, origin), mean(|ray| ray.1.normalize(), direction.normalize())]
+    }
+
     /// Whether rays need lens samples, that is, whether the camera has a lens.
     pub fn has_lens(&self) -> bool {
         self.lens.is_some()

@@ -8,6 +8,7 @@ mod area_light;
 mod block;
 mod camera_packet;
 mod catchers;
+mod cones;
 mod crevices;
 mod empty_blocks;
 mod joint;

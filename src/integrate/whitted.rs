@@ -4,6 +4,7 @@
 use glam::Vec3;
 
 use super::camera_packet::CameraPacket;
+use super::cones::Cones;
 use super::crevices::Crevices;
 use super::light_batch::LightBatch;
 use super::light_shafts::LightShafts;
@@ -51,6 +52,8 @@ pub struct WhittedIntegrator<'a> {
     pub(super) batch: LightBatch,
     /// Holdouts and shadow catchers; `None` in a scene without any.
     pub(super) plate: Option<Box<Plate>>,
+    /// Cones of the rays; `None` if no texture needs them.
+    cones: Option<Box<Cones>>,
     pub(super) throughput: [f32; LANES],
     /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
     pub radiance: Lanes3,
@@ -87,6 +90,7 @@ impl<'a> WhittedIntegrator<'a> {
             gathered: ShadowPoints::EMPTY,
             batch: LightBatch::EMPTY,
             plate: world.shapes.has_roles.then(plate),
+            cones: world.shapes.has_areas.then(|| Box::new(Cones::new(world))),
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
@@ -108,6 +112,9 @@ impl<'a> WhittedIntegrator<'a> {
         self.certain = Mask::NONE;
         if let Some(plate) = &mut self.plate {
             plate.clear();
+        }
+        if let Some(cones) = &mut self.cones {
+            cones.start();
         }
         for bounce in 0..=world.nbounces {
             if bounce > 0 {
@@ -134,7 +141,11 @@ impl<'a> WhittedIntegrator<'a> {
                 hit = self.hold_out(slot, &hit);
             }
             let points = &mut self.points;
-            world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, points);
+            if let Some(cones) = &mut self.cones {
+                cones.advance(&slot.packet.rays, &self.surfaces);
+            }
+            let widths = self.cones.as_ref().map(|cones| &cones.widths);
+            world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, widths, points);
             let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);
             if catching {
                 self.blacken_catchers();

@@ -3,14 +3,20 @@
 use glam::{DVec2, Vec3};
 
 use super::mesh_colors::MeshColors;
-use super::points::{Points, set_lane};
+use super::mip_map::Footprint;
+use super::points::{Lanes, Points, lane, set_lane};
 use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
+use crate::error::Result;
 use crate::geometry::{Geometry, GeometryKind, Surfaces};
 use crate::mesh::Normals;
 use crate::ray::{LANES, Mask, RayPacket};
+use crate::reserve::MemoryLimit;
 use crate::scene::{Filter, Role, Wrap};
+
+/// Least cosine between a surface and a ray for the length of the ray's footprint.
+const MIN_COSINE: f64 = 1e-3;
 
 /// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
@@ -110,16 +116,20 @@ pub struct Shapes {
     pub textures: Vec<Texture>,
     /// Whether any shape is a holdout or a shadow catcher.
     pub has_roles: bool,
+    /// Whether any shape has a texture that is averaged over areas.
+    pub has_areas: bool,
 }
 
 impl Shapes {
     /// Computes the shading points of 16 surface points: material, base colour and shading normal.
+    /// `cones` are the widths of the rays' cones there, if textures are averaged over them.
     #[inline(always)]
     pub fn look(
         &self,
         geometry: &Geometry,
         packet: &RayPacket,
         surfaces: &Surfaces,
+        cones: Option<&Lanes>,
         out: &mut Points,
     ) {
         out.at.position = surfaces.position;
@@ -152,7 +162,8 @@ impl Shapes {
             let material = &self.materials[shape.material as usize];
             set(material, i, out);
             if material.texture.is_some() || shape.colors.is_some() {
-                self.details(geometry, packet, surfaces, shape, i, out);
+                let hit = Hit { geometry, packet, surfaces, i };
+                self.details(&hit, shape, cones, out);
             }
             if let Some(normals) = &shape.normals {
                 let smooth = smooth.get_or_insert(SmoothTriangles::NONE);
@@ -162,6 +173,36 @@ impl Shapes {
         if let Some(smooth) = smooth {
             smooth.interpolate(out);
         }
+    }
+
+    /// Makes the smaller copies of the textures that are averaged over areas, within `limit`.
+    ///
+    /// # Errors
+    /// `Limit` or `Retry` if there is not enough memory.
+    pub fn make_mip_maps(&mut self, limit: Option<MemoryLimit>) -> Result<()> {
+        let mut wanted = vec![false; self.textures.len()];
+        for shape in &self.shapes {
+            let material = &self.materials[shape.material as usize];
+            if material.filter == Filter::Trilinear {
+                let by_face = shape.textures.iter().flat_map(|all| &all.textures).flatten();
+                let one = match &material.texture {
+                    Some(TextureChoice::One(texture)) => Some(texture),
+                    _ => None,
+                };
+                by_face.chain(one).for_each(|&texture| wanted[texture as usize] = true);
+            }
+        }
+        self.has_areas = wanted.contains(&true);
+        let mut left = limit;
+        for (texture, _) in self.textures.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted) {
+            let held = texture.bytes();
+            // At most 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels.
+            let what = "smaller copies of a texture";
+            left.map_or(Ok(()), |left| left.check(held - held / 3, what))?;
+            texture.make_mip_map(what)?;
+            left = left.map(|left| left.less(texture.bytes() - held));
+        }
+        Ok(())
     }
 
     /// Shape of a primitive, as an index in file order.
@@ -248,15 +289,8 @@ impl Shapes {
 
     /// Computes texture and colours of one lane.
     #[inline(never)]
-    fn details(
-        &self,
-        geometry: &Geometry,
-        packet: &RayPacket,
-        surfaces: &Surfaces,
-        shape: &Shape,
-        i: usize,
-        out: &mut Points,
-    ) {
+    fn details(&self, hit: &Hit, shape: &Shape, cones: Option<&Lanes>, out: &mut Points) {
+        let &Hit { geometry, packet, surfaces, i } = hit;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let weights = weights(surfaces, i);
         let corners = match geometry.kind(geom) {
@@ -274,7 +308,13 @@ impl Shapes {
                 let uv = uv * material.uv_scale;
                 let wrap = material.wrap.map_or_else(|| shape.uv.wrap(), |wrap| [wrap, wrap]);
                 let texture = &self.textures[texture as usize];
-                let color = texture.lookup(uv.x, uv.y, material.filter, wrap[0], wrap[1]);
+                let color = match (material.filter, cones) {
+                    (Filter::Trilinear, Some(widths)) => {
+                        let area = footprint(hit, shape, material, f64::from(widths[i]));
+                        texture.lookup_area(uv, &area, wrap)
+                    }
+                    (filter, _) => texture.lookup(uv.x, uv.y, filter, wrap[0], wrap[1]),
+                };
                 set_lane(&mut out.base, i, color);
             }
         } else if let Some(colors) = &shape.colors {
@@ -285,6 +325,31 @@ impl Shapes {
             set_lane(&mut out.base, i, material.base * color);
         }
     }
+}
+
+/// The hit of one lane.
+struct Hit<'a> {
+    geometry: &'a Geometry,
+    packet: &'a RayPacket,
+    surfaces: &'a Surfaces,
+    i: usize,
+}
+
+/// The area of the texture that a cone of this width covers on the surface: longer in the direction
+/// of the ray, as the surface is seen at an angle. Akenine-Möller et al. 2021, "Improved Shader and
+/// Texture Level of Detail Using Ray Cones", JCGT 10(1), section 4.
+fn footprint(hit: &Hit, shape: &Shape, material: &Material, width: f64) -> Footprint {
+    let &Hit { geometry, packet, surfaces, i } = hit;
+    let n = lane(&surfaces.ng, i).as_dvec3();
+    let direction = lane(&packet.rays.dir, i).as_dvec3();
+    let cosine = n.dot(direction).abs().max(MIN_COSINE);
+    let ahead = (direction - n * n.dot(direction)).try_normalize();
+    let ahead = ahead.unwrap_or_else(|| n.any_orthonormal_vector());
+    let vectors = [ahead * (width / cosine), n.cross(ahead) * width];
+    let sides = shape.uv.along(geometry, packet, surfaces, i, vectors);
+    let finite =
+        |side: DVec2| if side.is_finite() { side * material.uv_scale } else { DVec2::ZERO };
+    Footprint { sides: sides.map(finite) }
 }
 
 /// Adds the triangle of lane `i`, which hit a mesh with these normals.

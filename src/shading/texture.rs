@@ -23,10 +23,11 @@ use crate::{
     reserve,
     scene::{ColorSpace, Filter, Wrap},
 };
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use image::{DynamicImage, ImageDecoder, ImageFormat};
 
 use super::exr::Layout;
+use super::mip_map::{Footprint, MipMap};
 
 /// Limit of [`Texture::load`] on the memory of one texture while it is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
@@ -40,6 +41,7 @@ pub struct Texture {
     had_alpha: bool,
     negative: Option<Negative>,
     stamp: Option<Stamp>,
+    mip_map: Option<Box<MipMap>>,
 }
 
 /// Texels with a negative value. No real surface has a negative reflectance.
@@ -147,7 +149,8 @@ impl Texture {
             ));
         }
         let negative = texels.negative(width);
-        Ok(Self { width, height, texels, had_alpha, negative, stamp })
+        let mip_map = None;
+        Ok(Self { width, height, texels, had_alpha, negative, stamp, mip_map })
     }
 
     /// Width in texels, >= 1.
@@ -175,14 +178,14 @@ impl Texture {
         self.stamp
     }
 
-    /// Memory of the texels, in bytes.
+    /// Memory of the texels and of the smaller copies, in bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = match &self.texels {
             Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
             Texels::Floats(floats) => size_of_val(&**floats),
             Texels::Part(part) => size_of_val(&part.texels[..]),
         };
-        bytes as u64
+        bytes as u64 + self.mip_map.as_ref().map_or(0, |map| map.bytes())
     }
 
     /// Linear RGB at (u, v). u points right, v points down from the first row; the image is [0,
@@ -198,19 +201,36 @@ impl Texture {
                 index(x.floor(), 0, self.width, wrap_u),
                 index(y.floor(), 0, self.height, wrap_v),
             ),
-            Filter::Bilinear => {
-                let (x, y) = (x - 0.5, y - 0.5);
-                let (column, row) = (x.floor(), y.floor());
-                let x0 = index(column, 0, self.width, wrap_u);
-                let x1 = index(column, 1, self.width, wrap_u);
-                let y0 = index(row, 0, self.height, wrap_v);
-                let y1 = index(row, 1, self.height, wrap_v);
-                let (s, t) = (fraction(x - column), fraction(y - row));
-                let upper = mix(self.texel(x0, y0), self.texel(x1, y0), s);
-                let lower = mix(self.texel(x0, y1), self.texel(x1, y1), s);
-                mix(upper, lower, t)
+            Filter::Bilinear | Filter::Trilinear => {
+                let (uv, size) = (DVec2::new(u, v), (self.width, self.height));
+                bilinear(size, uv, [wrap_u, wrap_v], |x, y| self.texel(x, y))
             }
         }
+    }
+
+    /// Mean colour over an area around `uv`. Without [`Texture::make_mip_map`] it is the colour at
+    /// `uv`.
+    pub fn lookup_area(&self, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
+        match &self.mip_map {
+            Some(map) => map.lookup(self, uv, area, wrap),
+            None => self.lookup(uv.x, uv.y, Filter::Bilinear, wrap[0], wrap[1]),
+        }
+    }
+
+    /// Makes the smaller copies for [`Texture::lookup_area`]. `what` names the texture.
+    ///
+    /// # Errors
+    /// `Retry` if the system refuses the memory.
+    pub fn make_mip_map(&mut self, what: &str) -> Result<()> {
+        if self.mip_map.is_none() {
+            self.mip_map = Some(Box::new(MipMap::new(self, what)?));
+        }
+        Ok(())
+    }
+
+    /// Whether every value is in [0, 1].
+    pub(super) fn is_integer(&self) -> bool {
+        matches!(self.texels, Texels::Bytes(..))
     }
 
     /// The texel in column `x` of row `y`, both inside the image.
@@ -226,6 +246,26 @@ impl Texture {
             Texels::Part(part) => part.texel(x, y),
         }
     }
+}
+
+/// Interpolates between the four texels around `uv`; the image is [0, 1]^2.
+///
+/// Any u, v are safe, as in [`Texture::lookup`].
+#[inline(always)]
+pub(super) fn bilinear(
+    (width, height): (u32, u32),
+    uv: DVec2,
+    [wrap_u, wrap_v]: [Wrap; 2],
+    texel: impl Fn(usize, usize) -> Vec3,
+) -> Vec3 {
+    let (x, y) = (uv.x * f64::from(width) - 0.5, uv.y * f64::from(height) - 0.5);
+    let (column, row) = (x.floor(), y.floor());
+    let (x0, x1) = (index(column, 0, width, wrap_u), index(column, 1, width, wrap_u));
+    let (y0, y1) = (index(row, 0, height, wrap_v), index(row, 1, height, wrap_v));
+    let (s, t) = (fraction(x - column), fraction(y - row));
+    let upper = mix(texel(x0, y0), texel(x1, y0), s);
+    let lower = mix(texel(x0, y1), texel(x1, y1), s);
+    mix(upper, lower, t)
 }
 
 impl Texels {

@@ -60,6 +60,38 @@ impl UvSource {
         }
     }
 
+    /// Changes of (u, v) along two short vectors in the surface at the hit of lane `i`, which must
+    /// have hit this shape. v points down.
+    pub(super) fn along(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        i: usize,
+        vectors: [DVec3; 2],
+    ) -> [DVec2; 2] {
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let prim_index = prim as usize;
+        let of_file = |mesh: usize, uv: [[f32; 2]; 3]| {
+            let corners = geometry.meshes[mesh].corners(prim).map(doubles);
+            vectors.map(|vector| file_uv_along(&corners, uv, vector))
+        };
+        match (self, geometry.kind(geom)) {
+            (Self::Sphere { pole }, GeometryKind::Spheres) => {
+                let arm = exact_position(geometry, packet, surfaces, i)
+                    - geometry.spheres[prim_index].center;
+                vectors.map(|vector| sphere_uv_along(arm, vector, *pole))
+            }
+            (Self::Linear(frame), _) => vectors.map(|vector| frame.along(vector)),
+            (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
+                let corners = geometry.meshes[mesh].triangles()[prim_index];
+                of_file(mesh, corners.map(|corner| uv[corner as usize]))
+            }
+            (Self::PerCorner(uv), GeometryKind::Mesh(mesh)) => of_file(mesh, uv[prim_index]),
+            _ => [DVec2::ZERO; 2],
+        }
+    }
+
     /// Default wrap mode in u and in v, for scenes that set none.
     pub(super) fn wrap(&self) -> [Wrap; 2] {
         match self {
@@ -85,6 +117,25 @@ fn file_uv(corners: [[f32; 2]; 3], weights: [f64; 3]) -> DVec2 {
     let [a, b, c] = corners.map(|uv| DVec2::from(uv.map(f64::from)));
     let mean = a * weights[0] + b * weights[1] + c * weights[2];
     DVec2::new(mean.x, 1.0 - mean.y)
+}
+
+/// Change of a file's coordinates along a vector in the plane of a triangle, with v flipped.
+/// Infinite for a triangle without area.
+fn file_uv_along(&[a, b, c]: &[DVec3; 3], uv: [[f32; 2]; 3], vector: DVec3) -> DVec2 {
+    let (e1, e2) = (b - a, c - a);
+    let n = e1.cross(e2);
+    let scale = n / n.dot(n);
+    let (s, t) = (vector.cross(e2).dot(scale), e1.cross(vector).dot(scale));
+    let [a, b, c] = uv.map(|uv| DVec2::from(uv.map(f64::from)));
+    let change = (b - a) * s + (c - a) * t;
+    DVec2::new(change.x, -change.y)
+}
+
+/// Change of [`sphere_uv`] along a short vector across the arm `p`.
+fn sphere_uv_along(p: DVec3, vector: DVec3, pole: u8) -> DVec2 {
+    let change = sphere_uv(p + vector / 2.0, pole) - sphere_uv(p - vector / 2.0, pole);
+    // Across the seam of u.
+    DVec2::new(change.x - change.x.round(), change.y)
 }
 
 /// Texture coordinates u and v as linear functions of the position.
@@ -120,6 +171,10 @@ impl UvFrame {
         let range = high - low;
         let start = DVec2::new(1.0 + low / range, 0.0);
         Self { corner: v0, start, u: -e / range, v: h / h.dot(h) }
+    }
+
+    fn along(&self, vector: DVec3) -> DVec2 {
+        DVec2::new(vector.dot(self.u), vector.dot(self.v))
     }
 
     fn at(&self, position: DVec3) -> DVec2 {

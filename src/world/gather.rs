@@ -84,7 +84,7 @@ pub(super) fn gather(
     let geometry = with_unseen(geometry, scene, &owners);
     let has_roles = shapes.iter().any(|shape| shape.role != Role::Surface);
     let (materials, textures) = (Vec::new(), Vec::new());
-    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles }))
+    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles, has_areas: false }))
 }
 
 /// Sets which primitives each kind of ray passes through. `owners` are the shapes by geometry id.

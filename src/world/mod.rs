@@ -154,7 +154,8 @@ impl World {
         let mut failures = Failures::default();
         let mut read = ReadFiles::default();
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
-        let left = asked.or(options.room);
+        let budget = asked.or(options.room);
+        let left = budget;
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let held = looks.iter().flat_map(|(textures, _)| textures).map(Texture::bytes).sum();
         let left = left.map(|left| left.less(held));
@@ -223,6 +224,8 @@ impl World {
             shapes.shapes[shape].material = material;
             shapes.shapes[shape].textures = textures.map(Box::new);
         }
+        let held = shapes.texture_bytes() + maps.as_ref().map_or(0, Maps::bytes);
+        shapes.make_mip_maps(budget.map(|budget| budget.less(held)))?;
         monitor.check()?;
         let settled = suspects
             .iter()

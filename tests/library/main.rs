@@ -63,6 +63,7 @@ mod pictures {
     mod sampling;
     mod sky;
     mod sun;
+    mod texture_areas;
     mod texture_coordinates;
 }
 

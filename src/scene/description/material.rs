@@ -102,6 +102,8 @@ pub enum Filter {
     Bilinear,
     /// takes the nearest texel
     Nearest,
+    /// takes the mean over the area that a sample sees
+    Trilinear,
 }
 
 /// Lookup of texels outside the image.

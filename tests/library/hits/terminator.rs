@@ -133,7 +133,7 @@ fn look(
     accelerator.closest(&Mask::ALL, packet, Coherence::Coherent);
     let (mut surfaces, mut points) = (Surfaces::EMPTY, Points::EMPTY);
     refine(&world.geometry, &packet.hit(&Mask::ALL), packet, &mut surfaces);
-    world.shapes.look(&world.geometry, packet, &surfaces, &mut points);
+    world.shapes.look(&world.geometry, packet, &surfaces, None, &mut points);
     (surfaces, points)
 }
 

@@ -2,6 +2,7 @@
 //! runner. Tests are skipped with a message if these are not installed.
 
 use std::{
+    net::TcpListener,
     path::{Path, PathBuf},
     process::Command,
     sync::atomic::{AtomicU32, Ordering::Relaxed},
@@ -94,9 +95,13 @@ impl Cluster {
             return None;
         }
         // Other clusters may run on this machine: from other checkouts' tests, or from this
-        // program.
+        // program. The ports lie below those that the system gives to others.
         let number = CLUSTERS.fetch_add(1, Relaxed);
-        let port = 20_000 + (std::process::id() * 3 + number) % 2_000 * 10;
+        let places = (0..1_200).map(|k| (std::process::id() * 3 + number + 7 * k) % 1_200);
+        let free = |port: &u32| {
+            (*port..*port + 10).all(|port| TcpListener::bind(("0.0.0.0", port as u16)).is_ok())
+        };
+        let port = places.map(|place| 20_000 + 10 * place).find(free).unwrap();
         let cluster = Self { folder: tempfile::tempdir().unwrap(), port };
         cluster.ok(&["up", nodes, cpus]);
         Some(cluster)

@@ -1,0 +1,126 @@
+//! Textures that are averaged over the area that a sample sees, compared with many samples.
+
+use crate::support::program::Scratch;
+use image::{Rgb, RgbImage};
+use lightpath::LoadedScene;
+use serde_json::{Value, json};
+
+/// Side of the frame in pixels.
+const SIDE: usize = 48;
+
+/// Writes a texture with detail of all sizes: cells, lines and noise.
+fn texture(folder: &Scratch) -> std::path::PathBuf {
+    let path = folder.path("detail.png");
+    let hash = |x: u32, y: u32| {
+        let bits =
+            (x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77)).wrapping_mul(0xc2b2_ae3d);
+        (bits >> 24) as u8
+    };
+    RgbImage::from_fn(1000, 700, |x, y| {
+        let cell = if (x / 90 + y / 70) % 2 == 0 { 220 } else { 40 };
+        let line = if x % 13 == 0 { 255 } else { cell };
+        Rgb([cell / 2 + hash(x, y) / 2, line, hash(x / 3, y / 3)])
+    })
+    .save(&path)
+    .unwrap();
+    path
+}
+
+/// Linear RGB of all pixels of a textured shape.
+fn render(
+    shape: &Value,
+    filter: &str,
+    image: &std::path::Path,
+    spp: u32,
+    more: &[&str],
+) -> Vec<f32> {
+    let mut shape = shape.clone();
+    shape["material"] = json!({ "kd": 0, "ka": 1, "tPath": image, "filter": filter, "tScale": [3, 3],
+                                "wrap": "repeat" });
+    let scene = json!({
+        "spp": spp,
+        "camera": { "type": "pinhole", "width": SIDE, "height": SIDE, "fov": 40,
+                    "position": [0, 1, 6], "target": [0, 0, 0], "up": [0, 1, 0] },
+        "scene": { "ambient": [1, 1, 1], "shapes": [shape] }
+    });
+    let loaded = LoadedScene::from_json(&scene.to_string(), more).unwrap();
+    let film = loaded.renderer().unwrap().render().unwrap();
+    film.pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()
+}
+
+fn rmse(a: &[f32], b: &[f32]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2));
+    (squares.sum::<f64>() / a.len() as f64).sqrt()
+}
+
+fn shapes() -> [(&'static str, Value); 4] {
+    [
+        (
+            "wall",
+            json!({ "type": "plane", "v0": [-3, -3, 0], "v1": [3, -3, 0], "v2": [3, 3, 0],
+                         "v3": [-3, 3, 0] }),
+        ),
+        (
+            "floor",
+            json!({ "type": "plane", "v0": [-9, -1, 4], "v1": [9, -1, 4], "v2": [9, -1, -30],
+                          "v3": [-9, -1, -30] }),
+        ),
+        ("sphere", json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1.8 })),
+        (
+            "triangle",
+            json!({ "type": "triangle", "v0": [-4, -3, 1], "v1": [4, -3, -2], "v2": [0, 4, 0] }),
+        ),
+    ]
+}
+
+#[test]
+fn the_mean_over_areas_needs_few_samples() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    for (name, shape) in shapes() {
+        let truth = render(&shape, "bilinear", &image, 1024, &["/seed=9"]);
+        let [points, areas] = ["bilinear", "trilinear"]
+            .map(|filter| rmse(&render(&shape, filter, &image, 4, &[]), &truth));
+        assert!(areas <= 0.5 * points, "{name}: {areas} {points}");
+    }
+}
+
+#[test]
+fn a_mirror_shows_what_is_behind_it_as_sharp_as_its_distance() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    let mirror = r#"/scene/shapes/-={"type": "plane", "v0": [-5, -5, -3], "v1": [5, -5, -3],
+        "v2": [5, 5, -3], "v3": [-5, 5, -3], "material": {"kd": 0, "kr": 1}}"#;
+    let behind = json!({ "type": "plane", "v0": [-30, -30, 9], "v1": [30, -30, 9],
+                         "v2": [30, 30, 9], "v3": [-30, 30, 9] });
+    let more = [mirror, "/nbounces=1", "/camera/position=[0, 0, 6]"];
+    let all = |filter, spp| render(&behind, filter, &image, spp, &more);
+    let truth = all("bilinear", 1024);
+    assert!(truth.iter().sum::<f32>() > 1.0);
+    let [points, areas] = ["bilinear", "trilinear"].map(|filter| rmse(&all(filter, 4), &truth));
+    assert!(areas <= 0.5 * points, "{areas} {points}");
+}
+
+#[test]
+fn every_backend_and_instruction_set_has_the_same_bytes() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    let (_, shape) = &shapes()[3];
+    let [bvh, brute] = ["bvh", "brute"].map(|backend| {
+        render(shape, "trilinear", &image, 4, &[&format!("/scene/accelerator={backend}")])
+    });
+    assert_eq!(bvh, brute);
+}
+
+#[test]
+fn a_texture_seen_from_near_is_the_same_with_either_filter() {
+    let folder = Scratch::new();
+    let path = folder.path("small.png");
+    RgbImage::from_fn(16, 16, |x, y| Rgb([(x * 16) as u8, (y * 16) as u8, 90]))
+        .save(&path)
+        .unwrap();
+    let (_, shape) = &shapes()[0];
+    let [bilinear, trilinear] =
+        ["bilinear", "trilinear"].map(|filter| render(shape, filter, &path, 4, &[]));
+    assert_eq!(bilinear, trilinear);
+}
