@@ -180,10 +180,17 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
     let used = used.filter_map(|m| m.texture.as_ref());
-    let keys: HashSet<_> = used.map(|t| (t.path.as_path(), t.color_space)).collect();
-    for (path, _) in keys {
+    let mut keys = HashMap::new();
+    for texture in used {
+        let areas = keys.entry((texture.path.as_path(), texture.color_space)).or_insert(false);
+        *areas |= texture.filter == Filter::Trilinear;
+    }
+    for ((path, _), areas) in keys {
         if let Ok(size) = Texture::size(path) {
-            sum.texture_bytes = sum.texture_bytes.saturating_add(size.stored);
+            // The smaller copies take at most two thirds.
+            let copies = if areas { size.stored - size.stored / 3 } else { 0 };
+            let stored = size.stored.saturating_add(copies);
+            sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
             let beside = size.decoding.saturating_sub(size.stored);
             sum.decoding_bytes = sum.decoding_bytes.max(beside);
         }

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::geometry::{Geometry, GeometryKind, Surfaces, doubles, exact_position};
-use crate::ray::RayPacket;
+use crate::ray::{RayPacket, lane};
 use crate::scene::Wrap;
 
 /// Source of a shape's texture coordinates.
@@ -78,8 +78,8 @@ impl UvSource {
         };
         match (self, geometry.kind(geom)) {
             (Self::Sphere { pole }, GeometryKind::Spheres) => {
-                let arm = exact_position(geometry, packet, surfaces, i)
-                    - geometry.spheres[prim_index].center;
+                let position = lane(&surfaces.position, i).as_dvec3();
+                let arm = position - geometry.spheres[prim_index].center;
                 vectors.map(|vector| sphere_uv_along(arm, vector, *pole))
             }
             (Self::Linear(frame), _) => vectors.map(|vector| frame.along(vector)),
@@ -131,11 +131,21 @@ fn file_uv_along(&[a, b, c]: &[DVec3; 3], uv: [[f32; 2]; 3], vector: DVec3) -> D
     DVec2::new(change.x, -change.y)
 }
 
-/// Change of [`sphere_uv`] along a short vector across the arm `p`.
+/// Change of [`sphere_uv`] along a short vector across the arm `p`; infinite at the poles.
 fn sphere_uv_along(p: DVec3, vector: DVec3, pole: u8) -> DVec2 {
-    let change = sphere_uv(p + vector / 2.0, pole) - sphere_uv(p - vector / 2.0, pole);
-    // Across the seam of u.
-    DVec2::new(change.x - change.x.round(), change.y)
+    use std::f64::consts::{PI, TAU};
+    let [p, d] = [p, vector].map(|p| to_poles(p, pole));
+    let square = p.x * p.x + p.y * p.y;
+    DVec2::new((p.x * d.y - p.y * d.x) / (TAU * square), -d.z / (PI * square.sqrt()))
+}
+
+/// Moves the axis `pole` to z.
+fn to_poles(p: DVec3, pole: u8) -> DVec3 {
+    match pole {
+        0 => DVec3::new(p.y, p.z, p.x),
+        1 => DVec3::new(p.z, p.x, p.y),
+        _ => p,
+    }
 }
 
 /// Texture coordinates u and v as linear functions of the position.
@@ -188,11 +198,7 @@ impl UvFrame {
 /// arctangent, which keeps its digits at the poles.
 fn sphere_uv(p: DVec3, pole: u8) -> DVec2 {
     use std::f64::consts::{PI, TAU};
-    let p = match pole {
-        0 => DVec3::new(p.y, p.z, p.x),
-        1 => DVec3::new(p.z, p.x, p.y),
-        _ => p,
-    };
+    let p = to_poles(p, pole);
     let u = 0.5 + p.x.atan2(-p.y) / TAU;
     let v = 0.5 - p.z.atan2((p.x * p.x + p.y * p.y).sqrt()) / PI;
     DVec2::new(u, v)
@@ -213,6 +219,31 @@ mod tests {
         assert_eq!(at(DVec3::X, 0)[1], 0.0);
         assert_eq!(at(DVec3::Y, 1)[1], 0.0);
         assert_eq!(at(-DVec3::Z, 0), [0.5, 0.5]);
+    }
+
+    #[test]
+    fn changes_along_vectors_are_differences() {
+        let h = 1e-6;
+        for pole in 0..3 {
+            for p in [
+                DVec3::new(0.3, -0.5, 0.7),
+                DVec3::new(-0.8, -0.1, 0.2),
+                DVec3::new(0.1, 0.9, -0.4),
+            ] {
+                for across in [p.cross(DVec3::X), p.cross(DVec3::new(0.2, 0.5, -1.0))] {
+                    let d = across * h;
+                    let expected = sphere_uv(p + d / 2.0, pole) - sphere_uv(p - d / 2.0, pole);
+                    let found = sphere_uv_along(p, d, pole);
+                    assert!((found - expected).length() < 1e-4 * expected.length(), "{p} {pole}");
+                }
+            }
+        }
+        let corners = [DVec3::ZERO, DVec3::new(2.0, 0.0, 1.0), DVec3::new(0.0, 3.0, -1.0)];
+        let uv = [[0.1, 0.2], [0.7, 0.3], [0.2, 0.9]];
+        let [a, b, c] = corners;
+        let along = |d| file_uv_along(&corners, uv, d);
+        assert!((along(b - a) - DVec2::new(0.6, -0.1)).length() < 1e-7);
+        assert!((along(c - b) - DVec2::new(-0.5, -0.6)).length() < 1e-7);
     }
 
     #[test]

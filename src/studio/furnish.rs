@@ -163,6 +163,9 @@ fn colour(
         }
         let path = within(template, image)?;
         ours.flag("--texture", &format!("{material}/tPath"), Some(path));
+        if template.builtin {
+            ours.flag("--texture", &format!("{material}/filter"), Some("trilinear"));
+        }
     }
     if template.builtin {
         if mesh.colors.is_some() || mesh.face_colors.is_some() || mesh.property.is_some() {
@@ -175,6 +178,7 @@ fn colour(
         if let Some(image) = image {
             let path = seen_from(&image, &template.folder)?;
             ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
+            ours.flag("FILE.ply", &format!("{material}/filter"), Some("trilinear"));
         }
     }
     Ok(())

@@ -185,7 +185,8 @@ pub fn load_own(
             (None, _) => continue,
         };
         let plain = &materials[scene.shapes[shape].material];
-        let material = Material { texture, ..plain.clone() };
+        // A scan's texture has far more texels than a picture has pixels.
+        let material = Material { texture, filter: Filter::Trilinear, ..plain.clone() };
         let textures = numbers.map(|numbers| FaceTextures { numbers, textures: slots });
         given.push(Given { shape, material: materials.len() as u32, textures });
         materials.push(material);
