@@ -2,7 +2,10 @@
 //! `info` prints it, and `--max-memory` is checked against it before the first mesh is read. Also
 //! returns what the system can still provide.
 
-use std::{collections::HashSet, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
 
 use serde::Serialize;
 
@@ -13,7 +16,7 @@ use crate::{
     layers::LayerPlan,
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
-    scene::{Backend, Scene, ShapeKind, Smooth},
+    scene::{Backend, Filter, Scene, ShapeKind, Smooth},
     shading::{EnvironmentMap, Texture},
     world::color_request,
 };

@@ -26,27 +26,74 @@ const MIN_PARALLEL_BINS: usize = 1 << 16;
 /// Below this level sets are halved by number. That ends after at most 32 more levels.
 const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
-/// A node of the binary tree. The left child is the next node in the array.
-#[derive(Debug, Clone, Copy)]
-pub struct BinaryTree {
-    /// Box of everything below the node.
-    pub bounds: Bounds3,
-    /// Inner node: distance to the right child in the array. Leaf: 0.
-    pub right: u32,
-    /// Leaf: its number among the leaves of its kind.
-    pub leaf: u32,
-    /// Leaf: index of its first reference.
-    first: u32,
-    /// Leaf: number of its references.
-    count: u8,
-    /// Whether this is a leaf of spheres.
-    pub spheres: bool,
-}
+/// Place of a node in memory. Nodes are written and read as [`BinaryNode`].
+pub type Slot = [f32; 8];
 
-impl BinaryTree {
-    /// A node whose children are still to be built.
-    const UNFINISHED: Self =
-        Self { bounds: Bounds3::EMPTY, right: 0, leaf: 0, first: 0, count: 0, spheres: false };
+/// A node of the binary tree. The left child is in the next slot.
+///
+/// Lane 3 of the box holds 2 x the distance to the slot of the right child, or 1 + 2 x the number
+/// of a leaf's references + 64 if they are spheres. Lane 7 holds the index of a leaf's first
+/// reference, and later the leaf's number among the leaves of its kind.
+#[derive(Debug, Clone, Copy)]
+pub struct BinaryNode(Bounds3);
+
+/// Bit of lane 3 of a leaf of spheres.
+const OF_SPHERES: u32 = 64;
+
+impl BinaryNode {
+    fn inner(mut bounds: Bounds3, right: usize) -> Self {
+        bounds.0[3] = f32::from_bits(2 * right as u32);
+        Self(bounds)
+    }
+
+    fn leaf(mut bounds: Bounds3, first: u32, count: usize, spheres: bool) -> Self {
+        let kind = if spheres { OF_SPHERES } else { 0 };
+        bounds.0[3] = f32::from_bits(1 + 2 * count as u32 + kind);
+        bounds.0[7] = f32::from_bits(first);
+        Self(bounds)
+    }
+
+    /// Reads the node in a slot.
+    #[inline(always)]
+    pub fn read(slot: &Slot) -> Self {
+        Self(Bounds3(*slot))
+    }
+
+    #[inline(always)]
+    fn write(self, slot: &mut Slot) {
+        *slot = self.0.0;
+    }
+
+    /// Box of everything below the node. Its free lanes are not 0.
+    #[inline(always)]
+    pub fn bounds(&self) -> &Bounds3 {
+        &self.0
+    }
+
+    /// Distance to the slot of the right child; 0 for a leaf.
+    #[inline(always)]
+    pub fn right(&self) -> usize {
+        let bits = self.0.0[3].to_bits();
+        if bits & 1 == 0 { (bits / 2) as usize } else { 0 }
+    }
+
+    /// Number of a leaf among the leaves of its kind.
+    #[inline(always)]
+    pub fn number(&self) -> usize {
+        self.0.0[7].to_bits() as usize
+    }
+
+    /// Whether a leaf holds spheres.
+    #[inline(always)]
+    pub fn is_of_spheres(&self) -> bool {
+        self.0.0[3].to_bits() & OF_SPHERES != 0
+    }
+
+    /// The references of a leaf that has no number yet.
+    fn references(&self) -> Leaf {
+        let count = (self.0.0[3].to_bits() / 2 % 32) as u8;
+        Leaf { first: self.0.0[7].to_bits(), count, spheres: self.is_of_spheres() }
+    }
 }
 
 /// The references of a leaf.
@@ -66,8 +113,17 @@ impl Leaf {
     }
 }
 
-/// Bytes per reference that [`build`] holds besides the references, approximately.
-pub const SCRATCH_BYTES: u64 = 24;
+/// The binary tree. Its root is in the first slot.
+///
+/// A subtree of n references has 2 n - 1 slots, whose number is known before it is built. So
+/// subtrees are built in parallel in their final place. The system allocates no memory for the
+/// slots that none of them uses.
+pub struct BinaryTree {
+    pub slots: Vec<Slot>,
+    /// Number of nodes.
+    pub len: usize,
+    leaves: usize,
+}
 
 /// Builds the tree. Sorts `references` so that each leaf has a contiguous range of them.
 ///
@@ -78,62 +134,44 @@ pub fn build(
     references: &mut [Reference],
     isa: Isa,
     monitor: &Monitor,
-) -> Result<Vec<BinaryTree>> {
+) -> Result<BinaryTree> {
     if references.is_empty() {
-        return Ok(Vec::new());
+        return Ok(BinaryTree { slots: Vec::new(), len: 0, leaves: 0 });
     }
     let total = references.len() as u64;
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
+    let mut slots = reserve::filled([0.0; 8], 2 * references.len() - 1, "bvh")?;
     let centroids = centroids_of(references);
-    let pieces = builder.subtree(Set { references, centroids, first: 0, depth: 0 });
-    let mut nodes = Vec::new();
-    reserve::exact(&mut nodes, pieces.len, "bvh")?;
-    pieces.nodes.into_iter().for_each(|piece| nodes.extend(piece));
-    Ok(nodes)
-}
-
-/// A subtree in pieces that are concatenated at the end. So nodes are copied once, not at every
-/// level.
-struct Pieces {
-    nodes: Vec<Vec<BinaryTree>>,
-    /// Number of nodes in all pieces.
-    len: usize,
-}
-
-impl Pieces {
-    fn one(nodes: Vec<BinaryTree>) -> Self {
-        Self { len: nodes.len(), nodes: vec![nodes] }
-    }
-
-    fn root(&self) -> &BinaryTree {
-        &self.nodes[0][0]
-    }
-
-    /// Returns the tree with two subtrees below a new root.
-    fn join(left: Self, right: Self) -> Self {
-        let bounds = left.root().bounds.union(right.root().bounds);
-        let node = BinaryTree { bounds, right: left.len as u32 + 1, ..BinaryTree::UNFINISHED };
-        let len = 1 + left.len + right.len;
-        let nodes = [vec![vec![node]], left.nodes, right.nodes].into_iter().flatten().collect();
-        Self { nodes, len }
-    }
+    let len = builder.subtree(Set { references, centroids, first: 0, depth: 0 }, &mut slots);
+    // A binary tree has one more leaf than inner nodes.
+    Ok(BinaryTree { slots, len, leaves: len.div_ceil(2) })
 }
 
 /// Numbers the leaves of each kind in order. Returns all leaves.
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn number_leaves(nodes: &mut [BinaryTree]) -> Result<Vec<Leaf>> {
+pub fn number_leaves(tree: &mut BinaryTree) -> Result<Vec<Leaf>> {
     let mut next = [0, 0];
     let mut leaves = Vec::new();
-    // A binary tree has one more leaf than inner nodes.
-    reserve::exact(&mut leaves, nodes.len().div_ceil(2), "bvh")?;
-    for node in nodes.iter_mut().filter(|node| node.right == 0) {
-        let next = &mut next[usize::from(node.spheres)];
-        node.leaf = *next;
-        *next += 1;
-        leaves.push(Leaf { first: node.first, count: node.count, spheres: node.spheres });
+    reserve::exact(&mut leaves, tree.leaves, "bvh")?;
+    let mut right = Vec::from_iter((tree.len > 0).then_some(0));
+    while let Some(mut place) = right.pop() {
+        loop {
+            let node = BinaryNode::read(&tree.slots[place]);
+            if node.right() > 0 {
+                right.push(place + node.right());
+                place += 1;
+                continue;
+            }
+            let leaf = node.references();
+            let next = &mut next[usize::from(leaf.spheres)];
+            tree.slots[place][7] = f32::from_bits(*next);
+            *next += 1;
+            leaves.push(leaf);
+            break;
+        }
     }
     Ok(leaves)
 }
@@ -161,63 +199,78 @@ struct Set<'r> {
 }
 
 impl Builder<'_> {
-    /// Builds the tree over a set.
-    fn subtree(self, set: Set) -> Pieces {
+    /// Builds the tree over a set of n references in the first 2 n - 1 slots. Returns its number of
+    /// nodes.
+    fn subtree(self, set: Set, slots: &mut [Slot]) -> usize {
+        let n = set.references.len();
         if self.monitor.stopped() {
             // The build was stopped, so this result is discarded.
-            return Pieces::one(vec![BinaryTree { first: set.first, ..BinaryTree::UNFINISHED }]);
+            BinaryNode::leaf(Bounds3::EMPTY, set.first, 0, false).write(&mut slots[0]);
+            return 1;
         }
-        let n = set.references.len();
         if n < MIN_PARALLEL {
             let bins = &mut Bins::EMPTY.clone();
-            // Enough for scans: leaves of 11 references, and the nodes above them.
-            let mut out = Vec::with_capacity(n / 4);
-            simd::dispatch(self.isa, Serial { builder: self, set, bins, out: &mut out });
+            let out = &mut Nodes { slots, len: 0 };
+            simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
             let done = self.done.fetch_add(n as u64, Relaxed) + n as u64;
             self.monitor.set_done(done * 900 / self.total);
-            return Pieces::one(out);
+            return out.len;
         }
         let (left, right) = split(self.isa, set);
-        let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
-        Pieces::join(left, right)
+        let behind = 2 * left.references.len();
+        let (root, below) = slots.split_at_mut(1);
+        let (below_left, below_right) = below.split_at_mut(behind - 1);
+        let (a, b) =
+            rayon::join(|| self.subtree(left, below_left), || self.subtree(right, below_right));
+        finish(root, below_left, below_right, behind);
+        1 + a + b
     }
 
     #[inline(always)]
-    fn serial(self, set: Set, bins: &mut Bins, out: &mut Vec<BinaryTree>) {
+    fn serial(self, set: Set, bins: &mut Bins, out: &mut Nodes) {
         if let Some(spheres) = fits(self.geometry, set.references) {
             let mut bounds = Bounds3::EMPTY;
             for reference in &*set.references {
                 bounds = bounds.union(reference.bounds);
             }
-            let (first, count) = (set.first, set.references.len() as u8);
-            out.push(BinaryTree { bounds, right: 0, leaf: 0, first, count, spheres });
+            let node = BinaryNode::leaf(bounds, set.first, set.references.len(), spheres);
+            node.write(&mut out.slots[out.len]);
+            out.len += 1;
             return;
         }
         if set.references.len() <= 2 * WIDTH {
-            block::prefetch_indices(self.geometry, set.references);
+            block::prefetch_indices(self.geometry, set.references.iter().map(Reference::place));
         }
-        let node = out.len();
-        out.push(BinaryTree::UNFINISHED);
+        let node = out.len;
+        out.len += 1;
         let (left, right) = split_serial(set, bins);
         self.recurse(left, bins, out);
-        let behind = out.len();
+        let behind = out.len;
         self.recurse(right, bins, out);
-        finish(out, node, behind);
+        let (before, rest) = out.slots.split_at_mut(behind);
+        let (root, below_left) = before[node..].split_at_mut(1);
+        finish(root, below_left, rest, behind - node);
     }
 
-    fn recurse(self, set: Set, bins: &mut Bins, out: &mut Vec<BinaryTree>) {
+    fn recurse(self, set: Set, bins: &mut Bins, out: &mut Nodes) {
         simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
     }
 }
 
-struct Serial<'a, 'r> {
+/// Slots of which the first `len` have nodes.
+struct Nodes<'r> {
+    slots: &'r mut [Slot],
+    len: usize,
+}
+
+struct Serial<'a, 'r, 's> {
     builder: Builder<'a>,
     set: Set<'r>,
     bins: &'r mut Bins,
-    out: &'r mut Vec<BinaryTree>,
+    out: &'r mut Nodes<'s>,
 }
 
-impl Kernel for Serial<'_, '_> {
+impl Kernel for Serial<'_, '_, '_> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
@@ -225,11 +278,11 @@ impl Kernel for Serial<'_, '_> {
     }
 }
 
-/// Completes the node at index `node`, whose right child is at `behind`.
+/// Writes the root of two subtrees, whose roots are the first of their slots.
 #[inline(always)]
-fn finish(nodes: &mut [BinaryTree], node: usize, behind: usize) {
-    nodes[node].right = (behind - node) as u32;
-    nodes[node].bounds = nodes[node + 1].bounds.union(nodes[behind].bounds);
+fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
+    let [left, right] = [left, right].map(|slots| BinaryNode::read(&slots[0]));
+    BinaryNode::inner(left.0.union(right.0), behind).write(&mut root[0]);
 }
 
 /// Whether references fit into one leaf. Returns `Some(true)` for a leaf of spheres, `Some(false)`
@@ -239,10 +292,10 @@ fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     if references.len() > WIDTH {
         return None;
     }
-    let is_sphere = |r: &Reference| r.geometry() == geometry.spheres_id();
+    let is_sphere = |r: &Reference| r.place().geom == geometry.spheres_id();
     let spheres = references.iter().filter(|r| is_sphere(r)).count();
     let fit = match spheres {
-        0 => block::fits(geometry, references),
+        0 => block::fits(geometry, references.iter().map(Reference::place)),
         n => n == references.len() && n <= SPHERES,
     };
     fit.then_some(spheres > 0)
@@ -371,7 +424,7 @@ fn halve(set: Set) -> (Set, Set) {
     let middle = references.len() / 2;
     let extent = set.centroids.extent();
     let axis = (0..3).fold(0, |a, b| if extent[b] > extent[a] { b } else { a });
-    let key = |r: &Reference| (r.geometry(), r.primitive(), r.is_second_half());
+    let key = Reference::place;
     if extent[axis] > 0.0 {
         references.select_nth_unstable_by(middle, |a, b| {
             let (ca, cb) = (a.bounds.center2()[axis], b.bounds.center2()[axis]);

@@ -1,7 +1,7 @@
-//! References of triangles -> a leaf over their shared vertices.
+//! Triangles -> a leaf over their shared vertices.
 
 use super::super::node::{Block, SECOND_HALF, WIDTH};
-use super::reference::Reference;
+use super::reference::{Place, PrimitiveId};
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
 
@@ -37,9 +37,9 @@ impl Vertices {
     /// Returns the slots of a triangle's corners. Adds new vertices. Returns `None` if there is no
     /// room.
     #[inline(always)]
-    fn triangle(&mut self, geometry: &Geometry, reference: &Reference) -> Option<[u8; 3]> {
+    fn triangle(&mut self, geometry: &Geometry, place: Place) -> Option<[u8; 3]> {
         let mut slots = [0; 3];
-        let (geom, prim) = (reference.geometry(), reference.primitive());
+        let Place { geom, prim, .. } = place;
         // Loops, because closures would be compiled for the portable instruction set.
         if let Some(mesh) = geometry.meshes.get(geom as usize) {
             let corners = mesh.triangles()[prim as usize];
@@ -56,7 +56,7 @@ impl Vertices {
                 };
             }
         } else {
-            let corners = reference.corners(geometry)?;
+            let corners = place.corners(geometry)?;
             for k in 0..3 {
                 slots[k] = self.slot(corners[k], u64::MAX)?;
             }
@@ -91,74 +91,73 @@ impl Vertices {
 
 /// Prefetches the vertex indices that [`fits`] or [`MakeBlock`] will read.
 #[inline(always)]
-pub fn prefetch_indices(geometry: &Geometry, references: &[Reference]) {
-    for reference in references {
-        if let Some(mesh) = geometry.meshes.get(reference.geometry() as usize) {
-            prefetch(mesh.triangles(), reference.primitive() as usize);
+pub fn prefetch_indices(geometry: &Geometry, places: impl Iterator<Item = Place>) {
+    for place in places {
+        if let Some(mesh) = geometry.meshes.get(place.geom as usize) {
+            prefetch(mesh.triangles(), place.prim as usize);
         }
     }
 }
 
 /// Prefetches the vertices. Their indices should be in the cache.
 #[inline(always)]
-fn prefetch_vertices(geometry: &Geometry, references: &[Reference]) {
-    for reference in references {
-        if let Some(mesh) = geometry.meshes.get(reference.geometry() as usize) {
-            for corner in mesh.triangles()[reference.primitive() as usize] {
+fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = Place>) {
+    for place in places {
+        if let Some(mesh) = geometry.meshes.get(place.geom as usize) {
+            for corner in mesh.triangles()[place.prim as usize] {
                 prefetch(mesh.padded_vertices(), corner as usize);
             }
         }
     }
 }
 
-/// Whether triangles fit into one leaf: at most 16, with at most 16 vertices.
+/// Whether up to 16 triangles fit into one leaf: they have at most 16 vertices.
 #[inline(always)]
-pub fn fits(geometry: &Geometry, references: &[Reference]) -> bool {
-    if references.len() > WIDTH {
-        return false;
-    }
-    prefetch_vertices(geometry, references);
+pub fn fits(geometry: &Geometry, places: impl Iterator<Item = Place> + Clone) -> bool {
+    prefetch_vertices(geometry, places.clone());
     let mut vertices = Vertices::EMPTY;
-    for reference in references {
-        if vertices.triangle(geometry, reference).is_none() {
+    for place in places {
+        if vertices.triangle(geometry, place).is_none() {
             return false;
         }
     }
     true
 }
 
-/// Makes the leaf of references that [`fits`] accepts. Unused vertices repeat the last one.
+/// Makes the leaf of triangles that [`fits`] accepts. Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
-    /// References of the triangles of the leaf.
-    pub references: &'a [Reference],
-    /// References of the next two leaves, for prefetching.
-    pub next: [&'a [Reference]; 2],
+    /// The triangles of the leaf.
+    pub triangles: &'a [PrimitiveId],
+    /// Those of the next two leaves, for prefetching.
+    pub next: [&'a [PrimitiveId]; 2],
 }
 
 impl Kernel for MakeBlock<'_> {
     type Output = Block;
     #[inline(always)]
     fn run(self) -> Block {
-        prefetch_indices(self.geometry, self.next[1]);
-        prefetch_vertices(self.geometry, self.next[0]);
-        block(self.geometry, self.references)
+        let [near, far] = self.next.map(|ids| ids.iter().map(|id| id.place(self.geometry)));
+        prefetch_indices(self.geometry, far);
+        prefetch_vertices(self.geometry, near);
+        block(self.geometry, self.triangles)
     }
 }
 
 #[inline(always)]
-fn block(geometry: &Geometry, references: &[Reference]) -> Block {
+fn block(geometry: &Geometry, triangles: &[PrimitiveId]) -> Block {
     let mut vertices = Vertices::EMPTY;
     let mut block = Block::EMPTY;
-    for (i, reference) in references.iter().take(WIDTH).enumerate() {
-        let Some(corners) = vertices.triangle(geometry, reference) else { continue };
+    for (i, id) in triangles.iter().take(WIDTH).enumerate() {
+        let place = id.place(geometry);
+        let Some(corners) = vertices.triangle(geometry, place) else { continue };
         for k in 0..3 {
             block.corners[k][i] = corners[k];
         }
-        if reference.is_second_half() {
+        if place.second_half {
             block.corners[0][i] |= SECOND_HALF;
         }
-        block.primitives[i] = geometry.primitive(reference.geometry(), reference.primitive());
+        block.primitives[i] = id.number();
         block.present |= 1 << i;
     }
     for i in 0..WIDTH {

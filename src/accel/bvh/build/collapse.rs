@@ -1,4 +1,4 @@
-//! BinaryTree tree -> wide nodes, with the smallest expected number of node visits per ray.
+//! Binary tree -> wide nodes, with the smallest expected number of node visits per ray.
 //!
 //! A ray visits a node with a probability proportional to the area of its box. Dynamic programming
 //! over the number of slots that a subtree may fill chooses which binary nodes become wide ones.
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use super::super::node::{Block, Child, ChildKind, Node, SphereLeaf, WIDTH};
-use super::binary::BinaryTree;
+use super::binary::{BinaryNode, BinaryTree, Slot};
 use crate::error::Result;
 use crate::reserve;
 
@@ -49,18 +49,19 @@ impl Tree {
     }
 }
 
-/// From this many binary nodes on, two subtrees are processed in parallel.
-const MIN_PARALLEL: usize = 1 << 14;
+/// From this many slots on, two subtrees are processed in parallel.
+const MIN_PARALLEL: usize = 1 << 16;
 
 /// Collapses a binary tree. An empty one becomes a root without children. Wide nodes refer to
 /// leaves by number; the leaves themselves are not made here.
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn collapse(binary: &[BinaryTree]) -> Result<Tree> {
+pub fn collapse(tree: &BinaryTree) -> Result<Tree> {
+    let binary = &tree.slots[..];
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
     // There are few wide nodes: about one for every 8 leaves.
-    reserve::probe((binary.len() / 12 * size_of::<Node>()) as u64, "bvh")?;
+    reserve::probe((tree.len / 12 * size_of::<Node>()) as u64, "bvh")?;
     let (nodes, depth) = match binary {
         [] => (vec![Node::EMPTY], 1),
         _ => {
@@ -79,8 +80,8 @@ pub fn collapse(binary: &[BinaryTree]) -> Result<Tree> {
 }
 
 /// Returns the bytes that collapsing holds besides its result.
-pub fn scratch_bytes(binary: &[BinaryTree]) -> u64 {
-    (size_of_val(binary) + size_of::<Plan>() * binary.len()) as u64
+pub fn scratch_bytes(tree: &BinaryTree) -> u64 {
+    ((size_of::<Slot>() + size_of::<Plan>()) * tree.len) as u64
 }
 
 /// How a subtree fills k slots of a wide node.
@@ -92,8 +93,9 @@ type Plan = [u8; WIDTH];
 
 /// Plans the subtree whose root is the first node of `binary`. Returns its costs: element k - 1 is
 /// the smallest sum of the areas of its wide nodes if it may fill k slots.
-fn slots(binary: &[BinaryTree], plan: &mut [Plan]) -> [f32; WIDTH] {
-    let right = binary[0].right as usize;
+fn slots(binary: &[Slot], plan: &mut [Plan]) -> [f32; WIDTH] {
+    let root = BinaryNode::read(&binary[0]);
+    let right = root.right();
     if right == 0 {
         return [0.0; WIDTH];
     }
@@ -118,7 +120,7 @@ fn slots(binary: &[BinaryTree], plan: &mut [Plan]) -> [f32; WIDTH] {
         }
     }
     own[0][0] = own[0][WIDTH - 1];
-    cost[0] = cost[WIDTH - 1] + binary[0].bounds.half_area() as f32;
+    cost[0] = cost[WIDTH - 1] + root.bounds().half_area() as f32;
     for k in 2..=WIDTH {
         if cost[0] <= cost[k - 1] {
             cost[k - 1] = cost[0];
@@ -129,10 +131,10 @@ fn slots(binary: &[BinaryTree], plan: &mut [Plan]) -> [f32; WIDTH] {
 }
 
 /// Returns the wide tree below a binary node, its root first, and the number of its levels.
-fn wide(binary: &[BinaryTree], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
+fn wide(binary: &[Slot], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
     let children = Children::new(binary, plan, root);
-    let inner = children.indices().iter().filter(|&&i| binary[i].right != 0).count();
-    let size = |&i: &usize| binary[i].right as usize;
+    let inner = children.indices().iter().filter(|&&i| !is_leaf(binary, i)).count();
+    let size = |&i: &usize| BinaryNode::read(&binary[i]).right();
     if inner == 0 || children.indices().iter().map(size).sum::<usize>() < MIN_PARALLEL {
         let mut nodes = Vec::new();
         let depth = append(binary, plan, root, &mut nodes);
@@ -141,7 +143,7 @@ fn wide(binary: &[BinaryTree], plan: &[Plan], root: usize) -> (Vec<Node>, usize)
     let below: Vec<_> = children
         .indices()
         .par_iter()
-        .map(|&i| (binary[i].right != 0).then(|| wide(binary, plan, i)))
+        .map(|&i| (!is_leaf(binary, i)).then(|| wide(binary, plan, i)))
         .collect();
     let mut starts = [0; WIDTH];
     let mut next = 1;
@@ -166,20 +168,24 @@ fn wide(binary: &[BinaryTree], plan: &[Plan], root: usize) -> (Vec<Node>, usize)
 }
 
 /// Appends the wide tree below a binary node. Returns the number of its levels.
-fn append(binary: &[BinaryTree], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
+fn append(binary: &[Slot], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
     let children = Children::new(binary, plan, root);
     let place = nodes.len();
     nodes.push(Node::EMPTY);
     let mut starts = [0; WIDTH];
     let mut depth = 0;
     for (slot, &i) in children.indices().iter().enumerate() {
-        if binary[i].right != 0 {
+        if !is_leaf(binary, i) {
             starts[slot] = nodes.len();
             depth = depth.max(append(binary, plan, i, nodes));
         }
     }
     nodes[place] = children.node(binary, &starts);
     depth + 1
+}
+
+fn is_leaf(binary: &[Slot], index: usize) -> bool {
+    BinaryNode::read(&binary[index]).right() == 0
 }
 
 /// The binary nodes that become the children of one wide node.
@@ -189,9 +195,9 @@ struct Children {
 }
 
 impl Children {
-    fn new(binary: &[BinaryTree], plan: &[Plan], root: usize) -> Self {
+    fn new(binary: &[Slot], plan: &[Plan], root: usize) -> Self {
         let mut children = Self { index: [0; WIDTH], len: 0 };
-        let right = binary[root].right as usize;
+        let right = BinaryNode::read(&binary[root]).right();
         if right == 0 {
             // The whole tree is one leaf.
             children.fill(binary, plan, root, 1);
@@ -204,8 +210,8 @@ impl Children {
     }
 
     /// Adds the subtree at `index`, in at most `slots` slots.
-    fn fill(&mut self, binary: &[BinaryTree], plan: &[Plan], index: usize, slots: usize) {
-        let right = binary[index].right as usize;
+    fn fill(&mut self, binary: &[Slot], plan: &[Plan], index: usize, slots: usize) {
+        let right = BinaryNode::read(&binary[index]).right();
         let left = if slots < 2 { 0 } else { usize::from(plan[index][slots - 1]) };
         if right == 0 || left == 0 {
             self.index[self.len] = index;
@@ -221,20 +227,20 @@ impl Children {
     }
 
     /// Returns the wide node. `starts` holds the indices of its inner children.
-    fn node(&self, binary: &[BinaryTree], starts: &[usize; WIDTH]) -> Node {
+    fn node(&self, binary: &[Slot], starts: &[usize; WIDTH]) -> Node {
         let mut node = Node::EMPTY;
         let mut centers = [[f32::INFINITY; 3]; WIDTH];
         for (slot, &i) in self.indices().iter().enumerate() {
-            let bounds = &binary[i].bounds;
+            let child = BinaryNode::read(&binary[i]);
+            let bounds = child.bounds();
             let (lower, upper) = (bounds.lower(), bounds.upper());
             for axis in 0..3 {
                 node.planes[axis][slot] = lower[axis];
                 node.planes[axis + 3][slot] = upper[axis];
             }
-            let leaf = binary[i].leaf as usize;
-            node.children[slot] = match (binary[i].right, binary[i].spheres) {
-                (0, false) => Child::triangles(leaf),
-                (0, true) => Child::spheres(leaf),
+            node.children[slot] = match (child.right(), child.is_of_spheres()) {
+                (0, false) => Child::triangles(child.number()),
+                (0, true) => Child::spheres(child.number()),
                 _ => Child::node(starts[slot]),
             };
             centers[slot] = bounds.center2();

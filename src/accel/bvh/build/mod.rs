@@ -10,10 +10,11 @@ pub use self::collapse::Tree;
 
 use rayon::prelude::*;
 
-use self::binary::Leaf;
+use self::binary::{BinaryNode, Leaf, Slot};
 use self::block::MakeBlock;
+use self::reference::{PrimitiveId, Reference};
 use super::bounds::Bounds3;
-use super::node::{Block, Child, SphereLeaf};
+use super::node::{Block, SphereLeaf};
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
@@ -30,8 +31,7 @@ const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 ///
 /// # Errors
 /// - `Interrupted` after a signal.
-/// - `Limit` if the build needs more than `max_bytes`, or the tree has more leaves than an index
-///   can address.
+/// - `Limit` if the build needs more than `max_bytes`, or there are 2^30 primitives or more.
 /// - `Retry` if there is too little memory.
 pub fn build(
     (geometry, unseen): (&Geometry, &Unseen),
@@ -44,23 +44,33 @@ pub fn build(
         _ => Ok(bytes),
     };
     let count = reference::count(geometry, unseen);
-    within((count * size_of::<reference::Reference>()) as u64)?;
-    let mut references = simd::dispatch(isa, References(geometry, unseen))?;
-    // The nodes are allocated in many small pieces, so the memory for all of them is probed in
-    // advance.
-    reserve::probe(binary::SCRATCH_BYTES * count as u64, "bvh")?;
-    monitor.check()?;
-    let mut nodes = binary::build(geometry, &mut references, isa, monitor)?;
-    monitor.check()?;
-    let leaves = binary::number_leaves(&mut nodes)?;
-    if leaves.len() >= Child::MAX_INDEX {
-        let message = format!("found {} leaves, expected fewer than 2^30", leaves.len());
+    if count >= MAX_REFERENCES || geometry.count() >= 1 << 31 {
+        let message = format!("found {count} primitives, expected fewer than 2^30");
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
-    let sorted = (size_of_val(&references[..]) + size_of_val(&leaves[..])) as u64;
-    let mut tree = collapse::collapse(&nodes)?;
-    let collapsing = sorted + collapse::scratch_bytes(&nodes) + tree.bytes();
-    drop(nodes);
+    let boxes = (count * size_of::<Reference>()) as u64;
+    within(boxes)?;
+    let mut references = simd::dispatch(isa, References(geometry, unseen))?;
+    monitor.check()?;
+    let mut binary = binary::build(geometry, &mut references, isa, monitor)?;
+    monitor.check()?;
+    let mut ids = Vec::new();
+    reserve::exact(&mut ids, count, "bvh")?;
+    references
+        .par_iter()
+        .map(|reference| PrimitiveId::new(geometry, reference))
+        .collect_into_vec(&mut ids);
+    let sorted = size_of_val(&ids[..]) as u64;
+    let splitting = boxes + sorted + (binary.len * size_of::<Slot>()) as u64;
+    // The boxes have moved into the nodes.
+    drop(references);
+    let leaves = binary::number_leaves(&mut binary)?;
+    let sorted = sorted + size_of_val(&leaves[..]) as u64;
+    let mut tree = collapse::collapse(&binary)?;
+    let collapsing = sorted + collapse::scratch_bytes(&binary) + tree.bytes();
+    let bounds =
+        binary.slots.first().map_or(Bounds3::EMPTY, |root| *BinaryNode::read(root).bounds());
+    drop(binary);
     let of_spheres = leaves.iter().filter(|leaf| leaf.spheres).count();
     let (mut triangles, mut spheres) = (Vec::<&Leaf>::new(), Vec::<&Leaf>::new());
     reserve::exact(&mut triangles, leaves.len() - of_spheres, "bvh")?;
@@ -71,32 +81,34 @@ pub fn build(
     let filling = sorted
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
-    let peak = within(collapsing.max(filling))?;
-    let leaf_references =
-        |i: usize| triangles.get(i).map_or(&[][..], |leaf| &references[leaf.range()]);
+    let peak = within(splitting.max(collapsing).max(filling))?;
+    let ids_of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &ids[leaf.range()]);
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
-        let next = [leaf_references(i + 1), leaf_references(i + 2)];
-        simd::dispatch(isa, MakeBlock { geometry, references: leaf_references(i), next })
+        let next = [ids_of(i + 1), ids_of(i + 2)];
+        simd::dispatch(isa, MakeBlock { geometry, triangles: ids_of(i), next })
     };
     (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
     reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
     tree.spheres.extend(spheres.iter().map(|leaf| {
-        let mut ids = [NONE; super::node::SPHERES];
-        for (id, reference) in ids.iter_mut().zip(&references[leaf.range()]) {
-            *id = reference.primitive();
+        let mut prims = [NONE; super::node::SPHERES];
+        for (prim, id) in prims.iter_mut().zip(&ids[leaf.range()]) {
+            *prim = id.place(geometry).prim;
         }
-        SphereLeaf(ids)
+        SphereLeaf(prims)
     }));
-    tree.bounds = references.par_iter().map(|r| r.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
+    tree.bounds = bounds;
     tree.is_large = tree.bytes() > MAX_UNPREFETCHED_BYTES;
     Ok((tree, peak))
 }
 
+/// From this many references on, a distance between slots of the binary tree does not fit.
+const MAX_REFERENCES: usize = 1 << 30;
+
 struct References<'g>(&'g Geometry, &'g Unseen);
 
 impl Kernel for References<'_> {
-    type Output = Result<Vec<reference::Reference>>;
+    type Output = Result<Vec<Reference>>;
     #[inline(always)]
     fn run(self) -> Self::Output {
         reference::references(self.0, self.1)

@@ -25,35 +25,64 @@ impl Reference {
         Self { bounds }
     }
 
-    /// Returns the index of the primitive in its geometry.
+    /// Returns the primitive without its box.
     #[inline(always)]
-    pub fn primitive(&self) -> u32 {
-        self.bounds.0[3].to_bits()
+    pub fn place(&self) -> Place {
+        let bits = self.bounds.0[7].to_bits();
+        let second_half = bits & SECOND_HALF != 0;
+        Place { geom: bits & !SECOND_HALF, prim: self.bounds.0[3].to_bits(), second_half }
     }
+}
 
-    /// Returns the id of the geometry.
-    #[inline(always)]
-    pub fn geometry(&self) -> u32 {
-        self.bounds.0[7].to_bits() & !SECOND_HALF
-    }
-
+/// A primitive of a geometry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Id of the geometry.
+    pub geom: u32,
+    /// Index in it.
+    pub prim: u32,
     /// Whether this is the half `v2 v3 v1` of a quad.
-    #[inline(always)]
-    pub fn is_second_half(&self) -> bool {
-        self.bounds.0[7].to_bits() & SECOND_HALF != 0
-    }
+    pub second_half: bool,
+}
 
+impl Place {
     /// Returns the corners of the triangle; `None` for a sphere.
     #[inline(always)]
     pub fn corners(&self, geometry: &Geometry) -> Option<[[f32; 3]; 3]> {
-        let (geom, prim) = (self.geometry(), self.primitive());
-        if let Some(mesh) = geometry.meshes.get(geom as usize) {
-            return Some(mesh.corners(prim));
+        if let Some(mesh) = geometry.meshes.get(self.geom as usize) {
+            return Some(mesh.corners(self.prim));
         }
-        (geom == geometry.quads_id()).then(|| {
-            let [first, second] = quad_halves(geometry.quads[prim as usize]);
-            if self.is_second_half() { second } else { first }
+        (self.geom == geometry.quads_id()).then(|| {
+            let [first, second] = quad_halves(geometry.quads[self.prim as usize]);
+            if self.second_half { second } else { first }
         })
+    }
+}
+
+/// What is left of a reference when the tree is built: the scene-wide number of its primitive. The
+/// top bit says whether it is the second half of a quad.
+#[derive(Debug, Clone, Copy)]
+pub struct PrimitiveId(u32);
+
+impl PrimitiveId {
+    /// The number of a primitive below 2^31.
+    pub fn new(geometry: &Geometry, reference: &Reference) -> Self {
+        let Place { geom, prim, second_half } = reference.place();
+        let half = if second_half { SECOND_HALF } else { 0 };
+        Self(geometry.primitive(geom, prim) | half)
+    }
+
+    /// Returns the scene-wide number.
+    #[inline(always)]
+    pub fn number(self) -> u32 {
+        self.0 & !SECOND_HALF
+    }
+
+    /// Returns the primitive.
+    #[inline(always)]
+    pub fn place(self, geometry: &Geometry) -> Place {
+        let (geom, prim) = geometry.place(self.number());
+        Place { geom, prim, second_half: self.0 & SECOND_HALF != 0 }
     }
 }
 
