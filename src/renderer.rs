@@ -19,7 +19,7 @@ use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::render;
 use crate::scene::{self, Loaded, Overrides, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
-use crate::studio::{self, Subject, Template};
+use crate::studio::{self, Studio, Subject, Template};
 use crate::world::{LoadOptions, World};
 
 /// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
@@ -139,13 +139,8 @@ impl LoadedScene {
         let subject = Subject::new(path.as_ref());
         let mut user = Overrides::default();
         overrides.iter().for_each(|set| user.set(set));
-        let shown = studio::show_mesh(
-            &subject,
-            mesh,
-            &Template::studio(subject.looks.lighting.unwrap_or_default()),
-            user,
-            None,
-        )?;
+        let template = Template::studio(Studio::default());
+        let shown = studio::show_mesh(&subject, mesh, &template, user, None)?;
         Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
     }
 

@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{
     output::exr::Compression,
     scene::written::{Angles, MeshColor, Name, Point, Smooth},
-    studio::{Axis, Lighting, LightsFollow, Quality, Turning},
+    studio::{Axis, LightsFollow, Quality, Studio, Turning},
 };
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
@@ -46,7 +46,7 @@ pub struct JobFile {
     pub quality: Option<Quality>,
     /// Light of the built-in studio. Excludes `template`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub studio: Option<Lighting>,
+    pub studio: Option<Studio>,
     /// Colours of all meshes, as `color` of a mesh in a scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<MeshColor>,

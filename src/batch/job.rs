@@ -171,7 +171,7 @@ impl Job {
                 texture: file.texture.as_ref().map(|path| base.join(&path.0)),
                 no_ground: file.ground == Some(false),
                 quality: file.quality,
-                lighting: file.studio,
+                studio: file.studio,
                 color: file.color,
                 points: file.points,
             },

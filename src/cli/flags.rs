@@ -14,7 +14,7 @@ use crate::{
         written::{Accelerator, ColorMap, MeshColor},
     },
     simd::Isa,
-    studio::{Appearance, Axis, Lighting, Quality, smooth},
+    studio::{Appearance, Axis, Quality, Studio, smooth},
     units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two},
 };
 
@@ -132,7 +132,7 @@ pub struct LookArgs {
 
     /// Light of the built-in studio [default: lamps]
     #[arg(long, value_name = "NAME")]
-    pub studio: Option<Lighting>,
+    pub studio: Option<Studio>,
 
     /// Short for --studio clay
     #[arg(long, conflicts_with = "studio")]
@@ -177,7 +177,7 @@ impl LookArgs {
             texture: self.texture.clone(),
             no_ground: self.no_ground,
             quality: self.quality,
-            lighting: self.studio.or(self.clay.then_some(Lighting::Clay)),
+            studio: self.studio.or(self.clay.then_some(Studio::Clay)),
             color,
             points: self.points,
         })

@@ -107,7 +107,7 @@ fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     let template = match (template, studio) {
         (Some(template), _) => Template::file(template)?,
         (None, Some(text)) => Template::builtin("<studio>", text),
-        (None, None) => Template::studio(subject.looks.lighting.unwrap_or_default()),
+        (None, None) => Template::studio(subject.looks.studio.unwrap_or_default()),
     };
     if let Some(limit) = max_memory {
         memory::predict_mesh(subject.path, subject.looks.points.is_some())?.check(limit)?;

@@ -7,7 +7,7 @@ use crate::{
     output::{exr::Compression, tonemap::Depth},
     scene::{SamplerKind, ToneOperator, written::Accelerator},
     simd::Isa,
-    studio::{Axis, Lighting, LightsFollow, Quality, Turning},
+    studio::{Axis, LightsFollow, Quality, Studio, Turning},
 };
 
 /// Gives the values of a type names on the command line, and help for each name.
@@ -72,7 +72,7 @@ names! { Relative:
         lowest RMSE for the samples taken";
 }
 
-names! { Lighting:
+names! { Studio:
     Lamps = "lamps", "A key lamp and a fill lamp";
     Soft = "soft", "Light from all sides, and a large sun";
     Clay = "clay", "Light from all sides on grey clay, without the colours of the .ply";

@@ -8,19 +8,19 @@
 //! further scenes, one per frame.
 
 mod axes;
+mod builtin;
 mod calibrated;
 mod framing;
 mod furnish;
-mod lighting;
 mod points;
 mod quality;
 mod subject;
 mod template;
 mod turntable;
 
+pub use builtin::Studio;
 pub use framing::{FieldOfView, frame, frame_turning};
 pub use furnish::with_default_placement;
-pub use lighting::Lighting;
 pub use points::{UsedVertices, is_mesh, read};
 pub use quality::Quality;
 pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};
@@ -91,7 +91,7 @@ pub fn show_mesh(
     light_samples: Option<u32>,
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
-    if subject.looks.lighting.is_some() && !template.builtin {
+    if subject.looks.studio.is_some() && !template.builtin {
         let message = format!("found with {}, expected without a template", template.name);
         return Err(Error::invalid("--studio", message));
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{lighting::Lighting, quality::Quality};
+use super::{builtin::Studio, quality::Quality};
 use crate::{reserve::MemoryLimit, scene::written};
 
 /// Default margin between the mesh and the picture's borders, as a fraction of width and height.
@@ -41,8 +41,8 @@ pub struct Appearance {
     pub points: Option<f64>,
     /// Camera samples of the built-in studio, in place of its own.
     pub quality: Option<Quality>,
-    /// Light of the built-in studio.
-    pub lighting: Option<Lighting>,
+    /// The built-in studio; default: [`Studio::Lamps`].
+    pub studio: Option<Studio>,
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::lighting::Lighting;
+use super::builtin::Studio;
 use crate::{
     error::{Error, Result},
     scene::{Loaded, ShapeKind, Source, Trimesh},
@@ -38,9 +38,9 @@ impl Template {
         Self { name: name.to_string(), text: text.into(), folder: PathBuf::new(), builtin: true }
     }
 
-    /// Makes the template of the built-in studio with this light.
-    pub fn studio(lighting: Lighting) -> Self {
-        Self::builtin("<studio>", lighting.text())
+    /// Makes the template of a built-in studio.
+    pub fn studio(studio: Studio) -> Self {
+        Self::builtin("<studio>", studio.text())
     }
 
     /// Reads the scene file at `path`.

@@ -246,7 +246,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = place.rotate.map(Angles);
     }
     file.margin = place.margin.or(file.margin);
-    let Appearance { smooth, texture, no_ground, color, points, quality, lighting } =
+    let Appearance { smooth, texture, no_ground, color, points, quality, studio } =
         mesh.looks.appearance()?;
     file.smooth = smooth.or(file.smooth.take());
     file.color = color.or(file.color.take());
@@ -255,7 +255,7 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.texture = Some(from_here(texture)?);
     }
     file.quality = quality.or(file.quality);
-    file.studio = lighting.or(file.studio);
+    file.studio = studio.or(file.studio);
     file.ground = if no_ground { Some(false) } else { file.ground };
     set_output(file, args.output.as_deref())?;
     if let Some(name) = &args.name {

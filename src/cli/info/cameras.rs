@@ -17,7 +17,7 @@ use crate::{
     poses::Poses,
     render,
     scene::{Backend, Camera, Loaded, Overrides, Projection},
-    studio::{self, Appearance, Subject, Template},
+    studio::{self, Appearance, Studio, Subject, Template},
     units,
     world::{LoadOptions, World},
 };
@@ -54,13 +54,8 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     for set in ["/scene/lightsources=[]", "/spp=1", "/sampler=sobol", "/output/layers=[]"] {
         overrides.set(set);
     }
-    let shown = studio::show(
-        &subject,
-        &Template::studio(subject.looks.lighting.unwrap_or_default()),
-        overrides,
-        None,
-        &monitor,
-    )?;
+    let template = Template::studio(Studio::default());
+    let shown = studio::show(&subject, &template, overrides, None, &monitor)?;
     let base = shown.loaded;
     let frame = |index: usize| -> Result<Loaded> {
         let pose = &poses.list[index];

@@ -26,7 +26,7 @@ use crate::{
     monitor::Monitor,
     output::{exr::text::decode, exr_check::exr_error},
     scene::{Backend, Overrides},
-    studio::{self, Appearance, Subject, Template, UsedVertices},
+    studio::{self, Appearance, Studio, Subject, Template, UsedVertices},
     units,
     world::{Bounds, Detail},
 };
@@ -208,12 +208,8 @@ fn resolution(mesh: &mesh::Mesh, bounds: Bounds, facts: &mut Facts) {
 fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
     let looks = Appearance { points: cloud.then_some(1.0), ..Appearance::default() };
     let subject = Subject { looks, ..Subject::new(path) };
-    let loaded = studio::with_default_placement(
-        &subject,
-        &Template::studio(subject.looks.lighting.unwrap_or_default()),
-        &Overrides::default(),
-    )
-    .ok()?;
+    let template = Template::studio(Studio::default());
+    let loaded = studio::with_default_placement(&subject, &template, &Overrides::default()).ok()?;
     let camera = &loaded.scene.camera;
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;

@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Light of the built-in studio.
+/// A built-in studio, by its light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Lighting {
+pub enum Studio {
     /// a key lamp and a fill lamp
     #[default]
     Lamps,
@@ -16,7 +16,7 @@ pub enum Lighting {
     Clay,
 }
 
-impl Lighting {
+impl Studio {
     /// The scene, as JSON.
     pub fn text(self) -> &'static str {
         match self {
