@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::super::bounds::Bounds3;
 use super::super::node::{SPHERES, WIDTH};
 use super::super::simd::MAX_DEPTH;
+use super::binary_node::{BinaryNode, Leaf, Slot};
 use super::block;
 use super::reference::Reference;
 use super::sah::{Bins, Grid, Split};
@@ -25,93 +26,6 @@ const MIN_PARALLEL_BINS: usize = 1 << 16;
 
 /// Below this level sets are halved by number. That ends after at most 32 more levels.
 const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
-
-/// Place of a node in memory. Nodes are written and read as [`BinaryNode`].
-pub type Slot = [f32; 8];
-
-/// A node of the binary tree. The left child is in the next slot.
-///
-/// Lane 3 of the box holds 2 x the distance to the slot of the right child, or 1 + 2 x the number
-/// of a leaf's references + 64 if they are spheres. Lane 7 holds the index of a leaf's first
-/// reference, and later the leaf's number among the leaves of its kind.
-#[derive(Debug, Clone, Copy)]
-pub struct BinaryNode(Bounds3);
-
-/// Bit of lane 3 of a leaf of spheres.
-const OF_SPHERES: u32 = 64;
-
-impl BinaryNode {
-    fn inner(mut bounds: Bounds3, right: usize) -> Self {
-        bounds.0[3] = f32::from_bits(2 * right as u32);
-        Self(bounds)
-    }
-
-    fn leaf(mut bounds: Bounds3, first: u32, count: usize, spheres: bool) -> Self {
-        let kind = if spheres { OF_SPHERES } else { 0 };
-        bounds.0[3] = f32::from_bits(1 + 2 * count as u32 + kind);
-        bounds.0[7] = f32::from_bits(first);
-        Self(bounds)
-    }
-
-    /// Reads the node in a slot.
-    #[inline(always)]
-    pub fn read(slot: &Slot) -> Self {
-        Self(Bounds3(*slot))
-    }
-
-    #[inline(always)]
-    fn write(self, slot: &mut Slot) {
-        *slot = self.0.0;
-    }
-
-    /// Box of everything below the node. Its free lanes are not 0.
-    #[inline(always)]
-    pub fn bounds(&self) -> &Bounds3 {
-        &self.0
-    }
-
-    /// Distance to the slot of the right child; 0 for a leaf.
-    #[inline(always)]
-    pub fn right(&self) -> usize {
-        let bits = self.0.0[3].to_bits();
-        if bits & 1 == 0 { (bits / 2) as usize } else { 0 }
-    }
-
-    /// Number of a leaf among the leaves of its kind.
-    #[inline(always)]
-    pub fn number(&self) -> usize {
-        self.0.0[7].to_bits() as usize
-    }
-
-    /// Whether a leaf holds spheres.
-    #[inline(always)]
-    pub fn is_of_spheres(&self) -> bool {
-        self.0.0[3].to_bits() & OF_SPHERES != 0
-    }
-
-    /// The references of a leaf that has no number yet.
-    fn references(&self) -> Leaf {
-        let count = (self.0.0[3].to_bits() / 2 % 32) as u8;
-        Leaf { first: self.0.0[7].to_bits(), count, spheres: self.is_of_spheres() }
-    }
-}
-
-/// The references of a leaf.
-#[derive(Debug, Clone, Copy)]
-pub struct Leaf {
-    first: u32,
-    count: u8,
-    /// Whether they are spheres, not triangles.
-    pub spheres: bool,
-}
-
-impl Leaf {
-    /// Returns the range of its references.
-    pub fn range(&self) -> std::ops::Range<usize> {
-        let first = self.first as usize;
-        first..first + usize::from(self.count)
-    }
-}
 
 /// The binary tree. Its root is in the first slot.
 ///
@@ -282,7 +196,7 @@ impl Kernel for Serial<'_, '_, '_> {
 #[inline(always)]
 fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
     let [left, right] = [left, right].map(|slots| BinaryNode::read(&slots[0]));
-    BinaryNode::inner(left.0.union(right.0), behind).write(&mut root[0]);
+    BinaryNode::inner(left.bounds().union(*right.bounds()), behind).write(&mut root[0]);
 }
 
 /// Whether references fit into one leaf. Returns `Some(true)` for a leaf of spheres, `Some(false)`

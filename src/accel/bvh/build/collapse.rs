@@ -9,7 +9,8 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use super::super::node::{Block, Child, ChildKind, Node, SphereLeaf, WIDTH};
-use super::binary::{BinaryNode, BinaryTree, Slot};
+use super::binary::BinaryTree;
+use super::binary_node::{BinaryNode, Slot};
 use crate::error::Result;
 use crate::reserve;
 

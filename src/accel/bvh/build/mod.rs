@@ -1,6 +1,7 @@
 //! Builds the tree: primitives -> references -> binary tree by binned SAH -> wide nodes and leaves.
 
 mod binary;
+mod binary_node;
 mod block;
 mod collapse;
 mod reference;
@@ -10,7 +11,7 @@ pub use self::collapse::Tree;
 
 use rayon::prelude::*;
 
-use self::binary::{BinaryNode, Leaf, Slot};
+use self::binary_node::{BinaryNode, Leaf, Slot};
 use self::block::MakeBlock;
 use self::reference::{PrimitiveId, Reference};
 use super::bounds::Bounds3;
@@ -44,8 +45,9 @@ pub fn build(
         _ => Ok(bytes),
     };
     let count = reference::count(geometry, unseen);
-    if count >= MAX_REFERENCES || geometry.count() >= 1 << 31 {
-        let message = format!("found {count} primitives, expected fewer than 2^30");
+    let most = geometry.count().max(count as u64);
+    if most >= MAX_REFERENCES {
+        let message = format!("found {most} primitives, expected fewer than 2^30");
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
     let boxes = (count * size_of::<Reference>()) as u64;
@@ -103,7 +105,7 @@ pub fn build(
 }
 
 /// From this many references on, a distance between slots of the binary tree does not fit.
-const MAX_REFERENCES: usize = 1 << 30;
+const MAX_REFERENCES: u64 = 1 << 30;
 
 struct References<'g>(&'g Geometry, &'g Unseen);
 
