@@ -67,13 +67,18 @@ pub struct Description {
 impl Description {
     /// Returns mutable references to the paths of all textures and meshes.
     pub fn paths_mut(&mut self) -> Vec<&mut Name> {
-        let Contents { materials, shapes, .. } = &mut self.scene;
+        let Contents { materials, shapes, lightsources, .. } = &mut self.scene;
         let mut paths: Vec<_> =
             materials.values_mut().filter_map(|material| material.texture_path.as_mut()).collect();
         for (path, material) in shapes.iter_mut().map(Shape::parts_mut) {
             paths.extend(path);
             if let MaterialUse::Inline(material) = material {
                 paths.extend(&mut material.texture_path);
+            }
+        }
+        for light in lightsources {
+            if let Light::Environment(light) = light {
+                paths.extend(&mut light.image);
             }
         }
         paths
@@ -188,7 +193,7 @@ pub struct Output {
     pub cryptoranks: u32,
     /// Length of the rays of the layer `ao`, in world units; default: as far as the scene reaches.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-18, max = 1e18))]
     pub aodistance: Option<f64>,
     /// Number of rays of the layer `ao` for each camera sample.
     #[serde(skip_serializing_if = "is_sixteen")]

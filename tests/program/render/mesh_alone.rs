@@ -127,6 +127,48 @@ fn a_transparent_picture_has_the_shadows_of_its_ground() {
 }
 
 #[test]
+fn studios_differ_in_their_light_and_exclude_scenes() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let lights = |flags: &[&str]| {
+        let flags = [flags, &["--write-scene", "s.json"]].concat();
+        render(&scratch, "block.ply", &flags).good();
+        let scene: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+        let lights = scene["scene"]["lightsources"].as_array().unwrap();
+        let kinds = lights.iter().map(|light| light["type"].as_str().unwrap().to_owned());
+        (kinds.collect::<Vec<_>>(), scene["scene"]["shapes"][0]["color"].clone())
+    };
+    let of =
+        |kinds: &[&str], color: Value| (kinds.iter().map(ToString::to_string).collect(), color);
+    assert_eq!(lights(&[]), lights(&["--studio", "lamps"]));
+    assert_eq!(lights(&[]), of(&["arealight", "arealight"], Value::Null));
+    assert_eq!(lights(&["--studio", "soft"]), of(&["environment", "sun"], Value::Null));
+    assert_eq!(lights(&["--clay"]), of(&["environment"], "none".into()));
+    let refused = |input: &str, flags: &[&str], message: &str| {
+        let done = render(&scratch, input, flags);
+        assert!(done.code() == 2 && done.stderr().contains(message), "{}", done.stderr());
+    };
+    refused("block.ply", &["--template", "s.json", "--studio", "soft"], "--studio");
+    refused("block.ply", &["--clay", "--studio", "soft"], "--studio");
+    refused("s.json", &["--clay"], "--clay");
+}
+
+#[test]
+fn a_written_scene_finds_the_image_of_its_environment() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    image::Rgb32FImage::from_pixel(4, 2, image::Rgb([0.5, 1.0, 2.0]))
+        .save(scratch.path("sky.exr"))
+        .unwrap();
+    let sky = r#"/scene/lightsources/-={"type": "environment", "image": "sky.exr"}"#;
+    std::fs::create_dir(scratch.path("there")).unwrap();
+    render(&scratch, "block.ply", &["--set", sky, "--write-scene", "there/s.json"]).good();
+    let alone = scratch.read("o.exr");
+    render(&scratch, "there/s.json", &[]).good();
+    assert!(scratch.read("o.exr") == alone);
+}
+
+#[test]
 fn quality_sets_the_samples_of_the_studio_only() {
     let scratch = Scratch::new();
     scratch.write("block.ply", &block(2.0, ""));
