@@ -1,7 +1,5 @@
 //! Small numeric helpers that the standard library lacks.
 
-use glam::Vec3;
-
 /// `x^n` for x, n >= 0, with 0^0 = 1. Relative error below 1e-7.
 ///
 /// Computed in f64 without branches, from bits and polynomials: log2 by the series of atanh, 2^f by
@@ -58,10 +56,10 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     angle.copysign(y)
 }
 
-/// Luminance of linear RGB with the primaries of Rec. 709.
+/// Luminance of linear RGB with the primaries of ITU-R BT.709.
 #[inline(always)]
-pub fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+pub fn luminance([r, g, b]: [f32; 3]) -> f64 {
+    0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)
 }
 
 #[cfg(test)]

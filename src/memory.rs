@@ -181,30 +181,25 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
 /// Adds the images of all materials that shapes use, each as often as it is loaded, and those of the
 /// environments. Files that are not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
-    let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
-    let used = used.filter_map(|m| m.texture.as_ref());
+    let used = scene.shapes.iter().filter_map(|s| scene.materials[s.material].texture.as_ref());
     let mut keys = HashMap::new();
     for texture in used {
         let areas = keys.entry((texture.path.as_path(), texture.color_space)).or_insert(false);
         *areas |= texture.filter == Filter::Trilinear;
     }
-    for ((path, _), areas) in keys {
-        if let Ok(size) = Texture::size(path) {
-            // The smaller copies take at most two thirds.
-            let copies = if areas { size.stored - size.stored / 3 } else { 0 };
-            let stored = size.stored.saturating_add(copies);
-            sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
-            let beside = size.decoding.saturating_sub(size.stored);
-            sum.decoding_bytes = sum.decoding_bytes.max(beside);
-        }
-    }
+    let images = keys.into_iter().filter_map(|((path, _), areas)| {
+        let size = Texture::size(path).ok()?;
+        // The smaller copies take some two thirds of it, those of floats a third.
+        let copies = if areas { size.stored - size.stored / 3 } else { 0 };
+        Some((size, copies))
+    });
     let maps: HashSet<_> = scene.maps().map(|map| map.path.as_path()).collect();
-    for path in maps {
-        if let Ok(size) = EnvironmentMap::size(path) {
-            sum.texture_bytes = sum.texture_bytes.saturating_add(size.stored);
-            let beside = size.decoding.saturating_sub(size.stored);
-            sum.decoding_bytes = sum.decoding_bytes.max(beside);
-        }
+    let maps = maps.into_iter().filter_map(|path| Some((EnvironmentMap::size(path).ok()?, 0)));
+    for (size, copies) in images.chain(maps) {
+        let stored = size.stored.saturating_add(copies);
+        sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
+        let beside = size.decoding.saturating_sub(size.stored);
+        sum.decoding_bytes = sum.decoding_bytes.max(beside);
     }
 }
 

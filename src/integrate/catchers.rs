@@ -7,12 +7,10 @@ use super::sampled_light::SampledLight;
 use super::shadows::ShadowRays;
 use super::sums::Sums;
 use super::whitted::WhittedIntegrator;
+use crate::math::luminance;
 use crate::ray::{LANES, Mask};
 use crate::scene::Role;
 use crate::shading::{Area, Lanes3};
-
-/// Weights of R, G, B in the luminance of BT.709.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 impl WhittedIntegrator<'_> {
     /// Finds the roles of the shapes that camera rays hit. Returns `hit` without the holdouts.
@@ -147,8 +145,4 @@ impl WhittedIntegrator<'_> {
             }
         }
     }
-}
-
-fn luminance(color: [f32; 3]) -> f64 {
-    color.into_iter().zip(LUMINANCE).map(|(value, weight)| weight * f64::from(value)).sum()
 }

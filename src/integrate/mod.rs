@@ -5,6 +5,7 @@
 
 mod adaptive_shadows;
 mod area_light;
+mod background;
 mod block;
 mod camera_packet;
 mod catchers;

@@ -20,7 +20,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, Rays};
 use crate::sampler::Sampler;
 use crate::shading::{
-    Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect, set_lane,
+    Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect,
 };
 use crate::world::World;
 
@@ -341,52 +341,6 @@ impl<'a> WhittedIntegrator<'a> {
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if visible { sent } else { 0.0 };
             }
-        }
-    }
-
-    /// Adds the background to the active lanes that missed.
-    #[inline(always)]
-    fn background<R: Record>(
-        &mut self,
-        slot: &CameraPacket,
-        (active, hit): (&Mask, &Mask),
-        bounce: u32,
-        record: &mut R,
-    ) {
-        let missed = active.without(hit);
-        if !missed.any() {
-            return;
-        }
-        let color = self.world.background.to_array();
-        let mut sent = [[0.0; LANES]; 3];
-        for axis in 0..3 {
-            for i in 0..LANES {
-                let carried = color[axis] * self.throughput[i];
-                sent[axis][i] = if missed.0[i] != 0 { carried } else { 0.0 };
-            }
-        }
-        if !self.world.backdrops.is_empty() {
-            self.backdrops(&slot.packet.rays, &missed, &mut sent);
-        }
-        for axis in 0..3 {
-            for i in 0..LANES {
-                self.radiance[axis][i] += sent[axis][i];
-            }
-        }
-        if R::ON {
-            record.background(bounce, &sent);
-        }
-    }
-
-    /// Adds the maps that rays see to the radiance of the rays that missed.
-    #[cold]
-    #[inline(never)]
-    fn backdrops(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {
-        for i in (0..LANES).filter(|&i| missed.0[i] != 0) {
-            let seen =
-                self.world.backdrops.iter().map(|backdrop| backdrop.seen(lane(&rays.dir, i)));
-            let color = seen.sum::<Vec3>() * self.throughput[i];
-            set_lane(sent, i, lane(sent, i) + color);
         }
     }
 

@@ -11,7 +11,7 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::image_file::TextureSize;
+use super::image_file::{TextureSize, source};
 use super::texture::Texture;
 use crate::error::Result;
 use crate::math::{atan2, luminance};
@@ -58,10 +58,10 @@ impl EnvironmentMap {
         let (width, height) = (texture.width() as usize, texture.height() as usize);
         let cosine = |row: usize| (PI * row as f64 / height as f64).cos();
         let angle = |row: usize| (cosine(row) - cosine(row + 1)) * TAU / width as f64;
-        let bright = |x: usize, y: usize| luminance(texture.texel(x, y));
+        let bright = |x: usize, y: usize| luminance(texture.texel(x, y).to_array());
         let sums = (0..height)
             .into_par_iter()
-            .map(|y| (0..width).map(|x| f64::from(bright(x, y))).sum::<f64>() * angle(y));
+            .map(|y| (0..width).map(|x| bright(x, y)).sum::<f64>() * angle(y));
         // Collected first: a parallel sum would depend on the number of threads.
         let sums: Vec<f64> = sums.collect();
         let mean = (sums.iter().sum::<f64>() / (2.0 * TAU)) as f32;
@@ -70,7 +70,9 @@ impl EnvironmentMap {
         let totals: Vec<f64> = columns
             .par_chunks_exact_mut(width)
             .enumerate()
-            .map(|(y, row)| angle(y) * accumulate(row, |x| (bright(x, y) - mean).max(0.0)))
+            .map(|(y, row)| {
+                angle(y) * accumulate(row, |x| (bright(x, y) - f64::from(mean)).max(0.0) as f32)
+            })
             .collect();
         let mut rows = vec![0.0; height];
         let total = accumulate(&mut rows, |y| totals[y] as f32);
@@ -86,9 +88,10 @@ impl EnvironmentMap {
     /// # Errors
     /// The errors of [`Texture::load`] that concern the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        let [width, height] = Texture::dimensions(path)?;
+        let source = source(path, u64::MAX)?.source;
+        let (width, height) = source.dimensions();
         let table = u64::from(width) * u64::from(height) * size_of::<f32>() as u64;
-        let TextureSize { stored, decoding } = Texture::size(path)?;
+        let TextureSize { stored, decoding } = TextureSize::of(&source);
         let stored = stored.saturating_add(table);
         Ok(TextureSize { stored, decoding: decoding.max(stored) })
     }
@@ -137,7 +140,8 @@ impl EnvironmentMap {
         let column = column.min(self.texture.width() as usize - 1);
         let row = row.min(self.texture.height() as usize - 1);
         let radiance = self.texture.texel(column, row);
-        let density = (luminance(radiance) - self.mean).max(0.0) * self.scale;
+        let excess = luminance(radiance.to_array()) - f64::from(self.mean);
+        let density = excess.max(0.0) as f32 * self.scale;
         Arrival { radiance, density }
     }
 

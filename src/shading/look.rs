@@ -175,7 +175,8 @@ impl Shapes {
         }
     }
 
-    /// Makes the smaller copies of the textures that are averaged over areas, within `limit`.
+    /// Makes the smaller copies of the textures that are averaged over areas. `limit` is that of
+    /// all textures.
     ///
     /// # Errors
     /// `Limit` or `Retry` if there is not enough memory.
@@ -193,10 +194,11 @@ impl Shapes {
             }
         }
         self.has_areas = wanted.contains(&true);
-        let mut left = limit;
+        let mut left = limit.map(|limit| limit.less(self.texture_bytes()));
         for (texture, _) in self.textures.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted) {
             let held = texture.bytes();
-            // At most 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels.
+            // Some 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels. Floats
+            // take half of that.
             let what = "smaller copies of a texture";
             left.map_or(Ok(()), |left| left.check(held - held / 3, what))?;
             texture.make_mip_map(what)?;

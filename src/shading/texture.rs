@@ -100,15 +100,6 @@ impl Texture {
         Ok(TextureSize::of(&source(path, u64::MAX)?.source))
     }
 
-    /// Width and height of the image at `path`, from its header alone.
-    ///
-    /// # Errors
-    /// The errors of [`Texture::load`] that concern the header.
-    pub fn dimensions(path: &Path) -> Result<[u32; 2]> {
-        let (width, height) = source(path, u64::MAX)?.source.dimensions();
-        Ok([width, height])
-    }
-
     /// Reads an image that needs at most `max_bytes` while it is decoded.
     pub fn load_within(
         path: &Path,

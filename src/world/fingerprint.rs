@@ -113,6 +113,10 @@ pub fn fingerprint(
         // Without mattes, the number of ranks does not matter.
         description.output.cryptoranks = written::Output::default().cryptoranks;
     }
+    if !scene.layers.contains(&Layer::Occlusion) {
+        let written::Output { aodistance, aosamples, .. } = written::Output::default();
+        (description.output.aodistance, description.output.aosamples) = (aodistance, aosamples);
+    }
 
     let used: BTreeSet<usize> = scene.shapes.iter().map(|shape| shape.material).collect();
     let used = || used.iter().map(|&index| &scene.materials[index]);

@@ -5,6 +5,7 @@ mod bounds;
 mod colors;
 mod fingerprint;
 mod gather;
+mod lights;
 mod maps;
 mod origin;
 mod place;
@@ -24,20 +25,18 @@ use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{
-    Falloff, Layer, LightKind, MapUse, OcclusionRays, SamplerKind, Scene, ShapeKind, Trimesh,
-};
-use crate::shading::{
-    Area, Cone, Distant, Emitter, Environment, Light, Shapes, Texture, TurnedMap,
-};
+use crate::scene::{Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::shading::{Light, Shapes};
 
 use self::gather::gather;
+use self::lights::{backdrops, occlusion, recentre};
 use self::place::{MAX_COORDINATE, PlacedMesh};
 use self::textures::Given;
 
 pub use self::bounds::Bounds;
 pub use self::colors::color_request;
 pub use self::fingerprint::{ContentHashes, fingerprint};
+pub use self::lights::Backdrop;
 pub use self::maps::Maps;
 pub use self::origin::Origin;
 pub use self::place::placement;
@@ -155,11 +154,10 @@ impl World {
         let mut read = ReadFiles::default();
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
         let budget = asked.or(options.room);
-        let left = budget;
+        let maps = failures.keep(Maps::load(scene, budget, (&mut read, &mut warnings)));
+        let maps = maps.unwrap_or_default();
+        let left = budget.map(|budget| budget.less(maps.bytes()));
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
-        let held = looks.iter().flat_map(|(textures, _)| textures).map(Texture::bytes).sum();
-        let left = left.map(|left| left.less(held));
-        let maps = failures.keep(Maps::load(scene, left, (&mut read, &mut warnings)));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut own_textures = Vec::new();
@@ -224,15 +222,13 @@ impl World {
             shapes.shapes[shape].material = material;
             shapes.shapes[shape].textures = textures.map(Box::new);
         }
-        let held = shapes.texture_bytes() + maps.as_ref().map_or(0, Maps::bytes);
-        shapes.make_mip_maps(budget.map(|budget| budget.less(held)))?;
+        shapes.make_mip_maps(left)?;
         monitor.check()?;
         let settled = suspects
             .iter()
             .zip(&geometry.meshes)
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         warnings.extend(settled);
-        let maps = maps.unwrap_or_default();
         let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), chosen, scene);
         let world = Self { resolutions, read, legend, ..world };
         Ok((world, warnings))
@@ -334,68 +330,4 @@ fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
         warnings.push(Problem::new("scene", message).help("choose another unit of length"));
     }
     Ok(())
-}
-
-/// An environment's map as rays that hit nothing see it.
-#[derive(Debug, Clone)]
-pub struct Backdrop {
-    map: TurnedMap,
-    factor: Vec3,
-}
-
-impl Backdrop {
-    /// Radiance in a direction of any length but 0.
-    pub fn seen(&self, direction: Vec3) -> Vec3 {
-        self.map.seen(direction) * self.factor
-    }
-}
-
-fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
-    if !scene.layers.contains(&Layer::Occlusion) {
-        return None;
-    }
-    let OcclusionRays { distance, samples } = scene.occlusion;
-    let hemisphere = match distance {
-        Some(distance) => Environment::within(distance),
-        None => Environment::new(geometry, None),
-    };
-    let area = Area::from_distant(Distant::Environment(hemisphere), samples);
-    Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
-}
-
-fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
-    Some(TurnedMap::new(maps.get(&spec.path)?, spec.rotation_deg))
-}
-
-fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
-    let seen = scene.lights.iter().filter_map(|light| match &light.kind {
-        LightKind::Environment { map: Some(spec), .. } if spec.visible => {
-            Some(Backdrop { map: turned(spec, maps)?, factor: light.diffuse })
-        }
-        _ => None,
-    });
-    seen.collect()
-}
-
-fn recentre(light: &crate::scene::Light, geometry: &Geometry, maps: &Maps) -> Light {
-    let origin = geometry.origin;
-    let emitter = match &light.kind {
-        LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
-        LightKind::Area { corner, edge, height, samples, lambertian } => {
-            let corner = (*corner - origin).as_vec3();
-            let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
-            area.set_plane_gap(geometry);
-            Emitter::Area(area)
-        }
-        LightKind::Sun { towards, angle_deg, samples } => {
-            let sun = Distant::Sun(Cone::new(*towards, *angle_deg, geometry));
-            Emitter::Area(Area::from_distant(sun, *samples))
-        }
-        LightKind::Environment { samples, map } => {
-            let map = map.as_ref().and_then(|spec| turned(spec, maps));
-            let environment = Distant::Environment(Environment::new(geometry, map));
-            Emitter::Area(Area::from_distant(environment, *samples))
-        }
-    };
-    Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }

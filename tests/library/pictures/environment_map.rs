@@ -6,6 +6,9 @@ use std::path::PathBuf;
 use crate::support::program::Scratch;
 use glam::DVec3;
 use image::{Rgb, Rgb32FImage};
+use lightpath::monitor::Monitor;
+use lightpath::scene::{self, Source};
+use lightpath::world::{LoadOptions, World};
 use lightpath::{LoadedScene, error::Error};
 use serde_json::{Value, json};
 
@@ -238,6 +241,44 @@ fn groups_and_components_add_up_with_an_image() {
             assert!((all - f64::from(beauty[1])).abs() < 1e-5 * all.max(1.0), "{all} {beauty:?}");
         }
     }
+}
+
+#[test]
+fn odd_images_and_unused_keys_are_warned_of() {
+    let folder = Scratch::new();
+    let warnings = |light: Value, more: &[&str]| -> Vec<String> {
+        let loaded = load(&down(), light, &[ground()], more).unwrap();
+        loaded.warnings().iter().map(ToString::to_string).collect()
+    };
+    let path = folder.path("odd.exr");
+    Rgb32FImage::from_pixel(5, 5, Rgb([0.0; 3])).save(&path).unwrap();
+    let all = warnings(environment(&path), &[]).join(" ");
+    assert!(all.contains("5 x 5") && all.contains("is black"), "{all}");
+    Rgb32FImage::from_pixel(2, 1, Rgb([1.0; 3])).save(&path).unwrap();
+    assert_eq!(warnings(environment(&path), &[]), [""; 0]);
+    let even = json!({ "type": "environment", "radiance": [1, 1, 1], "rotation": 20 });
+    let all = warnings(even, &["/output/aodistance=2"]).join(" ");
+    assert!(all.contains("`rotation`") && all.contains("`aodistance`"), "{all}");
+}
+
+#[test]
+fn an_image_above_the_limit_of_memory_is_refused_by_its_header() {
+    let folder = Scratch::new();
+    let path = folder.path("sky.exr");
+    Rgb32FImage::from_pixel(64, 32, Rgb([1.0; 3])).save(&path).unwrap();
+    let scene = json!({ "camera": down(),
+                        "scene": { "lightsources": [environment(&path)], "shapes": [ground()] } });
+    folder.write("s.json", &scene.to_string());
+    let loaded = scene::load(Source::File(&folder.path("s.json")), &[]).unwrap().scene;
+    let load = |texture_bytes: u64| {
+        let options = LoadOptions { texture_bytes: Some(texture_bytes), ..LoadOptions::default() };
+        World::load(&loaded, options, &Monitor::default())
+    };
+    // Floats of the image, and 4 bytes a texel to sample it.
+    let needed = 64 * 32 * 16;
+    assert!(load(needed).is_ok());
+    let error = load(needed - 1).unwrap_err();
+    assert!(error.to_string().contains("--max-memory leaves") && error.exit_code() == 2, "{error}");
 }
 
 #[test]

@@ -1,8 +1,14 @@
 //! Textures that are averaged over the area that a sample sees, compared with many samples.
 
+use crate::support::backends;
 use crate::support::program::Scratch;
 use image::{Rgb, RgbImage};
 use lightpath::LoadedScene;
+use lightpath::film::{Film, Window};
+use lightpath::monitor::Monitor;
+use lightpath::scene::{self, Source};
+use lightpath::simd::Isa;
+use lightpath::world::{LoadOptions, World};
 use serde_json::{Value, json};
 
 /// Side of the frame in pixels.
@@ -102,7 +108,7 @@ fn a_mirror_shows_what_is_behind_it_as_sharp_as_its_distance() {
 }
 
 #[test]
-fn every_backend_and_instruction_set_has_the_same_bytes() {
+fn every_backend_has_the_same_bytes() {
     let folder = Scratch::new();
     let image = texture(&folder);
     let (_, shape) = &shapes()[3];
@@ -110,6 +116,77 @@ fn every_backend_and_instruction_set_has_the_same_bytes() {
         render(shape, "trilinear", &image, 4, &[&format!("/scene/accelerator={backend}")])
     });
     assert_eq!(bvh, brute);
+}
+
+#[test]
+fn overscan_does_not_change_the_areas_of_the_frame() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    let (_, shape) = &shapes()[1];
+    let mut shape = shape.clone();
+    shape["material"] = json!({ "kd": 0, "ka": 1, "tPath": image, "filter": "trilinear" });
+    let camera = json!({ "type": "panorama", "width": SIDE, "height": SIDE, "longitude": [-20, 60],
+                         "latitude": [-80, 10], "position": [0, 1, 6], "lookat": [0, 0, -1],
+                         "up": [0, 1, 0] });
+    for kind in ["panorama", "pinhole"] {
+        let mut camera = camera.clone();
+        if kind == "pinhole" {
+            camera = json!({ "type": kind, "width": SIDE, "height": SIDE / 2, "fov": 100,
+                             "position": [0, 1, 6], "lookat": [0, -0.2, -1], "up": [0, 1, 0] });
+        }
+        let scene = json!({ "spp": 4, "camera": camera,
+                            "scene": { "ambient": [1, 1, 1], "shapes": [shape] } });
+        folder.write("s.json", &scene.to_string());
+        let loaded = scene::load(Source::File(&folder.path("s.json")), &[]).unwrap().scene;
+        let pixels = |overscan: u32| {
+            let (world, _) =
+                World::load(&loaded, LoadOptions::default(), &Monitor::default()).unwrap();
+            let world = world.with_overscan(overscan);
+            let [right, bottom] = world.frame_end();
+            let window = Window { x0: overscan, y0: overscan, x1: right, y1: bottom };
+            let accelerator = backends::build(&world.geometry, loaded.backend);
+            let mut film = Film::new(world.frame, window).unwrap();
+            let isa = Isa::detect();
+            lightpath::render::render(&world, &*accelerator, isa, &mut film, &Monitor::default())
+                .unwrap();
+            film.pixels.to_vec()
+        };
+        let frame = pixels(0);
+        assert!(frame.iter().any(|pixel| pixel[0] > 0.0));
+        assert!(pixels(5) == frame, "{kind}");
+    }
+}
+
+#[test]
+fn all_textures_share_one_limit() {
+    let folder = Scratch::new();
+    RgbImage::new(64, 64).save(folder.path("own.png")).unwrap();
+    RgbImage::new(64, 64).save(folder.path("other.png")).unwrap();
+    folder.write(
+        "own.ply",
+        "ply\nformat ascii 1.0\ncomment TextureFile own.png\nelement vertex 3\nproperty float x\n\
+         property float y\nproperty float z\nproperty float s\nproperty float t\nelement face 1\n\
+         property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n",
+    );
+    let scene = json!({
+        "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40, "position": [0, 0, 6],
+                    "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": { "shapes": [
+            { "type": "trimesh", "path": "own.ply", "material": {} },
+            { "type": "sphere", "center": [0, 0, -9], "radius": 1, "material": { "tPath": "other.png" } }
+        ] }
+    });
+    folder.write("s.json", &scene.to_string());
+    let loaded = scene::load(Source::File(&folder.path("s.json")), &[]).unwrap().scene;
+    let load = |texture_bytes: u64| {
+        let options = LoadOptions { texture_bytes: Some(texture_bytes), ..LoadOptions::default() };
+        World::load(&loaded, options, &Monitor::default())
+    };
+    let (world, _) = load(1 << 20).unwrap();
+    // One is decoded beside the finished other: 3 bytes more for each of its texels.
+    let enough = world.texture_bytes() + 3 * 64 * 64;
+    assert!(load(enough).is_ok());
+    assert!(load(world.texture_bytes() - 1).is_err());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The exposures at which HDR-FLIP compares two pictures.
 
+use crate::math::luminance;
 use glam::DVec3;
 
 /// Tone mapped value of a bright pixel that is not yet white.
@@ -31,10 +32,7 @@ impl Exposures {
     /// without light gets one exposure of 0 stops. The authors' code does not handle these two
     /// cases.
     pub fn of(reference: &[[f32; 3]]) -> Self {
-        let luminance = |[r, g, b]: &[f32; 3]| {
-            0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b)
-        };
-        let mut all: Vec<f64> = reference.iter().map(luminance).collect();
+        let mut all: Vec<f64> = reference.iter().copied().map(luminance).collect();
         let Some((most, median)) = extremes(&mut all).or_else(|| {
             all.retain(|y| *y > 0.0);
             extremes(&mut all)

@@ -1,0 +1,57 @@
+//! What rays bring that hit nothing.
+
+use glam::Vec3;
+
+use super::camera_packet::CameraPacket;
+use super::record::Record;
+use super::whitted::WhittedIntegrator;
+use crate::ray::{LANES, Mask, Rays};
+use crate::shading::{Lanes3, lane, set_lane};
+
+impl WhittedIntegrator<'_> {
+    /// Adds the background to the active lanes that missed.
+    #[inline(always)]
+    pub(super) fn background<R: Record>(
+        &mut self,
+        slot: &CameraPacket,
+        (active, hit): (&Mask, &Mask),
+        bounce: u32,
+        record: &mut R,
+    ) {
+        let missed = active.without(hit);
+        if !missed.any() {
+            return;
+        }
+        let color = self.world.background.to_array();
+        let mut sent = [[0.0; LANES]; 3];
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let carried = color[axis] * self.throughput[i];
+                sent[axis][i] = if missed.0[i] != 0 { carried } else { 0.0 };
+            }
+        }
+        if !self.world.backdrops.is_empty() {
+            self.backdrops(&slot.packet.rays, &missed, &mut sent);
+        }
+        for axis in 0..3 {
+            for i in 0..LANES {
+                self.radiance[axis][i] += sent[axis][i];
+            }
+        }
+        if R::ON {
+            record.background(bounce, &sent);
+        }
+    }
+
+    /// Adds the maps that rays see to the radiance of the rays that missed.
+    #[cold]
+    #[inline(never)]
+    fn backdrops(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {
+        for i in (0..LANES).filter(|&i| missed.0[i] != 0) {
+            let seen =
+                self.world.backdrops.iter().map(|backdrop| backdrop.seen(lane(&rays.dir, i)));
+            let color = seen.sum::<Vec3>() * self.throughput[i];
+            set_lane(sent, i, lane(sent, i) + color);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Places the lights of a scene in its world.
+
+use glam::Vec3;
+
+use super::maps::Maps;
+use crate::geometry::Geometry;
+use crate::scene::{self, Layer, LightKind, MapUse, OcclusionRays, Scene};
+use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap};
+
+/// An environment's map as rays that hit nothing see it.
+#[derive(Debug, Clone)]
+pub struct Backdrop {
+    map: TurnedMap,
+    factor: Vec3,
+}
+
+impl Backdrop {
+    /// Radiance in a direction of any length but 0.
+    pub fn seen(&self, direction: Vec3) -> Vec3 {
+        self.map.seen(direction) * self.factor
+    }
+}
+
+/// White light of the hemisphere for the layer of ambient occlusion, if the scene has the layer.
+pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
+    if !scene.layers.contains(&Layer::Occlusion) {
+        return None;
+    }
+    let OcclusionRays { distance, samples } = scene.occlusion;
+    let hemisphere = match distance {
+        Some(distance) => Environment::within(distance),
+        None => Environment::new(geometry, None),
+    };
+    let area = Area::from_distant(Distant::Environment(hemisphere), samples);
+    Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
+}
+
+fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
+    Some(TurnedMap::new(maps.get(&spec.path)?, spec.rotation_deg))
+}
+
+/// The maps that rays see.
+pub(super) fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
+    let seen = scene.lights.iter().filter_map(|light| match &light.kind {
+        LightKind::Environment { map: Some(spec), .. } if spec.visible => {
+            Some(Backdrop { map: turned(spec, maps)?, factor: light.diffuse })
+        }
+        _ => None,
+    });
+    seen.collect()
+}
+
+/// The light relative to the geometry's origin, in f32.
+pub(super) fn recentre(light: &scene::Light, geometry: &Geometry, maps: &Maps) -> Light {
+    let origin = geometry.origin;
+    let emitter = match &light.kind {
+        LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
+        LightKind::Area { corner, edge, height, samples, lambertian } => {
+            let corner = (*corner - origin).as_vec3();
+            let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
+            area.set_plane_gap(geometry);
+            Emitter::Area(area)
+        }
+        LightKind::Sun { towards, angle_deg, samples } => {
+            let sun = Distant::Sun(Cone::new(*towards, *angle_deg, geometry));
+            Emitter::Area(Area::from_distant(sun, *samples))
+        }
+        LightKind::Environment { samples, map } => {
+            let map = map.as_ref().and_then(|spec| turned(spec, maps));
+            let environment = Distant::Environment(Environment::new(geometry, map));
+            Emitter::Area(Area::from_distant(environment, *samples))
+        }
+    };
+    Light { diffuse: light.diffuse, specular: light.specular, emitter }
+}
