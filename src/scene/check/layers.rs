@@ -44,6 +44,15 @@ impl Check<'_, '_> {
         }
         layers.sort();
         layers.dedup();
+        if !layers.contains(&Layer::Occlusion) {
+            for key in ["aodistance", "aosamples"] {
+                let pointer = format!("/output/{key}");
+                if self.document.get(&pointer).is_some() {
+                    let message = format!("found `{key}` without the layer `ao`; it has no effect");
+                    self.problems.warn(&pointer, message, None);
+                }
+            }
+        }
         if layers.iter().any(|layer| layer.is_per_light()) {
             for (light, label) in collisions {
                 let pointer = format!("/scene/lightsources/{light}");

@@ -15,7 +15,7 @@ const SMALL: [&str; 10] = [
     "--light-samples",
     "2",
     "--aov",
-    "all",
+    "all,ao",
     "--compression",
     "none",
 ];
