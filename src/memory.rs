@@ -26,6 +26,8 @@ use crate::{reserve::MemoryLimit, units};
 mod available;
 mod freed;
 
+pub use self::freed::release_freed;
+
 pub use available::available_bytes;
 use available::{available_bytes_and_swap, bytes_before_a_kill, kib};
 
@@ -365,7 +367,7 @@ pub fn machine() -> Option<MemoryLimit> {
 /// memory is returned to the system first.
 pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
     if available_bytes().is_some_and(|available| available < bytes) {
-        freed::release();
+        release_freed();
     }
     machine()
 }
@@ -392,7 +394,7 @@ pub fn ensure_build_fits(
     let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
     let short = || kill_limit().filter(|room| room.bytes < maximum);
     if short().is_some() {
-        freed::release();
+        release_freed();
     }
     let Some(room) = short() else { return Ok(()) };
     let footprint = Footprint::of(backend, threads)?;

@@ -161,6 +161,8 @@ impl Run<'_> {
             film => {
                 let window = Window::full(world.frame[0], world.frame[1]);
                 let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone())?;
+                // Else the film would lie beside what the build has freed.
+                memory::release_freed();
                 film.insert(self.pool.install(|| blank.film()))
             }
         };

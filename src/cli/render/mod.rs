@@ -159,6 +159,8 @@ impl Run<'_> {
         if let Some(budget) = budget {
             budget.check_film(world_bytes + info.bytes)?;
         }
+        // Else the film would lie beside what the build has freed.
+        memory::release_freed();
         let mut film = blank.film();
         film.overscan = world.overscan;
         let built = self.start.elapsed().as_secs_f64();

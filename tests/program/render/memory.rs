@@ -90,8 +90,7 @@ on_both! {
     /// At its end, a build gives back much of its memory, which makes room for the film.
     fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
         let scratch = Scratch::new();
-        // The build of `bvh` gives back 8 bytes a triangle: more than the film needs.
-        fs::write(scratch.path("sheet.ply"), sheet(1100)).unwrap();
+        fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
         let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
         scratch.write("s.json", &with_shapes(shapes));
         let peak = |size: &str| {
