@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 """Compares time and error of lightpath and Mitsuba 3 on the same scene.
 
-usage: mitsuba.py [--lightpath PROGRAM] [--json STATE.json] [--size N] STEP... MESH.ply
+usage: mitsuba.py [--lightpath PROGRAM] [--json STATE.json] [--size N] [--sky IMAGE] STEP... MESH.ply
    pip install mitsuba==3.9.1 numpy; its LLVM variant needs libLLVM (Debian: apt-get install libllvm15)
 
-Both scene files are written from one description below: a diffuse mesh on a ground plane, under a square area
-light, with a black background; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one emitter
-sample and no BSDF sample; lightpath with `lambertian` emission, `quadratic` attenuation, id = radiance area / pi and one
-light sample. Each step adds to the state file, so the steps can be run one by one:
-  check   both at 4096 spp, 128 x 128: relmse must be below 1e-4, else exit 1
+Both scene files are written from the description in plain_scene.py: a diffuse mesh on a ground plane, under a square
+area light, with a black background; 1024 x 1024, box filter. Mitsuba renders it with `llvm_ad_rgb`, `direct` with one
+emitter sample and no BSDF sample; lightpath with `lambertian` emission, `quadratic` attenuation, id = radiance area / pi
+and one light sample. `--sky` replaces the light by an equirectangular image, which cameras do not see; Mitsuba then also
+renders with one BSDF sample (`mis`). Each step adds to the state file, so the steps can be run one by one:
+  check   both at 4096 spp, 128 x 128: relmse must be below 1e-4 (of a sky: 1e-3), else exit 1
   wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
-  refer   a reference of 1024 spp by lightpath at full size, with another seed
+  refer   a reference of 1024 spp by lightpath at full size, with another seed; of a sky, one by Mitsuba, too
   error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba, and, beside the last two,
           of lightpath with `--noise-of picture`, for which Mitsuba has no counterpart
   table   prints everything as Markdown; --into FILE replaces the text between the marks of the backend
@@ -28,12 +29,16 @@ import sys
 import tempfile
 import time
 
+from plain_scene import describe, for_lightpath
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 # This file has the same name as the package.
 sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 SPP = [1, 16, 64]
 CURVE = [1, 4, 16, 64]
-SAMPLERS = ['independent', 'multijitter']
+# Sampler and number of BSDF samples.
+SERIES = {'independent': ('independent', 0), 'multijitter': ('multijitter', 0)}
+SKY_SERIES = {'multijitter': ('multijitter', 0), 'multijitter, mis': ('multijitter', 1)}
 # Targets of `--noise T --noise-of picture`. Their errors span the errors at these numbers of
 # samples.
 TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
@@ -41,61 +46,19 @@ ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
 # Required ratios lightpath / Mitsuba: bar, goal.
 BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
-        'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35)}
+        'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35), 'sky': (0.5, 0.25)}
 
 
-def describe(mesh):
-    """Returns the scene, from which both files are written: lengths in world units, y up."""
-    import numpy as np
-    with open(mesh, 'rb') as file:
-        count = 0
-        while (line := file.readline().strip()) != b'end_header':
-            words = line.split()
-            if words[:2] == [b'element', b'vertex']:
-                count = int(words[2])
-            if words[:2] == [b'format', b'ascii']:
-                sys.exit(f'{mesh}: expected a binary PLY whose vertices are x y z floats')
-        points = np.frombuffer(file.read(12 * count), '<f4').reshape(-1, 3).astype(float)
-    low, high = points.min(0), points.max(0)
-    scale = float(2 / (high - low).max())
-    return {
-        'mesh': os.path.abspath(mesh), 'middle': [float(v) for v in (low + high) / 2], 'scale': scale,
-        'floor': float(-(high - low)[1] * scale / 2), 'half_floor': 6.0,
-        'camera': [0.6, 1.0, 4.2], 'target': [0, -0.1, 0], 'fov': 40.0, 'albedo': 0.7,
-        # Centre, half side, radiance. The light points down.
-        'light': [1.0, 3.0, 1.0], 'half_light': 0.5, 'radiance': 20.0,
-    }
-
-
-def for_lightpath(d, size):
-    (x, y, z), h, g = d['light'], d['half_light'], d['half_floor']
-    power = d['radiance'] * (2 * h) ** 2 / math.pi
-    plain = {'kd': 1, 'diffusecolor': [d['albedo']] * 3}
-    return {
-        'nbounces': 0,
-        'camera': {'type': 'pinhole', 'width': size, 'height': size, 'fov': d['fov'],
-                   'position': d['camera'], 'target': d['target'], 'up': [0, 1, 0]},
-        'scene': {
-            'attenuation': 'quadratic',
-            # (v1 - v0) x (v2 - v0) = -y
-            'lightsources': [{'type': 'arealight', 'v0': [x - h, y, z - h], 'v1': [x + h, y, z - h],
-                              'v2': [x - h, y, z + h], 'id': [power] * 3, 'samples': 1,
-                              'emission': 'lambertian'}],
-            'shapes': [
-                {'type': 'trimesh', 'path': d['mesh'], 'fit': 2, 'material': plain},
-                {'type': 'plane', 'v0': [-g, d['floor'], g], 'v1': [g, d['floor'], g],
-                 'v2': [g, d['floor'], -g], 'v3': [-g, d['floor'], -g], 'material': plain}]},
-    }
-
-
-def for_mitsuba(d, size, sampler):
+def for_mitsuba(d, size, sampler, bsdf_samples=0):
     import mitsuba as mi
     t = mi.ScalarTransform4f()
     plain = {'type': 'twosided', 'bsdf': {'type': 'diffuse',
              'reflectance': {'type': 'rgb', 'value': [d['albedo']] * 3}}}
+    # Its middle column lies along +z, lightpath's along -z.
+    sky = {'type': 'envmap', 'filename': d['sky'], 'to_world': t.rotate([0, 1, 0], 180)}
     return {
         'type': 'scene',
-        'integrator': {'type': 'direct', 'emitter_samples': 1, 'bsdf_samples': 0},
+        'integrator': {'type': 'direct', 'emitter_samples': 1, 'bsdf_samples': bsdf_samples, 'hide_emitters': True},
         'sensor': {
             'type': 'perspective', 'fov': d['fov'], 'fov_axis': 'y', 'near_clip': 1e-3,
             'to_world': mi.ScalarTransform4f().look_at(origin=d['camera'], target=d['target'], up=[0, 1, 0]),
@@ -106,7 +69,7 @@ def for_mitsuba(d, size, sampler):
                  'to_world': t.scale(d['scale']).translate([-v for v in d['middle']])},
         'floor': {'type': 'rectangle', 'bsdf': plain,
                   'to_world': t.translate([0, d['floor'], 0]).rotate([1, 0, 0], -90).scale(d['half_floor'])},
-        'light': {'type': 'rectangle',
+        'light': sky if d['sky'] else {'type': 'rectangle',
                   'to_world': t.translate(d['light']).rotate([1, 0, 0], 90).scale(d['half_light']),
                   'emitter': {'type': 'area', 'radiance': {'type': 'rgb', 'value': [d['radiance']] * 3}}},
     }
@@ -129,10 +92,11 @@ def process(arguments):
 
 class Bench:
     def __init__(self, args):
-        self.args, self.state, self.description = args, {}, describe(args.mesh)
+        self.args, self.state, self.description = args, {}, describe(args.mesh, args.sky)
         if os.path.exists(args.json):
             self.state = json.load(open(args.json))
         self.folder = tempfile.mkdtemp()
+        self.series = SKY_SERIES if args.sky else SERIES
         self.scene = self.write('scene.json', for_lightpath(self.description, args.size))
         self.env = dict(os.environ)
 
@@ -181,9 +145,10 @@ class Bench:
         ratio = float(ours.mean() / theirs.mean())
         self.state['check'] = {'relmse': relmse, 'mean_ratio': ratio, 'size': size, 'spp': 4096}
         print(f'relmse {relmse:.2e}, ratio of the means {ratio:.6f}')
+        os.makedirs(self.args.pictures or self.folder, exist_ok=True)
         for name, image in [('lightpath', ours), ('mitsuba', theirs)]:
             mi.util.write_bitmap(os.path.join(self.args.pictures or self.folder, f'{name}.png'), image)
-        return relmse < 1e-4
+        return relmse < (1e-3 if self.args.sky else 1e-4)
 
     def wall(self):
         mesh = self.write('description.json', self.description)
@@ -220,22 +185,30 @@ class Bench:
         prefix = os.path.abspath(os.path.join(self.args.pictures or self.folder, 'reference'))
         self.lightpath(self.scene, prefix, 1024, '--float', '--seed', '777')
         self.state['reference'] = prefix + '.exr'
+        if self.args.sky:
+            # The two place texels differently, so each is compared with a picture of its own.
+            mi = mitsuba()
+            scene = mi.load_dict(for_mitsuba(self.description, self.args.size, 'multijitter'))
+            parts = (mi.render(scene, spp=36, seed=1000 + seed) for seed in range(28))
+            mi.util.write_bitmap(prefix + '-mitsuba.exr', sum(parts) / 28)
         return True
 
     def error(self):
         mi = mitsuba()
         import numpy as np
         reference = self.pixels(self.state['reference'])
+        theirs = self.pixels(self.state['reference'].replace('.exr', '-mitsuba.exr')) if self.args.sky else reference
         curve = self.state.setdefault('error', {})
         self.state['error_size'] = self.args.size
-        scenes = {name: mi.load_dict(for_mitsuba(self.description, self.args.size, name)) for name in SAMPLERS}
+        scenes = {name: mi.load_dict(for_mitsuba(self.description, self.args.size, *how))
+                  for name, how in self.series.items()}
         # Each sampler must compile, and allocate memory, once for each number of samples.
         for spp in self.args.spp or CURVE:
             for name, scene in scenes.items():
                 np.array(mi.render(scene, spp=spp, seed=99))
             for round in range(self.args.rounds):
                 order = [('lightpath', spp), *((ADAPTIVE, target) for target in TARGETS.get(spp, [])),
-                         *((name, spp) for name in SAMPLERS)]
+                         *((name, spp) for name in self.series)]
                 for which, point in order + order[::-1]:
                     entry = curve.setdefault(which, {}).setdefault(str(point), {'seconds': [], 'rmse': []})
                     seed = len(entry['seconds']) + 1
@@ -251,7 +224,8 @@ class Bench:
                         image = np.array(mi.render(scenes[which], spp=spp, seed=seed), dtype=float)
                         seconds = time.perf_counter() - started
                     entry['seconds'].append(seconds)
-                    entry['rmse'].append(float(np.sqrt(np.mean((image - reference) ** 2))))
+                    truth = theirs if which in scenes else reference
+                    entry['rmse'].append(float(np.sqrt(np.mean((image - truth) ** 2))))
             shown = [f"{w} {p} {statistics.median(curve[w][str(p)]['seconds']):.3f} s "
                      f"{statistics.median(curve[w][str(p)]['rmse']):.2e}" for w, p in order]
             print(f'{spp} spp: ' + ', '.join(shown), flush=True)
@@ -278,7 +252,8 @@ class Bench:
     def table(self):
         m, lines = self.state['machine'], []
         version = ', '.join(line.strip() for line in m['lightpath'])
-        lines.append(f"`--backend {self.args.backend}`; {m['cpu']}, {m['threads']} threads, {m['date']}; Mitsuba {m['mitsuba']} (`llvm_ad_rgb`, "
+        sky = f"{os.path.basename(self.args.sky)}; " if self.args.sky else ''
+        lines.append(f"{sky}`--backend {self.args.backend}`; {m['cpu']}, {m['threads']} threads, {m['date']}; Mitsuba {m['mitsuba']} (`llvm_ad_rgb`, "
                      f"`direct`); {version}; {m['mesh']}.")
         if 'check' in self.state:
             c = self.state['check']
@@ -298,19 +273,19 @@ class Bench:
         if 'error' in self.state:
             mean, size = self.state['mean'], self.state['error_size']
             lines += ['', f'| render phase, {size} x {size} | spp, or target | seconds | RMSE / mean |', '|---|---|---|---|']
-            for which in ['lightpath', ADAPTIVE, *SAMPLERS]:
+            for which in ['lightpath', ADAPTIVE, *self.series]:
                 for rmse, seconds, point in reversed(self.points(which)):
                     lines.append(f'| {which} | {point} | {seconds:.3f} | {rmse / mean:.4f} |')
             lines += ['', '| time to the same RMSE as | Mitsuba | lightpath | ratio | `--noise-of picture` | ratio | bar, for the lesser |',
                       '|---|---|---|---|---|---|---|']
-            for which in SAMPLERS:
+            for which in self.series:
                 for rmse, seconds, spp in reversed(self.points(which)):
                     cells, ratios = [], []
                     for series in ['lightpath', ADAPTIVE]:
                         ours = self.ours_at(rmse, series)
                         cells.append('| |' if ours is None else f'{ours:.3f} s | {ours / seconds:.2f} |')
                         ratios += [] if ours is None else [ours / seconds]
-                    said = verdict(which, min(ratios)) if ratios else 'beyond what was measured'
+                    said = verdict('sky' if self.args.sky else which, min(ratios)) if ratios else 'beyond what was measured'
                     lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | ' + ' '.join(cells) + f' {said} |')
         text = '\n'.join(lines) + '\n'
         if self.args.into:
@@ -334,6 +309,7 @@ def main():
     parser.add_argument('--json', default='mitsuba.json')
     parser.add_argument('--size', type=int, default=1024)
     parser.add_argument('--backend', default='bvh', help='backend of lightpath; each has its own state file')
+    parser.add_argument('--sky', metavar='IMAGE', help='lights the scene; each has its own state file')
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--spp', type=int, nargs='+', help='only these')
     parser.add_argument('--pictures', help='folder for the pictures of `check` and the reference')

@@ -1,15 +1,22 @@
 #!/usr/bin/env python3
 """Writes assets/sky.hdr: an afternoon sky with a sun, thin clouds and dry ground, equirectangular.
 
+usage: make_sky.py                    writes assets/sky.hdr, 512 x 256
+       make_sky.py overcast|sharp OUT.hdr    for measuring: no sun and a closed cover, or a sun of its true size, 2048 x 1024
+
 Needs Python 3 and nothing else. Every run and machine writes the same bytes.
 """
 
 import math
 import pathlib
+import sys
 
-WIDTH, HEIGHT = 512, 256
+NAME = sys.argv[1] if len(sys.argv) > 1 else "afternoon"
+WIDTH, HEIGHT = (512, 256) if NAME == "afternoon" else (2048, 1024)
 SUN = (math.radians(70), math.radians(28))  # azimuth from the middle, elevation
-SUN_RADIUS = math.radians(1.2)
+SUN_RADIUS = math.radians(1.2 if NAME == "afternoon" else 0.265)
+# The irradiance of the sun stays the same.
+SUN_FACTOR = 1 if NAME == "afternoon" else (1.2 / 0.265) ** 2
 
 
 def direction(azimuth, elevation):
@@ -22,6 +29,10 @@ def mix(a, b, t):
 
 def radiance(azimuth, elevation):
     d = direction(azimuth, elevation)
+    if NAME == "overcast":
+        # The CIE's overcast sky: three times as bright overhead as at the horizon.
+        level = (1 + 2 * d[1]) / 3 if d[1] > 0 else 0.15
+        return (0.95 * level, level, 1.05 * level)
     cosine = sum(p * q for p, q in zip(d, direction(*SUN)))
     if d[1] < 0:
         return mix((0.32, 0.28, 0.22), (0.12, 0.10, 0.08), min(1, -d[1] * 2))
@@ -36,7 +47,7 @@ def radiance(azimuth, elevation):
     # The border of the sun is as wide as a texel.
     angle = math.acos(max(-1, min(1, cosine)))
     inside = max(0, min(1, (SUN_RADIUS - angle) / (2 * math.pi / WIDTH) + 0.5))
-    return mix(color, (2600, 2100, 1400), inside)
+    return mix(color, tuple(SUN_FACTOR * c for c in (2600, 2100, 1400)), inside)
 
 
 def rgbe(color):
@@ -75,7 +86,8 @@ def main():
         data += bytes([2, 2, WIDTH >> 8, WIDTH & 255])
         for channel in range(4):
             data += packed(bytes(texel[channel] for texel in row))
-    pathlib.Path(__file__).parent.parent.joinpath("assets/sky.hdr").write_bytes(data)
+    asset = pathlib.Path(__file__).parent.parent / "assets" / "sky.hdr"
+    (asset if NAME == "afternoon" else pathlib.Path(sys.argv[2])).write_bytes(data)
 
 
 main()

@@ -23,6 +23,9 @@ pub const STRETCH: usize = 64;
 /// Block number for the keys of independent points; no Sobol sequence has it.
 const INDEPENDENT: u32 = u32::MAX;
 
+/// Number, in place of a light's, of the points that draw a light.
+pub const DRAWN_LIGHT: u32 = u32::MAX - 1;
+
 /// Sampler that chooses the points on pixels, the lens and area lights.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -100,6 +103,19 @@ impl Sampler {
         bounce: u32,
     ) -> [[f32; N]; 2] {
         self.lanes([x, y], index, light_purpose(light, bounce))
+    }
+
+    /// Numbers that draw a light and a point on it, in N lanes: the first three coordinates, in
+    /// [0, 1), of a set of its own. Lane i is point `index[i]` of the pixel `[x[i], y[i]]`.
+    #[inline(always)]
+    pub fn drawn_light_lanes<const N: usize>(
+        &self,
+        [x, y]: [&[u32; N]; 2],
+        index: &[u32; N],
+        bounce: u32,
+    ) -> [[f32; N]; 3] {
+        let [u, s, t, _] = self.lanes::<4, N>([x, y], index, light_purpose(DRAWN_LIGHT, bounce));
+        [u, s, t]
     }
 
     /// Prepares the points `first .. first + count` of a light in N lanes: see [`LightPoints`].

@@ -35,6 +35,10 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
+    /// Lights that each shading point draws, in place of all: for scenes of many lights
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub emitter_samples: Option<u32>,
+
     /// Trace a quarter of an area light's shadow rays first, and the rest only if these disagree or
     /// a randomly drawn point contradicts them: fewer rays, the same mean
     #[arg(long)]

@@ -35,6 +35,7 @@ fn scene_overrides(args: &SceneArgs) -> Overrides {
     all.flag("--transparent", "/output/transparent", args.transparent.then_some(true));
     all.flag("--legend", "/output/legend", args.legend.then_some(true));
     all.flag("--adaptive-shadows", "/adaptiveshadows", args.adaptive_shadows.then_some(true));
+    all.flag("--emitter-samples", "/emittersamples", args.emitter_samples);
     all.flag("--aov", "/output/layers", args.aov.clone());
     all.flag("--crypto-ranks", "/output/cryptoranks", args.crypto_ranks);
     add_sets(&mut all, &args.set);

@@ -11,6 +11,7 @@ mod camera_packet;
 mod catchers;
 mod cones;
 mod crevices;
+mod drawn_lights;
 mod empty_blocks;
 mod joint;
 mod layers;

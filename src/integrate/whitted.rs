@@ -267,7 +267,13 @@ impl<'a> WhittedIntegrator<'a> {
     ) {
         let at = &self.points.at;
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
-        for (index, light) in self.world.lights.iter().enumerate() {
+        let world = self.world;
+        // The alpha of a catcher is a quotient, whose mean over draws is not that of all lights.
+        let tree = world.light_tree.as_ref().filter(|_| !catching);
+        let count = tree.map_or(world.lights.len(), |tree| tree.gathered.len());
+        for number in 0..count {
+            let index = tree.map_or(number, |tree| tree.gathered[number] as usize);
+            let light = &world.lights[index];
             let lamp = SampledLight { light, index: index as u32, bounce, glossy };
             match &light.emitter {
                 Emitter::Point(q) => {
@@ -297,6 +303,9 @@ impl<'a> WhittedIntegrator<'a> {
                     }
                 }
             }
+        }
+        if let Some(tree) = tree {
+            self.drawn_lights(tree, slot, (bounce, glossy), counts, record);
         }
     }
 

@@ -26,7 +26,7 @@ use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
 use crate::scene::{Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
-use crate::shading::{Light, Shapes};
+use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
 use self::lights::{backdrops, occlusion, recentre};
@@ -95,6 +95,8 @@ pub struct World {
     pub shapes: Arc<Shapes>,
     /// The lights in file order.
     pub lights: Vec<Light>,
+    /// Draws some of the lights for each shading point; `None` if all are gathered.
+    pub light_tree: Option<LightTree>,
     /// The camera, relative to the origin.
     pub camera: Camera,
     /// Rows of the rotation to camera space: x right, y up, z to the viewer.
@@ -242,10 +244,14 @@ impl World {
     ) -> Self {
         let origin = chosen.position;
         let [right, up, forward] = camera::axes(&scene.camera);
+        let lights: Vec<Light> =
+            scene.lights.iter().map(|light| recentre(light, &geometry, &maps)).collect();
+        let tree = |samples| LightTree::new(&lights, samples, scene.falloff);
         Self {
             shapes,
             camera_axes: [right, up, -forward].map(|axis| axis.as_vec3()),
-            lights: scene.lights.iter().map(|light| recentre(light, &geometry, &maps)).collect(),
+            light_tree: scene.emitter_samples.and_then(tree),
+            lights,
             camera: Camera::new(&scene.camera, origin),
             frame: [scene.camera.width, scene.camera.height],
             overscan: 0,

@@ -56,6 +56,7 @@ mod pictures {
     mod environment;
     mod environment_map;
     mod layers;
+    mod many_lights;
     mod mesh_colors;
     mod noise_bias;
     mod plate;

@@ -53,6 +53,7 @@ pub fn check(
     let scene = Scene {
         nbounces: description.nbounces,
         adaptive_shadows: description.adaptiveshadows,
+        emitter_samples: description.emittersamples,
         spp: description.spp,
         seed: description.seed,
         sampler: description.sampler,

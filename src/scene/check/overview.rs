@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
+use crate::scene::checked::{FIRST_SHADOW_POINTS, Light, LightKind, Scene, ShapeKind};
 
 use super::context::Check;
 
 impl Check<'_, '_> {
-    /// Warns about a camera or a light inside a sphere, mirrors without bounces, and adaptive
-    /// shadows that cannot skip a ray.
+    /// Warns about a camera or a light inside a sphere, mirrors without bounces, more draws than
+    /// lights, and adaptive shadows that cannot skip a ray.
     pub(super) fn warn_about_mistakes(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
@@ -58,6 +58,14 @@ impl Check<'_, '_> {
         if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {
             let message = "found 0 although a material has `kr` > 0; mirrors do not reflect";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
+        }
+        let placed =
+            |light: &&Light| matches!(light.kind, LightKind::Point { .. } | LightKind::Area { .. });
+        let placed = scene.lights.iter().filter(placed).count();
+        if scene.emitter_samples.is_some_and(|samples| samples as usize >= placed) {
+            let message =
+                format!("found no fewer than the {placed} point and area lights; all are gathered");
+            self.problems.warn("/emittersamples", message, None);
         }
         if scene.adaptive_shadows && !scene.can_skip_shadow_rays() {
             let message = format!(

@@ -132,9 +132,14 @@ const COMPONENTS: [&str; 5] = ["diffuse", "specular", "ambient", "reflection", "
 #[test]
 fn components_and_light_groups_add_up_to_the_beauty() {
     for spp in [1, 4, 16] {
-        for transparent in [false, true] {
+        for (transparent, draws) in
+            [(false, None), (true, None), (false, Some(1)), (false, Some(2))]
+        {
             let mut scene = stage(spp);
             scene["output"]["transparent"] = json!(transparent);
+            if let Some(draws) = draws {
+                scene["emittersamples"] = json!(draws);
+            }
             let all = all_of(&scene);
             let groups = all.groups();
             assert_eq!(groups.len(), 4, "{groups:?}");
