@@ -10,13 +10,15 @@ REPORT_SECONDS ?= 40
 EMBREE ?= vendor/embree
 
 CARGO_TARGET_DIR ?= target
-BINARY := $(CARGO_TARGET_DIR)/release/lightpath
+BINARY ?= $(CARGO_TARGET_DIR)/release/lightpath
+# A program of the same version that runs here, for the man page and completions.
+SPEAKER ?= $(BINARY)
 # One profile for all targets, so that nothing is compiled twice.
 FLAGS  := --locked --release
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test python wheel bench report lint docs install dist clean
+.PHONY: help setup build render test python wheel bench report lint docs install dist portable clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -76,13 +78,16 @@ install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, comp
 	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)
 	install -m 644 LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md $(DESTDIR)$(PREFIX)/share/doc/lightpath
 	install -D -m 644 -t $(DESTDIR)$(PREFIX)/share/lightpath/farm farm/openjd-template.yaml
-	$(BINARY) man > $(DESTDIR)$(PREFIX)/share/man/man1/lightpath.1
-	$(BINARY) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
-	$(BINARY) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
-	$(BINARY) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
+	$(SPEAKER) man > $(DESTDIR)$(PREFIX)/share/man/man1/lightpath.1
+	$(SPEAKER) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
+	$(SPEAKER) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
+	$(SPEAKER) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
 	scripts/dist.sh
+
+portable: build ## static programs for x86-64 and aarch64, one for glibc 2.28, their SBOM and sums, in target/dist/
+	scripts/portable.sh
 
 $(BINARY):
 	$(MAKE) build

@@ -190,7 +190,7 @@ class Bench:
             mi = mitsuba()
             scene = mi.load_dict(for_mitsuba(self.description, self.args.size, 'multijitter'))
             parts = (mi.render(scene, spp=36, seed=1000 + seed) for seed in range(28))
-            mi.util.write_bitmap(prefix + '-mitsuba.exr', sum(parts) / 28)
+            mi.util.write_bitmap(prefix + '-mitsuba.exr', sum(parts) / 28, write_async=False)
         return True
 
     def error(self):
@@ -207,7 +207,8 @@ class Bench:
             for name, scene in scenes.items():
                 np.array(mi.render(scene, spp=spp, seed=99))
             for round in range(self.args.rounds):
-                order = [('lightpath', spp), *((ADAPTIVE, target) for target in TARGETS.get(spp, [])),
+                targets = [] if self.args.sky else TARGETS.get(spp, [])
+                order = [('lightpath', spp), *((ADAPTIVE, target) for target in targets),
                          *((name, spp) for name in self.series)]
                 for which, point in order + order[::-1]:
                     entry = curve.setdefault(which, {}).setdefault(str(point), {'seconds': [], 'rmse': []})
@@ -273,7 +274,8 @@ class Bench:
         if 'error' in self.state:
             mean, size = self.state['mean'], self.state['error_size']
             lines += ['', f'| render phase, {size} x {size} | spp, or target | seconds | RMSE / mean |', '|---|---|---|---|']
-            for which in ['lightpath', ADAPTIVE, *self.series]:
+            shown = [which for which in ['lightpath', ADAPTIVE, *self.series] if self.points(which)]
+            for which in shown:
                 for rmse, seconds, point in reversed(self.points(which)):
                     lines.append(f'| {which} | {point} | {seconds:.3f} | {rmse / mean:.4f} |')
             lines += ['', '| time to the same RMSE as | Mitsuba | lightpath | ratio | `--noise-of picture` | ratio | bar, for the lesser |',

@@ -78,12 +78,4 @@ say "$package: depends on $depends"
 # --------------------------------------------------------------------------------------------------
 # The folder
 
-name=lightpath-$version-$machine-linux
-install_to "$stage/$name" ""
-same_times "$stage/$name"
-tar -C "$stage" --sort=name --owner=0 --group=0 --numeric-owner -cf - "$name" | xz -6 >"$dist/$name.tar.xz"
-if [ -d "$stage/$name/lib/lightpath" ]; then
-    say "$dist/$name.tar.xz: with Embree; needs glibc $glibc"
-else
-    say "$dist/$name.tar.xz: without Embree, which it looks for on the system; needs glibc $glibc"
-fi
+scripts/folder.sh "$dist" "lightpath-$version-$machine-linux" "${EMBREE:-vendor/embree}"

@@ -39,10 +39,11 @@ test)
     ;;
 wheel)
     builder=$target/python-builder
-    environment "$builder" 'maturin>=1.8,<2'
+    # Zig links against the symbols of an old glibc, which decide on which systems the wheel runs.
+    environment "$builder" 'maturin[zig]>=1.8,<2'
     rm -rf "$target/wheels"
-    # Symbols of glibc decide on which systems the wheel runs: the tag says so.
-    "$builder/bin/maturin" build --release --locked --compatibility "${COMPATIBILITY:-linux}" \
+    PATH=$builder/bin:$PATH "$builder/bin/maturin" build --release --locked --zig \
+        --target "$(uname -m)-unknown-linux-gnu" --compatibility "${COMPATIBILITY:-manylinux_2_28}" \
         --manifest-path python/Cargo.toml --target-dir "$target" --out "$target/wheels" \
         --interpreter "$python"
     "$builder/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$target/wheels"

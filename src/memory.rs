@@ -180,8 +180,8 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
     .with_peak())
 }
 
-/// Adds the images of all materials that shapes use, each as often as it is loaded, and those of the
-/// environments. Files that are not images are reported later.
+/// Adds the images of all materials that shapes use, each as often as it is loaded, and those of
+/// the environments. Files that are not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().filter_map(|s| scene.materials[s.material].texture.as_ref());
     let mut keys = HashMap::new();

@@ -142,8 +142,8 @@ impl Camera {
         self.curved.as_ref().is_some_and(|curved| curved.sees_behind)
     }
 
-    /// Width of a pixel's cone at its ray's origin, in world units, and by how much it grows with each
-    /// unit of distance, in the middle of a frame of this size in pixels. From the rays of
+    /// Width of a pixel's cone at its ray's origin, in world units, and by how much it grows with
+    /// each unit of distance, in the middle of a frame of this size in pixels. From the rays of
     /// neighbouring pixels.
     pub fn cone(&self, [width, height]: [u32; 2]) -> [f64; 2] {
         let exact = |x: f64, y: f64| match &self.curved {

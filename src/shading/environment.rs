@@ -143,8 +143,8 @@ impl Environment {
         q
     }
 
-    /// [`Environment::points`] with directions of the map in the part of the square where s is below
-    /// [`MAP_SHARE`]. Both parts of a stratified set are stratified.
+    /// [`Environment::points`] with directions of the map in the part of the square where s is
+    /// below [`MAP_SHARE`]. Both parts of a stratified set are stratified.
     #[inline(always)]
     fn map_points(&self, map: &TurnedMap, [s, t]: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
         let mut rest = [0.0; LANES];
@@ -196,8 +196,8 @@ mod tests {
                 squares += direction.dot(n).powi(2) / 4096.0;
                 sides += (direction - n * direction.dot(n)) / 4096.0;
             }
-            // The mean of the squared cosine is 1/2. Its error on the grid is below 1e-3, as it has no
-            // steep end, unlike that of the cosine.
+            // The mean of the squared cosine is 1/2. Its error on the grid is below 1e-3, as it has
+            // no steep end, unlike that of the cosine.
             assert!((squares - 0.5).abs() < 1e-3, "{n}: {squares}");
             assert!(sides.length() < 1e-3, "{n}: {sides}");
         }

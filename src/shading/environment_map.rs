@@ -1,9 +1,10 @@
 //! Environment maps: an image of the radiance from all directions, and directions in proportion to
 //! it.
 //!
-//! The image is equirectangular (latlong). Its top row is straight up (+y), its middle column is the
-//! north (-z), and the columns go east (+x). For the light of surfaces, each texel is a patch of the
-//! sphere with constant radiance. Camera rays and mirrors see it with bilinear interpolation.
+//! The image is equirectangular (latlong). Its top row is straight up (+y), its middle column is
+//! the north (-z), and the columns go east (+x). For the light of surfaces, each texel is a patch
+//! of the sphere with constant radiance. Camera rays and mirrors see it with bilinear
+//! interpolation.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;

@@ -197,8 +197,8 @@ impl Shapes {
         let mut left = limit.map(|limit| limit.less(self.texture_bytes()));
         for (texture, _) in self.textures.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted) {
             let held = texture.bytes();
-            // Some 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels. Floats
-            // take half of that.
+            // Some 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels.
+            // Floats take half of that.
             let what = "smaller copies of a texture";
             left.map_or(Ok(()), |left| left.check(held - held / 3, what))?;
             texture.make_mip_map(what)?;

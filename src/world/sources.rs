@@ -12,7 +12,8 @@ use crate::{
 };
 
 /// All files that a scene names: meshes, textures of its materials, images of environments, and the
-/// images that the meshes themselves name, used or not. Reads the headers of the meshes; pipes are not opened.
+/// images that the meshes themselves name, used or not. Reads the headers of the meshes; pipes are
+/// not opened.
 pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for shape in &scene.shapes {

@@ -1,4 +1,4 @@
-//! Rules for the package itself: oldest compiler, lock file, licence texts.
+//! Rules for the package itself: oldest compiler, lock file, licence texts, width of comments.
 
 use std::fs;
 use std::path::Path;
@@ -71,6 +71,25 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
         .filter(|name| *name != env!("CARGO_PKG_NAME") && !named.contains(&format!("`{name}`")))
         .collect();
     assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
+}
+
+/// rustfmt wraps code at 100 columns, but not comments.
+#[test]
+fn comments_are_as_wide_as_code() {
+    let mut complaints = Vec::new();
+    for file in ["src", "tests", "benches", "examples"].into_iter().flat_map(rust_files) {
+        let text = fs::read_to_string(&file).expect("a source file");
+        for (line, number) in text.lines().zip(1..) {
+            if line.trim_start().starts_with("//") && line.chars().count() > 100 {
+                complaints.push(format!(
+                    "{}:{number}: {} columns",
+                    file.display(),
+                    line.chars().count()
+                ));
+            }
+        }
+    }
+    assert!(complaints.is_empty(), "\n{}\n", complaints.join("\n"));
 }
 
 /// Finds syntax that is newer than our oldest compiler. clippy only finds newer functions.

@@ -41,8 +41,8 @@ pub struct Description {
     /// where these disagree, or where a point drawn at random does. Same mean, fewer rays.
     #[serde(default)]
     pub adaptiveshadows: bool,
-    /// Lights that each shading point draws, by their estimated light: point lights and area lights,
-    /// one point of each. Without it, all lights are gathered.
+    /// Lights that each shading point draws, by their estimated light: point lights and area
+    /// lights, one point of each. Without it, all lights are gathered.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub emittersamples: Option<u32>,

@@ -65,7 +65,8 @@ impl Pose {
     }
 }
 
-/// A camera: its keys without the pose, and its projection of camera coordinates to OpenCV's pixels.
+/// A camera: its keys without the pose, and its projection of camera coordinates to OpenCV's
+/// pixels.
 struct Lens {
     name: &'static str,
     keys: Value,

@@ -1,4 +1,5 @@
-//! Colours of faces, alpha, and scalar properties: in all encodings, in bulk, row by row, in streams.
+//! Colours of faces, alpha, and scalar properties: in all encodings, in bulk, row by row, in
+//! streams.
 
 use crate::support::ply_writer::{ALL, Ply, Rows, V, read, read_all};
 use lightpath::error::Error;

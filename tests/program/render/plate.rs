@@ -80,7 +80,8 @@ fn parts_threads_and_crops_give_the_same_bits() {
     let most = whole["samples.Y"].iter().copied().fold(0.0, f32::max);
     let lit = whole["A"].iter().zip(&whole["samples.Y"]).filter(|(alpha, _)| **alpha == 0.0);
     assert!(most > 16.0 && lit.clone().count() > 100);
-    // The darkest shadow of the key light is on the ground alone: its alpha is the sum over the lights.
+    // The darkest shadow of the key light is on the ground alone: its alpha is the sum over the
+    // lights.
     let shadow = &whole["shadow_key.A"];
     let darkest = (0..40 * 30).max_by(|&a, &b| shadow[a].total_cmp(&shadow[b])).unwrap();
     let parts = ["shadow_key.A", "shadow_fill.A"].map(|name| whole[name][darkest]);

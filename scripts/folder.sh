@@ -1,0 +1,27 @@
+#!/bin/sh
+# Packs a relocatable folder with `make install`: folder.sh DIST NAME EMBREE. The environment may set
+# BINARY and SPEAKER of the Makefile. The same program gives the same bytes. Needs xz.
+set -eu
+cd "$(dirname "$0")/.."
+export LC_ALL=C
+
+dist=$1
+name=$2
+embree=$3
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
+stage=$(mktemp -d)
+trap 'rm -rf "$stage"' EXIT
+umask 022
+mkdir -p "$dist"
+make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
+find "$stage/$name" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
+tar -C "$stage" --sort=name --owner=0 --group=0 --numeric-owner -cf - "$name" | xz -6 >"$dist/$name.tar.xz"
+
+# The newest version of the C library that a symbol of the program needs.
+glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
+needs="; needs ${glibc:+glibc }${glibc:-nothing else}"
+if [ -d "$stage/$name/lib/lightpath" ]; then
+    printf 'dist: %s: with Embree%s\n' "$dist/$name.tar.xz" "$needs"
+else
+    printf 'dist: %s: without Embree%s\n' "$dist/$name.tar.xz" "$needs"
+fi

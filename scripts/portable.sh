@@ -1,0 +1,64 @@
+#!/bin/bash
+# Builds programs for other machines into target/dist/, beside what `make dist` makes:
+#
+#   lightpath-VERSION-x86_64-linux-glibc2.28.tar.xz   with the Embree of vendor/embree, if it is there
+#   lightpath-VERSION-x86_64-linux-static.tar.xz      needs nothing; `bvh` is inside, Embree is not
+#   lightpath-VERSION-aarch64-linux-static.tar.xz     the same for 64-bit ARM, with the portable kernels
+#   lightpath-VERSION.cdx.json                        their dependencies (CycloneDX)
+#   SHA256SUMS                                        of everything in the folder
+#
+# Zig compiles the C parts and links: it has the C libraries of all these systems. It comes from PyPI into
+# target/portable-tools/, Rust's libraries for the targets from rustup, cargo-cyclonedx from crates.io. The same sources,
+# compiler and commit give the same bytes, in any folder.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+tools=$target/portable-tools
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+dist=$target/dist
+: "${SOURCE_DATE_EPOCH:=$(git log -1 --format=%ct 2>/dev/null || date +%s)}"
+export SOURCE_DATE_EPOCH
+
+command -v rustup >/dev/null ||
+    { echo "portable: found no rustup, which installs Rust's libraries for other systems: https://rustup.rs" >&2; exit 2; }
+scripts/setup.sh python
+[ -x "$tools/bin/cargo-zigbuild" ] || {
+    echo "portable: installing Zig 0.17.1 and cargo-zigbuild 0.24.1 from PyPI into $tools"
+    python3 -m venv "$tools"
+    "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 cargo-zigbuild==0.24.1
+}
+PATH=$tools/bin:$PATH
+
+# No path of this machine in the programs.
+registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
+sysroot=$(rustc --print sysroot)
+maps="-ffile-prefix-map=$PWD=. -ffile-prefix-map=$registry=registry -ffile-prefix-map=$target=target"
+export CFLAGS="$maps"
+export RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=$registry=registry --remap-path-prefix=$target=target \
+--remap-path-prefix=$sysroot=rust"
+
+# build TARGET NAME EMBREE FLAG...
+build() {
+    local triple=$1 name=lightpath-$version-$2 embree=$3
+    rustup target add --quiet "${triple%.2.28}" 2>/dev/null || rustup target add "${triple%.2.28}"
+    cargo zigbuild --locked --release --bin lightpath --target "$triple" --target-dir "$target" "${@:4}"
+    BINARY=$target/${triple%.2.28}/release/lightpath SPEAKER=$target/release/lightpath \
+        scripts/folder.sh "$dist" "$name" "$embree"
+}
+build x86_64-unknown-linux-gnu.2.28 x86_64-linux-glibc2.28 vendor/embree
+build x86_64-unknown-linux-musl x86_64-linux-static none --no-default-features
+build aarch64-unknown-linux-musl aarch64-linux-static none --no-default-features
+
+unset RUSTFLAGS CFLAGS
+[ -x "$tools/bin/cargo-cyclonedx" ] || {
+    echo "portable: installing cargo-cyclonedx from crates.io into $tools"
+    cargo install --quiet --locked --root "$tools" cargo-cyclonedx@0.5.7
+}
+cargo cyclonedx --quiet --format json --override-filename sbom --target x86_64-unknown-linux-gnu
+mv sbom.json "$dist/lightpath-$version.cdx.json"
+
+cd "$dist"
+rm -f SHA256SUMS
+sums=$(sha256sum -- *)
+printf '%s\n' "$sums" | tee SHA256SUMS
