@@ -149,7 +149,11 @@ fn embree(root: &Path) {
         folders.push("$ORIGIN/../lib/lightpath".into());
         folders.push("$ORIGIN/../../vendor/embree".into());
         folders.push("$ORIGIN/../../../vendor/embree".into());
-        folders.push(vendor);
+        // Packages that must not depend on where they were built set this (reproducible-builds.org).
+        println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
+        if env::var_os("SOURCE_DATE_EPOCH").is_none() {
+            folders.push(vendor);
+        }
         let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
         // One argument each instead of -Wl, which would split a folder name at a comma.
         for argument in ["-Xlinker", "-rpath", "-Xlinker", &list.join(":")] {

@@ -41,7 +41,7 @@ export RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=$registry=regis
 # build TARGET NAME EMBREE FLAG...
 build() {
     local triple=$1 name=lightpath-$version-$2 embree=$3
-    rustup target add --quiet "${triple%.2.28}" 2>/dev/null || rustup target add "${triple%.2.28}"
+    rustup target add "${triple%.2.28}"
     cargo zigbuild --locked --release --bin lightpath --target "$triple" --target-dir "$target" "${@:4}"
     BINARY=$target/${triple%.2.28}/release/lightpath SPEAKER=$target/release/lightpath \
         scripts/folder.sh "$dist" "$name" "$embree"

@@ -65,11 +65,19 @@ impl WhittedIntegrator<'_> {
         let (rays, lit) = (&mut self.shadow, &mut self.lit);
         let (falloff, light) = (self.world.falloff, lamp.light);
         let aimed = ShadowRays::aim(&self.points.at, (q, area), falloff, lamp.glossy, rays, lit);
+        let points = &self.points.at;
+        let colors = match area.and_then(Area::map) {
+            Some(map) => Some(map.weigh(points, q, lit)),
+            None => None,
+        };
         let mut whole = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in (0..LANES).filter(|&i| aimed.active.0[i] != 0) {
                 whole[axis][i] =
                     lit.diffuse[i] * light.diffuse[axis] + lit.specular[i] * light.specular[axis];
+                if let Some(colors) = &colors {
+                    whole[axis][i] *= colors[axis][i];
+                }
             }
         }
         self.catch(lamp, &whole);

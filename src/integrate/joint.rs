@@ -18,9 +18,6 @@ pub fn joint_light(world: &World) -> Option<u32> {
             Emitter::Area(area) => Some((area, index)),
             Emitter::Point(_) => None,
         })?;
-    let shares = area.samples == 1
-        && area.map().is_none()
-        && world.spp >= MIN_JOINT_SAMPLES
-        && !world.camera.has_lens();
+    let shares = area.samples == 1 && world.spp >= MIN_JOINT_SAMPLES && !world.camera.has_lens();
     shares.then_some(first)
 }

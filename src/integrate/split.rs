@@ -41,6 +41,19 @@ impl LightParts {
     }
 }
 
+impl LightParts {
+    /// Multiplies the light of each lane by a colour.
+    #[inline(always)]
+    pub fn color(&mut self, colors: &Lanes3) {
+        for axis in 0..3 {
+            for i in 0..LANES {
+                self.diffuse[axis][i] *= colors[axis][i];
+                self.specular[axis][i] *= colors[axis][i];
+            }
+        }
+    }
+}
+
 /// Sums over the points of a light, in f64, because there may be many.
 #[derive(Debug, Clone)]
 pub struct LightPartSums {

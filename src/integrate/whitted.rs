@@ -283,7 +283,7 @@ impl<'a> WhittedIntegrator<'a> {
                         self.catch_point(&lamp, &q, None);
                     }
                 }
-                Emitter::Area(area) if area.samples == 1 && area.map().is_none() => {
+                Emitter::Area(area) if area.samples == 1 => {
                     let square = if bounce == 0 && self.joint == Some(lamp.index) {
                         slot.spare
                     } else {
@@ -327,6 +327,10 @@ impl<'a> WhittedIntegrator<'a> {
         if !active.any() {
             return;
         }
+        let colors = match area.and_then(Area::map) {
+            Some(map) => Some(map.weigh(points, q, lit)),
+            None => None,
+        };
         counts.shadow += u64::from(active.count());
         let scene = (&*world.geometry, self.shadows);
         aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
@@ -337,11 +341,26 @@ impl<'a> WhittedIntegrator<'a> {
                 seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
             let mut split = LightParts::from_weights(light, lit, &seen);
+            if let Some(colors) = &colors {
+                split.color(colors);
+            }
             if let Some(plate) = &self.plate {
                 plate.darken(&mut split);
             }
             let (base, throughput) = (&self.points.base, &self.throughput);
             record.light(lamp, base, throughput, &split);
+        }
+        if let Some(colors) = &colors {
+            for axis in 0..3 {
+                for i in 0..LANES {
+                    let visible = (active.0[i] != 0) & (rays.tfar[i] >= 0.0);
+                    let light = lit.diffuse[i] * diffuse[axis] + lit.specular[i] * specular[axis];
+                    let sent = light * colors[axis][i];
+                    let sent = sent * self.points.base[axis][i] * self.throughput[i];
+                    self.radiance[axis][i] += if visible { sent } else { 0.0 };
+                }
+            }
+            return;
         }
         for axis in 0..3 {
             for i in 0..LANES {

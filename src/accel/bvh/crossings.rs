@@ -19,7 +19,7 @@ use super::simd::{self, Path, Tier};
 use super::single::Single;
 use super::tree::Bvh;
 use crate::ray::{LANES, Mask, Rays};
-use crate::simd::{Isa, Kernel};
+use crate::simd::Kernel;
 
 /// A crossing of a ray with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]

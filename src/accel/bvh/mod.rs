@@ -12,11 +12,11 @@
 macro_rules! with_tier {
     ($isa:expr, $tier:ident => $run:expr) => {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if let (Isa::Avx512, Some($tier)) = ($isa, simd::avx512::Avx512::new()) {
+        if let ($crate::simd::Isa::Avx512, Some($tier)) = ($isa, simd::avx512::Avx512::new()) {
             return $run;
         }
         #[cfg(target_arch = "x86_64")]
-        if let (Isa::Avx2, Some($tier)) = ($isa, simd::avx2::Avx2::new()) {
+        if let ($crate::simd::Isa::Avx2, Some($tier)) = ($isa, simd::avx2::Avx2::new()) {
             return $run;
         }
         let $tier = simd::portable::Portable;
@@ -67,7 +67,7 @@ use super::accelerator::{Accelerator, BuildInfo, Visits};
 use super::shaft::Shaft;
 use crate::geometry::{Geometry, Nearby};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
-use crate::simd::{Isa, Kernel};
+use crate::simd::Kernel;
 
 /// Traces the active rays one by one.
 struct SingleClosest<'a, T> {

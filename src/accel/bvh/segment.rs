@@ -5,7 +5,7 @@ use super::query::Query;
 use super::simd::{self, Path, Tier};
 use super::tree::Bvh;
 use crate::ray::Rays;
-use crate::simd::{Isa, Kernel};
+use crate::simd::Kernel;
 
 impl Bvh<'_> {
     /// Returns whether `hits` is true for any triangle in a leaf that ray 0 of `rays` may reach.

@@ -227,20 +227,63 @@ fn groups_and_components_add_up_with_an_image() {
     let ball = json!({ "type": "sphere", "center": [0, 1, 0], "radius": 1,
                        "material": { "ks": 0.3, "kr": 0.2, "specularexponent": 20 } });
     let layers = r#"/output/layers=["diffuse", "specular", "reflection", "background", "light"]"#;
-    let loaded = load(&camera, environment(&image), &[ground(), ball], &["/nbounces=2", layers]);
-    let film = loaded.unwrap().renderer().unwrap().render().unwrap();
-    let sum = |names: &[&str], pixel: usize| -> f64 {
-        let value =
-            |name: &&str| f64::from(film.planes.float(film.planes.index(name).unwrap(), pixel));
-        names.iter().map(value).sum()
-    };
-    for (pixel, beauty) in film.pixels.iter().enumerate() {
-        let components = sum(&["diffuse.G", "specular.G", "reflection.G", "background.G"], pixel);
-        let groups = sum(&["light_sky.G", "light_background.G"], pixel);
-        for all in [components, groups] {
-            assert!((all - f64::from(beauty[1])).abs() < 1e-5 * all.max(1.0), "{all} {beauty:?}");
+    for more in [&["/spp=1"][..], &["/spp=16", "/scene/lightsources/0/samples=1"]] {
+        let more = [more, &["/nbounces=2", layers]].concat();
+        let loaded = load(&camera, environment(&image), &[ground(), ball.clone()], &more);
+        let film = loaded.unwrap().renderer().unwrap().render().unwrap();
+        let sum = |names: &[&str], pixel: usize| -> f64 {
+            let value =
+                |name: &&str| f64::from(film.planes.float(film.planes.index(name).unwrap(), pixel));
+            names.iter().map(value).sum()
+        };
+        for (pixel, beauty) in film.pixels.iter().enumerate() {
+            let components =
+                sum(&["diffuse.G", "specular.G", "reflection.G", "background.G"], pixel);
+            let groups = sum(&["light_sky.G", "light_background.G"], pixel);
+            for all in [components, groups] {
+                let off = (all - f64::from(beauty[1])).abs();
+                assert!(off < 1e-5 * all.max(1.0), "{all} {beauty:?}");
+            }
         }
     }
+}
+
+/// One direction for each of 16 camera samples shares their sequence, and 64 are reordered.
+#[test]
+fn one_direction_for_each_sample_has_the_same_mean() {
+    let folder = Scratch::new();
+    let image = write(&folder, "sky.exr", |d| {
+        [1.5 + d.x, 1.0 + d.z * d.y, if d.dot(towards(20.0, 50.0)) > 0.98 { 40.0 } else { 0.2 }]
+    });
+    let light = |samples: u32| {
+        let mut light = environment(&image);
+        light["samples"] = json!(samples);
+        light
+    };
+    let wall = quad([[0.5, 0.0, -9.0], [0.5, 0.0, 9.0], [0.5, 2.0, 9.0], [0.5, 2.0, -9.0]]);
+    for shapes in [&[][..], &[wall]] {
+        let many = means(&light(64), shapes, 1);
+        for spp in [16, 64] {
+            assert_equal(&format!("{spp}"), means(&light(1), shapes, spp), many);
+        }
+    }
+}
+
+#[test]
+fn an_image_takes_its_light_off_shadow_catchers() {
+    let folder = Scratch::new();
+    let image = write(&folder, "sky.exr", |d| [1.0, 2.0, if d.y > 0.8 { 9.0 } else { 0.1 }]);
+    let mut light = environment(&image);
+    light["samples"] = json!(1);
+    let mut ground = ground();
+    ground["shadow_catcher"] = json!(true);
+    // Nothing stands on the ground, so no light is taken: alpha is 0.
+    let camera = down();
+    let scene = json!({ "camera": camera, "spp": 16,
+                        "scene": { "lightsources": [light], "shapes": [ground] } });
+    let loaded = LoadedScene::from_json(&scene.to_string(), &[]).unwrap();
+    let film = loaded.renderer().unwrap().render().unwrap();
+    assert_eq!(film.pixels, [[0.0; 4]]);
 }
 
 #[test]

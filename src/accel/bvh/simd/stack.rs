@@ -64,6 +64,7 @@ impl Stack {
     ///
     /// # Panics
     /// If the tree is deeper than [`MAX_DEPTH`].
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub fn room(&mut self) -> (*mut Child, *mut f32) {
         assert!(self.len <= CAPACITY - WIDTH);
@@ -77,6 +78,7 @@ impl Stack {
     ///
     /// # Safety
     /// The first `n <= 16` entries there must be initialised.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub unsafe fn grow(&mut self, n: usize) {
         self.len += n;
