@@ -66,10 +66,7 @@ impl WhittedIntegrator<'_> {
         let (falloff, light) = (self.world.falloff, lamp.light);
         let aimed = ShadowRays::aim(&self.points.at, (q, area), falloff, lamp.glossy, rays, lit);
         let points = &self.points.at;
-        let colors = match area.and_then(Area::map) {
-            Some(map) => Some(map.weigh(points, q, lit)),
-            None => None,
-        };
+        let colors = aimed.colors(points, q, lit);
         let mut whole = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in (0..LANES).filter(|&i| aimed.active.0[i] != 0) {

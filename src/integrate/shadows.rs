@@ -48,6 +48,18 @@ impl<'a> ShadowRays<'a> {
         Self { area, active, grazing }
     }
 
+    /// Colours of the light points of an environment's image; `None` for other lights. Divides
+    /// their weights by their density.
+    #[inline(always)]
+    pub fn colors(
+        &self,
+        points: &ShadowPoints,
+        q: &Lanes3,
+        lit: &mut LightWeights,
+    ) -> Option<Lanes3> {
+        Some(self.area?.map()?.weigh(points, q, lit))
+    }
+
     /// Whether the backend alone decides which rays are occluded.
     #[inline(always)]
     pub fn is_plain(&self, crevices: &Crevices) -> bool {

@@ -327,10 +327,7 @@ impl<'a> WhittedIntegrator<'a> {
         if !active.any() {
             return;
         }
-        let colors = match area.and_then(Area::map) {
-            Some(map) => Some(map.weigh(points, q, lit)),
-            None => None,
-        };
+        let colors = aimed.colors(points, q, lit);
         counts.shadow += u64::from(active.count());
         let scene = (&*world.geometry, self.shadows);
         aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);

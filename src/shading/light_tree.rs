@@ -277,7 +277,8 @@ impl LightTree {
                 let (found, none) = (child & LEAF != 0, probability[i] == 0.0);
                 if found && !none {
                     drawn.lanes.0[i] = -1;
-                    (drawn.light[i], drawn.probability[i]) = (child ^ LEAF, probability[i] as f32);
+                    drawn.light[i] = child ^ LEAF;
+                    drawn.probability[i] = (probability[i] as f32).max(f32::MIN_POSITIVE);
                 }
                 let done = found || none;
                 (open.0[i], at[i]) = if done { (0, 0) } else { (-1, child) };
