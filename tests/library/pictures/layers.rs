@@ -181,9 +181,12 @@ fn layers_do_not_change_the_beauty() {
 
 on_both! {
     fn the_same_bits_for_any_threads_tiers_and_crops(backend: Backend) {
-        for spp in [1, 5] {
+        for (spp, draws) in [(1, None), (5, None), (5, Some(1))] {
             let mut scene = stage(spp);
             scene["scene"]["accelerator"] = json!(backend.name());
+            if let Some(draws) = draws {
+                scene["emittersamples"] = json!(draws);
+            }
             let full = all_of(&scene);
             assert_eq!(
                 rendered(&scene, None, 3, Isa::Portable).film.planes.words,
