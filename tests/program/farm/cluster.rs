@@ -163,7 +163,7 @@ impl Drop for Cluster {
 fn a_cluster_that_loses_nodes_loses_no_frame() {
     let Some(cluster) = Cluster::up("3", "2") else { return };
     let scratch = scratch("160x120", 24, FRAMES);
-    cluster.submit(&scratch, "job.json", "farm", "1");
+    cluster.submit(&scratch, "job.json", "farm", "2");
     let finished = || {
         let names = std::fs::read_dir(scratch.path("farm/pyramid")).into_iter().flatten();
         let names = names.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
