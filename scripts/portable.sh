@@ -8,8 +8,7 @@
 #   SHA256SUMS                                        of everything in the folder
 #
 # Zig compiles the C parts and links: it has the C libraries of all these systems. It comes from PyPI into
-# target/portable-tools/, Rust's libraries for the targets from rustup, cargo-cyclonedx from crates.io. The same sources,
-# compiler and commit give the same bytes, in any folder.
+# target/portable-tools/, Rust's libraries for the targets from rustup, cargo-cyclonedx from crates.io.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
