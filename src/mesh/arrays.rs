@@ -11,9 +11,9 @@ use crate::files::Stamp;
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
 pub enum Positions {
-    /// `float` (or narrower) coordinates.
+    /// Coordinates in single precision: all are `float` or narrower.
     F32(Vec<[f32; 3]>),
-    /// `double` (or 32-bit integer) coordinates.
+    /// Coordinates in double precision: at least one is `double`, `int` or `uint`.
     F64(Vec<[f64; 3]>),
 }
 
@@ -51,8 +51,8 @@ pub enum Uvs {
     PerCorner(Vec<[[f32; 2]; 3]>),
 }
 
-/// Colours as stored. Integers are fractions of their type's maximum and sRGB-encoded, unless the
-/// scene says otherwise. Floats are linear.
+/// Colours as stored. Integers are fractions of their type's maximum. They are sRGB-encoded, unless
+/// the scene specifies another encoding. Floats are linear.
 #[derive(Debug, Clone)]
 pub enum Colors {
     /// 8-bit integers, 255 = 1.
@@ -125,12 +125,12 @@ impl Scalars {
     }
 }
 
-/// What has a colour or a property of its own.
+/// The element of a file that colours or a property belong to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshElement {
     /// The vertices of the file.
     Vertex,
-    /// The faces of the file. Arrays hold one value per triangle.
+    /// The faces of the file. The arrays have one value per triangle.
     Face,
 }
 
@@ -155,17 +155,17 @@ pub struct Property {
     pub values: Scalars,
 }
 
-/// Textures of the faces, where a file has several.
+/// Textures of the triangles, if a file names several.
 #[derive(Debug, Clone)]
 pub struct FaceTextures {
-    /// Names of the image files, in the order of their numbers.
+    /// Names of the image files. `texnumber` is an index into them.
     pub files: Vec<String>,
     /// For each triangle, an index into `files`, or [`FaceTextures::NO_TEXTURE`].
     pub numbers: Vec<u16>,
 }
 
 impl FaceTextures {
-    /// Number of a triangle without a texture; the file has -1.
+    /// Index of a triangle without a texture: `texnumber` is -1, or out of range and repaired.
     pub const NO_TEXTURE: u16 = u16::MAX;
 }
 
@@ -179,40 +179,43 @@ pub struct Mesh {
     pub positions: Positions,
     /// Three vertex indices per triangle. Empty if the file was read as points.
     pub triangles: Vec<[u32; 3]>,
-    /// Triangles with zero area whose three corners are different points, in file order. A scene
-    /// keeps the ones that close T-junctions.
+    /// Candidates for stitches: triangles with zero area whose three corners are different points,
+    /// in file order. A scene keeps the ones that close T-junctions.
     #[doc(hidden)]
     pub stitches: Vec<[u32; 3]>,
     /// Vertex normals as stored, of any length.
     pub normals: Option<Vec<[f32; 3]>>,
     /// Texture coordinates, if the file has any.
     pub uvs: Option<Uvs>,
-    /// Vertex colours, if the file has any and they were requested.
+    /// Colours of the vertices, if the file has any and they were requested.
     pub colors: Option<Colors>,
-    /// Colours of the faces, one per triangle. Read where the file has no vertex colours.
+    /// Colours of the faces, one per triangle, if the file has any and they were requested. By
+    /// default they are read only if the vertices have no colours.
     pub face_colors: Option<Colors>,
-    /// Alpha of `colors`, else of `face_colors`. `None` if all are opaque, or all are 0. Integers
-    /// are fractions of their type's maximum.
+    /// Alpha of `colors`, else of `face_colors`. `None` if the file has no alpha, if all values are
+    /// opaque, or if all are 0. Integers are fractions of their type's maximum.
     pub alpha: Option<Scalars>,
     /// The scalar property that was requested.
     pub property: Option<Property>,
     /// The file name in `comment TextureFile NAME`. If there are several, this is the one that most
-    /// triangles select by `texnumber`, or else the first.
+    /// triangles select by `texnumber`, or else the first. `None` also if all triangles have the
+    /// same `texnumber` and no name has this index.
     pub texture_file: Option<String>,
-    /// The textures of the triangles, if they have different ones and these were requested.
+    /// Textures of the triangles, if they have different ones and these were requested.
     pub textures: Option<FaceTextures>,
-    /// What the reader used, ignored, split and dropped.
+    /// What the reader used, skipped, split and dropped.
     #[doc(hidden)]
     pub notes: Notes,
 }
 
 impl Mesh {
     /// Makes a mesh from arrays, without normals, texture coordinates and colours. These fields can
-    /// be set afterwards.
+    /// be set afterwards. Triangles without area are kept.
     ///
     /// # Errors
-    /// `Invalid` for an index beyond the vertices, a vertex that is not finite or a triangle that
-    /// repeats a vertex. Also if there is no triangle, or if there are more than 2^32 - 2 vertices.
+    /// `Invalid` for a triangle with an index beyond the vertices, with a vertex that is not
+    /// finite, or with the same vertex twice. Also if there is no triangle, or if there are more
+    /// than 2^32 - 2 vertices.
     pub fn new(positions: Positions, triangles: Vec<[u32; 3]>) -> Result<Self> {
         let count = positions.len();
         let refused = |message: String| Err(Error::invalid("mesh", message));
@@ -274,8 +277,8 @@ impl Mesh {
         self.triangles.is_empty()
     }
 
-    /// Returns a flag for each vertex: true if a triangle uses it. All are used by a cloud of
-    /// points.
+    /// Returns a flag for each vertex: true if a triangle uses it. In a cloud of points, all flags
+    /// are true.
     #[doc(hidden)]
     pub fn used_vertices(&self) -> Vec<bool> {
         let count = self.positions.len();
@@ -298,25 +301,28 @@ impl Mesh {
 pub struct Notes {
     /// The encoding: `ascii`, `binary_little_endian` or `binary_big_endian`.
     pub format: &'static str,
-    /// Number of faces in the file, before triangulation.
+    /// Number of faces in the file, before polygons are split. Every triangle of a strip counts as
+    /// a face.
     pub faces: u64,
-    /// Number of faces with more than three corners. They were split.
+    /// Number of faces with more than three corners. They were split, or dropped by `--repair`.
     pub polygons_split: u64,
     /// Number of faces with fewer than three corners. They were skipped.
     pub faces_too_small: u64,
-    /// Number of files that `comment TextureFile` lines name. Only one is shown.
+    /// Number of lines `comment TextureFile NAME`; 1 if all triangles have the same `texnumber`.
     pub texture_files: usize,
-    /// Number of triangles that repeat a vertex or have zero area. They were dropped, but
-    /// [`Mesh::stitches`] holds those between three different points.
+    /// Number of triangles that repeat a vertex or have zero area. They are not in
+    /// [`Mesh::triangles`]. [`Mesh::stitches`] has those between three different points.
     pub degenerate_dropped: u64,
     /// Number of triangles with the same three vertices, in any order, as an earlier one. They were
     /// dropped.
     pub duplicates_dropped: u64,
-    /// Number of triangles dropped by `--repair`: they use a missing or non-finite vertex.
+    /// Number of triangles dropped by `--repair`: they use a missing or non-finite vertex. In a
+    /// cloud of points, the number of dropped points.
     pub repaired_dropped: u64,
-    /// Number of different `texnumber` values: the textures that the faces select.
+    /// Number of different `texnumber` values of triangles. The value -1, no texture, is counted,
+    /// too.
     pub textures: u64,
-    /// True if the alpha of all colours is 0. It is ignored: the writer did not set it.
+    /// True if the alpha of all colours is 0. It is ignored, because the writer did not set it.
     pub alpha_ignored: bool,
     /// Number of bytes after the last row. The header may declare too few rows.
     pub trailing_bytes: u64,

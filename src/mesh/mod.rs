@@ -23,8 +23,8 @@ impl Mesh {
     /// pool.
     ///
     /// # Errors
-    /// A file that cannot be read, that holds no triangle, or that uses a missing or non-finite
-    /// vertex.
+    /// If the file cannot be read, is not a valid PLY file, or holds no triangle. Also if a
+    /// triangle uses a missing or non-finite vertex.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         read_ply(path.as_ref(), ReadOptions::default())
     }

@@ -1,5 +1,5 @@
-//! The backend that finds the hits, as one value from the scene's `accelerator` and its flags to
-//! [`crate::accel::build`]. Contradictory flags are refused here; the type cannot express them.
+//! The backend that finds the hits. One value carries the scene's `accelerator` and its flags to
+//! [`crate::accel::build`]. Contradictory flags are refused here, and the type cannot express them.
 
 use super::description::Accelerator;
 use crate::error::{Error, Kind, Problem, Result};
@@ -18,7 +18,7 @@ pub enum Backend {
     Brute,
 }
 
-/// The triangle test and memory layout that Embree uses.
+/// The mode of Embree: its triangle test and its memory layout.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum EmbreeMode {
     /// With Embree's ROBUST flag. Rays aimed at vertices of a closed mesh may leak.
@@ -76,7 +76,8 @@ impl Default for Backend {
 pub struct BackendFlags {
     /// `--fast`: Embree without its robust mode.
     pub fast: bool,
-    /// `--isa`: instruction set of `bvh` and of shading. This machine supports it.
+    /// `--isa`: instruction set of `bvh` and of shading. The caller has checked that this machine
+    /// supports it.
     pub isa: Option<Isa>,
 }
 
@@ -111,7 +112,7 @@ impl BackendFlags {
         Ok(backend)
     }
 
-    /// Combines two sets of flags. `last` takes precedence.
+    /// Returns both sets of flags together. `last` takes precedence.
     pub fn then(self, last: Self) -> Self {
         Self { fast: self.fast || last.fast, isa: last.isa.or(self.isa) }
     }

@@ -26,7 +26,7 @@ pub struct Scene {
     pub nbounces: u32,
     /// Trace shadow rays of area lights only where they are needed.
     pub adaptive_shadows: bool,
-    /// Number of lights that each shading point draws, >= 1. `None`: it gathers all.
+    /// Number of lights that each shading point draws, >= 1. `None`: it gathers all lights.
     pub emitter_samples: Option<u32>,
     /// Number of camera samples per pixel, >= 1.
     pub spp: u32,
@@ -76,8 +76,8 @@ pub struct OcclusionRays {
 }
 
 impl Scene {
-    /// Returns true if adaptive shadows can skip any shadow ray: an area light has more points than
-    /// are always traced.
+    /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
+    /// environment without image that has more points than are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {
         let spares = |light: &Light| match light.kind {
             LightKind::Point { .. } => false,
@@ -89,7 +89,7 @@ impl Scene {
         self.adaptive_shadows && self.lights.iter().any(spares)
     }
 
-    /// The images of the environments.
+    /// Returns the images of the environments.
     pub fn maps(&self) -> impl Iterator<Item = &MapUse> {
         self.lights.iter().filter_map(|light| match &light.kind {
             LightKind::Environment { map, .. } => map.as_ref(),
@@ -117,7 +117,7 @@ impl Scene {
     }
 }
 
-/// The camera as written. The formulas are in docs/guide/cameras.md.
+/// The checked camera. The formulas are in docs/guide/cameras.md.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Width of the picture in pixels, >= 1.
@@ -135,7 +135,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Vertical angle of view in degrees and the lens of a `pinhole` or `thinlens`.
+    /// Returns the vertical angle of view in degrees and the lens of a `pinhole` or `thinlens`.
+    /// `None` for other cameras.
     pub fn perspective(&self) -> Option<(f64, Option<Lens>)> {
         match self.projection {
             Projection::Perspective { fov_deg, lens } => Some((fov_deg, lens)),
@@ -221,7 +222,7 @@ pub enum LightKind {
     Sun {
         /// Unit direction towards the middle of the sun.
         towards: DVec3,
-        /// Angular diameter in degrees, in [0, 180).
+        /// Angular diameter in degrees, in [0, 179]; 0 for a directional light.
         angle_deg: f64,
         /// Number of directions per shading point, >= 1.
         samples: u32,
@@ -230,7 +231,7 @@ pub enum LightKind {
     Environment {
         /// Number of directions per shading point, >= 1.
         samples: u32,
-        /// The image of its radiance; otherwise all directions have the same.
+        /// The image of its radiance. `None`: the radiance is the same in all directions.
         map: Option<MapUse>,
     },
 }
@@ -244,7 +245,7 @@ pub struct MapUse {
     pub path: PathBuf,
     /// Azimuth of its middle, in degrees from -z towards +x.
     pub rotation_deg: f64,
-    /// Whether camera rays and mirrors see it.
+    /// True if camera rays and mirrors see it.
     pub visible: bool,
 }
 
@@ -310,7 +311,7 @@ pub struct Trimesh {
     pub place: String,
     /// Path of the PLY file, joined to the scene's folder.
     pub path: PathBuf,
-    /// Length of the longest side after centring, if `fit` is set.
+    /// Length of the longest side before `size`, if `fit` is set. The bounding box is centred, too.
     pub fit: Option<f64>,
     /// Rotation in degrees about the x, then y, then z axis.
     pub rotate_deg: DVec3,
@@ -326,7 +327,7 @@ pub struct Trimesh {
     pub vertex_colors: bool,
     /// Encoding of the colours; `None`: implied by their type in the file.
     pub vertex_color_space: Option<ColorSpace>,
-    /// Source of the colours. `None`: the vertices of the file, else its faces.
+    /// Source of the colours. `None`: the vertices of the file, else its faces, if `vertex_colors`.
     pub color: Option<MeshColor>,
     /// Radius of the spheres that replace the faces, in the units of the file.
     pub points: Option<f64>,
@@ -434,7 +435,7 @@ pub struct TextureUse {
     pub wrap: Option<Wrap>,
     /// Encoding of the image. `None`: sRGB for integer images, linear for float images.
     pub color_space: Option<ColorSpace>,
-    /// Factors of u and v, applied after any flip.
+    /// Factors of u and v, applied after v is flipped where the shape flips it.
     pub scale: DVec2,
 }
 

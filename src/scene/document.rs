@@ -1,9 +1,9 @@
-//! A JSON text as a tree that stores where every value was written.
+//! A JSON text as a tree that stores the place of every value.
 //!
-//! Messages name line and column, for syntax errors and for values that a later check rejects. The
-//! tree keeps what a plain JSON value loses: places, duplicate keys, the source text of numbers.
-//! Scenes and job files are parsed here. The only key with a meaning here is `comment`, which any
-//! object may have.
+//! Messages name line and column, both for syntax errors and for values that a later check rejects.
+//! The tree keeps what a plain JSON value loses: places, duplicate keys, the source text of
+//! numbers. Scenes and job files are parsed here. Only one key has a meaning here: `comment`, which
+//! any object may have.
 
 use serde_json::Value;
 

@@ -1,4 +1,5 @@
-//! Words for messages: the value that was found, and the values that a schema accepts.
+//! Formats the values that messages mention: the value that was found, and the values that a schema
+//! accepts.
 
 use serde_json::Value;
 

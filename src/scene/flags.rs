@@ -42,13 +42,13 @@ impl Overrides {
         self.list.iter().any(|(_, at, _)| below(at))
     }
 
-    /// Adds options of the backend.
+    /// Adds options of the backend. They take precedence over earlier ones.
     pub fn backend(&mut self, flags: BackendFlags) {
         self.backend = self.backend.then(flags);
     }
 
-    /// Adds `--light-samples` before every `--set`: one override per area light. Returns false if
-    /// there is no area light.
+    /// Adds `--light-samples` before all other overrides: one override per area light, sun and
+    /// environment. Returns false if there is none of them.
     pub fn light_samples(&mut self, samples: u32, scene: &Description) -> bool {
         let lights = scene.scene.lightsources.iter().enumerate();
         let mut added = Self::default();
@@ -63,13 +63,13 @@ impl Overrides {
         any
     }
 
-    /// Adds all overrides of `last`. They take precedence.
+    /// Adds the overrides of `last` after all others. They take precedence.
     pub fn append(&mut self, mut last: Self) {
         self.list.append(&mut last.list);
         self.backend(last.backend);
     }
 
-    /// Adds the overrides of `first` before all others, which take precedence.
+    /// Adds the overrides of `first` before all others. The others take precedence.
     pub fn prepend(&mut self, first: Self) {
         let last = std::mem::replace(self, first);
         self.append(last);
@@ -95,7 +95,7 @@ impl Overrides {
 
     fn all_named(&self, problems: Vec<Problem>) -> Vec<Problem> {
         let mut named: Vec<Problem> = problems.into_iter().map(|p| self.named(p)).collect();
-        // One flag can be two overrides, such as `--size 0x0`.
+        // One flag can set two values, so `--size 0x0` gives the same problem twice.
         named.dedup();
         named
     }

@@ -23,7 +23,8 @@ pub enum Layer {
     Albedo,
     /// Texture coordinates of the hit.
     Uv,
-    /// Ambient occlusion: share of the hemisphere that is free of surfaces, by the cosine.
+    /// Ambient occlusion: the share of the hemisphere that is free of surfaces, weighted by the
+    /// cosine.
     Occlusion,
     /// Diffuse light of the first hit.
     Diffuse,
@@ -31,7 +32,7 @@ pub enum Layer {
     Specular,
     /// Ambient light of the first hit.
     Ambient,
-    /// All light that comes from mirrors.
+    /// All light that the first hit reflects as a mirror.
     Reflection,
     /// Radiance of camera rays that miss.
     Background,
@@ -47,9 +48,9 @@ pub enum Layer {
     Variance,
     /// Number of camera samples.
     Samples,
-    /// Number of the primitive, from 1.
+    /// Index of the primitive plus 1.
     Primitive,
-    /// Number of the shape, from 1.
+    /// Index of the shape plus 1.
     Object,
     /// Cryptomatte with one id per shape.
     CryptoObject,
@@ -97,8 +98,9 @@ pub struct LightGroups {
 }
 
 impl LightGroups {
-    /// Makes the groups from the `group` and `name` of each light. A light without either is named
-    /// by its number, from 1. Also returns the lights whose names collide with others: index and
+    /// Makes the groups from the `group` and `name` of each light. A light with neither is named by
+    /// its index plus 1. Lights share a group only if they have the same `group`. Also returns the
+    /// lights whose names collide with another group or with `ambient` or `background`: index and
     /// label.
     pub fn new<'a>(
         lights: impl IntoIterator<Item = (Option<&'a str>, Option<&'a str>)>,
@@ -131,7 +133,8 @@ impl LightGroups {
     }
 }
 
-/// Converts a name to a valid part of a layer name: letters, digits and underscores.
+/// Converts a name to a valid part of a layer name: all but ASCII letters and digits become
+/// underscores.
 fn label(text: &str) -> String {
     text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
@@ -158,12 +161,13 @@ impl Layer {
         all
     }
 
-    /// Returns the layers that a word selects; `None` for an unknown word.
+    /// Returns the layers that a word selects: a name, or a family such as `light`. `None` for an
+    /// unknown word.
     pub fn from_word(word: &str, groups: &LightGroups) -> Option<Vec<Self>> {
         let all = Self::all(groups);
         let pick = |wanted: fn(&Self) -> bool| Some(all.iter().copied().filter(wanted).collect());
         match word {
-            // Occlusion has rays of its own, which nobody pays for without asking.
+            // Occlusion traces additional rays, so it is selected only by its own name.
             "all" => pick(|layer| *layer != Self::Occlusion),
             "components" => pick(|layer| (Self::Diffuse..=Self::Background).contains(layer)),
             "light" => pick(|layer| (Self::Light(0)..=Self::LightBackground).contains(layer)),

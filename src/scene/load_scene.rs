@@ -53,7 +53,7 @@ pub struct Loaded {
 /// Loads a scene and applies `--set` overrides (`/json/pointer=VALUE`) in order.
 ///
 /// # Errors
-/// Every problem of the file and the overrides, in text order.
+/// Every problem of the file in text order, then every problem of the overrides.
 pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     match source {
         Source::Text { name, text, folder } => {
@@ -80,15 +80,15 @@ pub fn from_description(
 }
 
 impl Loaded {
-    /// The scene with another camera. `name` is the camera's place in messages; paths are relative
-    /// to `folder`.
+    /// Returns the scene with another camera. Messages name the camera as `name`. Paths of the
+    /// scene are relative to `folder`.
     ///
     /// # Errors
     /// Every problem of the camera.
     pub fn with_camera(&self, name: &str, camera: &written::Camera, folder: &Path) -> Result<Self> {
         let description = Description { camera: camera.clone(), ..self.description.clone() };
         let mut found = from_description(name, &description, folder, &[])?;
-        // A description holds neither the backend's settings nor the user's paths.
+        // A description holds neither the options of the backend nor the user's paths of meshes.
         found.scene.backend = self.scene.backend;
         found.scene.shapes.clone_from(&self.scene.shapes);
         Ok(found)
@@ -108,7 +108,7 @@ pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
 }
 
-/// Checks a camera made by code, as the camera of a scene. `name` is its place in messages.
+/// Checks a camera made by code as if it were the camera of a scene. Messages name it as `name`.
 ///
 /// # Errors
 /// Every problem of the camera.

@@ -1,4 +1,4 @@
-//! A JSON value that stores where it was written.
+//! A JSON value that stores its place in the text.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// Sort key for error messages and warnings: positions in the text first, then all others.
+    /// Returns the sort key for errors and warnings: places in the text first, then all others.
     pub(super) fn order(&self) -> (u32, u32) {
         match self {
             Self::Text { line, column } => (*line, *column),
@@ -79,7 +79,7 @@ impl Node {
         }
     }
 
-    /// Returns the string that the node holds.
+    /// Returns the string that the node holds; `None` for other values.
     pub fn text(&self) -> Option<&str> {
         match &self.kind {
             NodeKind::String(text) => Some(text),
@@ -95,7 +95,8 @@ impl Node {
         }
     }
 
-    /// Returns the value of a whole number in any notation (`16`, `16.0`, `1.6e1`).
+    /// Returns the value of a whole number in any notation (`16`, `16.0`, `1.6e1`). `None` for
+    /// other values, and beyond 2^53 if the notation is not that of an integer.
     pub fn integer(&self) -> Option<i128> {
         let NodeKind::Number(text) = &self.kind else {
             return None;

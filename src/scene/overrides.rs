@@ -1,5 +1,5 @@
-//! `--set /json/pointer=VALUE`: changes a [`Document`] before it is checked. So an override passes
-//! the same checks as the text, and messages name it as `--set`.
+//! Applies `--set /json/pointer=VALUE` to a [`Document`] before it is checked. So an override
+//! passes the same checks as the text, and messages name it as `--set`.
 
 use std::sync::Arc;
 
@@ -12,11 +12,12 @@ use super::{
 };
 
 impl Document {
-    /// Applies one `/json/pointer=VALUE`. VALUE is JSON, or else it is taken as a string. Missing
-    /// object members are created. An array index must exist; `-` appends an item.
+    /// Applies one `/json/pointer=VALUE`. VALUE is JSON; a text that is not JSON is taken as a
+    /// string. Missing object members are created. An array index must exist; `-` appends an item.
     ///
     /// # Errors
-    /// A text that is not an assignment, or a pointer to nothing.
+    /// A text that is not an assignment, or a pointer that leads below a value without members or
+    /// to an array index that does not exist.
     pub fn apply_set(&mut self, assignment: &str) -> std::result::Result<(), Problem> {
         let complain =
             |message: &str| Problem::new(format!("--set {}", shown(assignment)), message);
@@ -68,7 +69,7 @@ fn replace_places(node: &mut Node, place: &Place) {
     }
 }
 
-/// Follows one step of the pointer and creates the member if it is missing.
+/// Follows one step of the pointer. Creates the object member if it is missing.
 fn descend<'a>(
     node: &'a mut Node,
     step: &str,
@@ -114,7 +115,7 @@ fn descend<'a>(
                 "found the key `{step}` below {walked}, which is neither an object nor an array"
             );
             let problem = Problem::new("", message);
-            // The material of a shape is often the name of one.
+            // The value of `material` is often only the name of a material.
             Err(match kind {
                 NodeKind::String(name) if walked.ends_with("/material") => {
                     let there = join(&join("/scene/materials", name), step);

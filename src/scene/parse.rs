@@ -1,9 +1,10 @@
 //! Parses JSON text into [`Node`]s with places: strict RFC 8259, nothing more.
 //!
-//! It is our own parser for three reasons. Messages need line and column of every value. Duplicate
-//! keys and the source text of numbers must be kept. Nesting must be bounded before it exhausts the
-//! stack. It refuses what lenient parsers accept: comments, trailing or missing commas, single
-//! quotes, unquoted names, `NaN`, hexadecimal. A test compares it with `serde_json`.
+//! There are three reasons for a parser of our own. Messages need line and column of every value.
+//! Duplicate keys and the source text of numbers must be kept. Nesting must be limited before it
+//! exhausts the stack. The parser refuses what lenient parsers accept: comments, trailing or
+//! missing commas, single quotes, unquoted names, `NaN`, hexadecimal. A test compares it with
+//! `serde_json`.
 
 use super::node::{Member, Node, NodeKind, Place};
 
@@ -53,7 +54,7 @@ impl Parser<'_> {
         self.text.as_bytes().get(self.at).copied()
     }
 
-    /// Moves past the next byte if it is one of `bytes`. Returns true if it is.
+    /// Moves past the next byte and returns true if the byte is one of `bytes`.
     fn accept(&mut self, bytes: &[u8]) -> bool {
         let found = self.peek().is_some_and(|byte| bytes.contains(&byte));
         self.at += usize::from(found);
@@ -167,8 +168,8 @@ impl Parser<'_> {
         Ok(kind)
     }
 
-    /// Moves to the next item of a list or an object: past the comma, unless it is the first one.
-    /// Returns false after `close`.
+    /// Moves to the next item of a list or an object: past the comma, or only past white space if
+    /// the item is the `first`. Returns false if it moved past `close`.
     fn another(&mut self, first: bool, close: u8, expected: &str) -> Parsed<bool> {
         self.skip_space();
         if self.accept(&[close]) {

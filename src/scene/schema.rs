@@ -75,8 +75,8 @@ fn tidy(schema: &mut Value, definitions: &Value) {
     }
 }
 
-/// Merges the struct of a tagged variant into the variant. It is generated as a tag with a
-/// reference to its struct, but a closed object must list all its keys itself.
+/// Merges the struct of a tagged variant into the variant. The generator writes a tag and a
+/// reference to the struct, but a closed object must list all its keys itself.
 fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     let tagged = map.contains_key("properties") && map.contains_key("$ref");
     let name = map.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
@@ -98,8 +98,8 @@ fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     }
 }
 
-/// Removes `null` from a type. `Option` is generated as "or null", but the format has only absent
-/// keys.
+/// Removes `null` from a type. The generator writes `Option` as "or null", but in the format an
+/// optional key is left out and never `null`.
 fn drop_null(map: &mut Map<String, Value>) {
     if map.get("default") == Some(&Value::Null) {
         map.remove("default");
@@ -134,7 +134,7 @@ pub(super) fn tag(variant: &Value) -> Option<&str> {
     variant["properties"]["type"]["const"].as_str()
 }
 
-/// Removes values that equal their default, as a person would leave them out.
+/// Removes values that equal their default. Whole floats become integers.
 pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) {
     let schema = variant(root, resolve(root, schema), value);
     match value {
@@ -165,7 +165,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
     }
 }
 
-/// Returns the alternative of a schema that `value` matches.
+/// Returns the alternative of a schema that `value` matches, or the schema itself if it has none.
 fn variant<'a>(root: &'a Value, schema: &'a Value, value: &Value) -> &'a Value {
     let Some(branches) = schema["oneOf"].as_array().or(schema["anyOf"].as_array()) else {
         return schema;

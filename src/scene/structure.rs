@@ -1,7 +1,8 @@
 //! Checks a document against the schema. Reports every problem with its place and a help text.
 //!
 //! The checks walk the generated schema, so there is only one table of keys and ranges. Only the
-//! keywords that this schema uses are supported. `check` tests what a schema cannot express.
+//! keywords that this schema uses are supported. The module `check` tests what a schema cannot
+//! express.
 
 use std::collections::HashMap;
 

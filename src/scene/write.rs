@@ -1,4 +1,4 @@
-//! Writes a [`Description`] as JSON, as a person would: no defaults, vectors on one line.
+//! Writes a [`Description`] as JSON that is easy to read: no defaults, vectors on one line.
 
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -17,7 +17,7 @@ impl Description {
     /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are
     /// integers.
     pub fn to_json(&self) -> Value {
-        // Cannot fail, because all keys are strings. NaN would become null and be refused on
+        // This cannot fail, because all keys are strings. NaN becomes null, which is refused on
         // reading.
         let mut value = serde_json::to_value(self).unwrap_or_default();
         let schema = schema();

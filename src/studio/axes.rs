@@ -1,10 +1,11 @@
-//! Turns from the axes of a mesh file to those of a scene.
+//! Rotations from the axes of a mesh file to the axes of a scene.
 
 use glam::DVec3;
 
 use super::subject::Axis;
 
-/// Returns the index (0, 1 or 2) of the axis nearest to `up`.
+/// Returns the index (0, 1 or 2) of the axis nearest to `up` or to its opposite. Of equally near
+/// axes, the lowest index wins.
 pub fn main_axis(up: DVec3) -> usize {
     let size = up.abs();
     let wins = |a: usize| (0..3).all(|b| size[a] >= size[b]);

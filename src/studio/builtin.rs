@@ -1,9 +1,9 @@
-//! The built-in studios: scenes that a mesh without a scene is shown in.
+//! The built-in studios: the scenes in which a mesh without a scene is shown.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A built-in studio, by its light.
+/// A built-in studio. They differ in their lights.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Studio {
@@ -17,7 +17,7 @@ pub enum Studio {
 }
 
 impl Studio {
-    /// The scene, as JSON.
+    /// Returns the scene as JSON.
     pub fn text(self) -> &'static str {
         match self {
             Self::Lamps => include_str!("../../assets/studio.json"),

@@ -14,8 +14,11 @@ use crate::{
     scene::{LightKind, Loaded, Overrides},
 };
 
-/// Adds overrides that leave the mesh where it is, and move the lights to where they would stand if
-/// the mesh stood in the studio. `--up` and `--rotate` turn the lights.
+/// Adds overrides that keep the mesh at its coordinates and move the lights instead. Lights and
+/// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights.
+///
+/// # Errors
+/// If the mesh has no triangle, or its extent is zero or not finite.
 pub fn keep_coordinates(
     subject: &Subject,
     mesh: &Mesh,

@@ -6,26 +6,27 @@
 
 use glam::DVec3;
 
-/// The field of view of the camera, and the margin to keep free.
+/// The field of view of the camera, and the space to keep free around points.
 #[derive(Debug, Clone, Copy)]
 pub struct FieldOfView {
     /// Full vertical angle of view in degrees.
     pub fov_deg: f64,
     /// Width / height of the picture.
     pub aspect: f64,
-    /// Margin to keep free at each border, as a fraction of the picture's width and height.
+    /// Margin to keep free at each border, as a fraction of the picture's width and height; >= 0
+    /// and below 0.5.
     pub margin: f64,
     /// Radius of the spheres around all points; 0 for points alone.
     pub radius: f64,
 }
 
-/// Returns the camera position from which all points lie within the picture without its margin.
-/// They are centred in both axes and touch the margin in at least one. The nearest point alone may
-/// decide: one point, a line along the view, a very wide angle. Then the camera keeps a distance
-/// from it.
+/// Returns the camera position from which all points lie within the picture without its margin. The
+/// points are centred in both axes and touch the margin in at least one. One exception: the nearest
+/// point alone may determine the position (a single point, points on a line along the view, or a
+/// very wide angle). Then the camera keeps a distance from it.
 ///
-/// `direction` and `up` have any length and are not parallel. Returns `None` if there are no
-/// points, or if they are not finite.
+/// `direction` and `up` have any length and are not parallel. Points that are NaN are ignored.
+/// Returns `None` if there are no other points, or if a point is infinite.
 pub fn frame(
     points: impl Iterator<Item = DVec3>,
     direction: DVec3,
@@ -42,9 +43,9 @@ pub fn frame(
     view.position(&extent)
 }
 
-/// Returns the position for points that turn around an axis, given as a point and a unit direction.
-/// Each point may be anywhere on its circle. So one position serves all frames of a turntable,
-/// however many there are.
+/// Returns the position of [`frame`] for points that turn around an axis, given as a point and a
+/// unit direction. Each point may be anywhere on its circle. So one position serves all frames of a
+/// turntable, however many there are.
 pub fn frame_turning(
     points: impl Iterator<Item = DVec3>,
     (pivot, axis): (DVec3, DVec3),
@@ -118,7 +119,7 @@ impl View {
         [px - sx, -px - sx, py - sy, -py - sy]
     }
 
-    /// Directions in which [`Self::reach`] and [`Self::depth`] measure.
+    /// The vectors whose dot products with a point are [`Self::reach`] and [`Self::depth`].
     fn slants(&self) -> [DVec3; 5] {
         let [x, y, z] = self.axes;
         [x - z * self.tx, -x - z * self.tx, y - z * self.ty, -y - z * self.ty, z]
@@ -133,7 +134,8 @@ impl View {
         let &Extent { planes: [right, left, top, bottom], near, far } = extent;
         let Self { axes: [x, y, z], tx, ty } = *self;
         let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
-        // The exact position would be the nearest point itself: keep a distance from it.
+        // If the exact position coincides with the nearest point, the camera keeps a distance from
+        // it.
         let depth = far - near;
         let back = match near - back > 1e-9 * (depth + near.abs()) {
             true => back,

@@ -22,8 +22,8 @@ use super::{
     template::{Template, trimesh},
 };
 
-/// Height of the mesh above the ground, as a fraction of its longest side. It is too small to see
-/// and keeps a flat mesh out of the ground plane.
+/// Height of the mesh above the ground, as a fraction of the mesh's longest side. It is too small
+/// to see, but a flat mesh does not coincide with the ground plane.
 const GROUND_GAP: f64 = 1e-4;
 
 /// A template fitted to a mesh.
@@ -33,11 +33,13 @@ pub struct FittedTemplate {
     pub overrides: Overrides,
     /// The mesh, with the path that the scene names.
     pub mesh: (PathBuf, Mesh),
-    /// Centre of the mesh's bounding box after placement, in world space.
+    /// Centre of the mesh's bounding box after placement, in world space. Zero if the subject is
+    /// calibrated.
     pub middle: DVec3,
 }
 
-/// Fits `template` to the mesh. The user's overrides are applied after ours.
+/// Returns the overrides that fit `template` to the mesh. The caller applies the user's overrides
+/// after them. `user` is read because the framing depends on it.
 pub fn furnish(
     subject: &Subject,
     mesh: Mesh,
@@ -52,7 +54,7 @@ pub fn furnish(
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
     colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
     warnings.extend(notes(subject, &mesh, template, colored));
-    // The framing depends on the template and on the user's overrides.
+    // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
     if subject.calibrated {
         if template.builtin {
@@ -75,7 +77,7 @@ pub fn furnish(
     Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
 }
 
-/// Returns overrides for the path and the look of the mesh, which need no mesh.
+/// Returns overrides for the path and the look of the mesh, which do not depend on its contents.
 fn looks(subject: &Subject, template: &Template, shape: &str) -> Result<Overrides> {
     let mut ours = Overrides::default();
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
@@ -87,9 +89,9 @@ fn looks(subject: &Subject, template: &Template, shape: &str) -> Result<Override
     Ok(ours)
 }
 
-/// Returns the shape of the mesh before it is placed, and whether its material has a texture. It
-/// decides which data of the file are read. `None` if the scene has errors, which [`furnish`]
-/// reports.
+/// Returns the shape of the mesh before it is placed, and whether its material has a texture. The
+/// result decides which data of the file are read. `None` if the scene has errors, which
+/// [`furnish`] reports.
 pub fn wanted(subject: &Subject, template: &Template, user: &Overrides) -> Option<(Trimesh, bool)> {
     let shape = first_trimesh(template).ok()?;
     let ours = looks(subject, template, &shape).ok()?;
@@ -99,14 +101,14 @@ pub fn wanted(subject: &Subject, template: &Template, user: &Overrides) -> Optio
     let textured = material.texture.is_some() || subject.looks.texture.is_some();
     let mut spec = trimesh(&loaded, &shape)?.clone();
     if let (Some(color), true) = (&mut spec.color, subject.looks.color.is_some()) {
-        // Messages name the flag rather than the override that it becomes.
+        // Messages name the flag and not the override.
         "--color".clone_into(color.place_mut());
     }
     Some((spec, textured))
 }
 
-/// Loads the template with the mesh at its default position. The memory of that scene can be
-/// predicted before the mesh is read.
+/// Loads the template with the path and the look of the mesh, and with the placement of its own
+/// trimesh. The memory of that scene can be predicted before the mesh is read.
 pub fn with_default_placement(
     subject: &Subject,
     template: &Template,
@@ -116,7 +118,7 @@ pub fn with_default_placement(
     load(template, &ours, user)
 }
 
-/// Converts a path to one that is relative to the template's folder.
+/// Returns `path` as the template has to name it: relative to the template's folder.
 fn within(template: &Template, path: &Path) -> Result<String> {
     match template.folder.as_os_str().is_empty() {
         true => named(path),
@@ -130,7 +132,7 @@ fn load(template: &Template, ours: &Overrides, user: &Overrides) -> Result<Loade
     all.load(template.source())
 }
 
-/// Returns the JSON pointer of the shape that the mesh replaces.
+/// Returns the JSON pointer of the template's first trimesh, which the mesh replaces.
 fn first_trimesh(template: &Template) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let shapes = (0..).map(|i| format!("/scene/shapes/{i}"));
@@ -145,8 +147,8 @@ fn first_trimesh(template: &Template) -> Result<String> {
     })
 }
 
-/// Sets the texture of `--texture`. In the studio the texture of the file and its vertex colours
-/// replace the neutral grey.
+/// Sets the texture of `--texture`. In the built-in studio, the texture of the file, its colours or
+/// its property replace the neutral grey.
 fn colour(
     subject: &Subject,
     mesh: &Mesh,
@@ -172,7 +174,7 @@ fn colour(
             let white = json!([1.0, 1.0, 1.0]);
             ours.flag("FILE.ply", &format!("{material}/diffusecolor"), Some(white));
         }
-        // Several textures are found by the scene itself.
+        // If faces have different textures, the world loads them from the mesh.
         let single = !colored && mesh.textures.is_none();
         let image = own_texture(subject, mesh).filter(|image| single && image.is_file());
         if let Some(image) = image {
@@ -184,7 +186,7 @@ fn colour(
     Ok(())
 }
 
-/// Returns the JSON pointer of a shape's material.
+/// Returns the JSON pointer of a shape's material, which is inline or named.
 fn material(template: &Template, shape: &str) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
@@ -193,13 +195,15 @@ fn material(template: &Template, shape: &str) -> Result<String> {
     Ok(name.unwrap_or(inline))
 }
 
-/// Returns the image that the mesh file names, unless `--texture` replaces it.
+/// Returns the image that the mesh file names. `None` if `--texture` replaces it, or if the mesh
+/// has no texture coordinates.
 fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
     let wanted = subject.looks.texture.is_none() && mesh.uvs.is_some();
     world::own_texture(subject.path, mesh).filter(|_| wanted)
 }
 
-/// Returns warnings: parts of a mesh that are not shown, and a mesh that seems to lie on its side.
+/// Returns warnings about textures that are not shown, and about a mesh that seems to lie on its
+/// side.
 fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> Vec<Problem> {
     let place = || subject.path.display().to_string();
     let mut notes = Vec::new();
@@ -237,21 +241,25 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> 
     notes
 }
 
-/// A mesh lies on its side (z is up in its file) if its z size exceeds its x and y sizes by this
-/// factor.
+/// A mesh seems to lie on its side (z is up in its file) if its size along z is more than this
+/// factor times its sizes along x and y.
 const MIN_LENGTH_RATIO: f64 = 1.25;
 
-/// A mesh also lies on its side if its height is below this fraction of its size along z.
+/// A mesh also seems to lie on its side if its size along y is below this fraction of its size
+/// along z.
 const MAX_HEIGHT_RATIO: f64 = 0.4;
 
-/// Returns the size of the bounding box of the used vertices.
+/// Returns the side lengths of the bounding box of the used vertices; `None` if there are none.
 fn size(mesh: &Mesh) -> Option<[f64; 3]> {
     let Bounds { min, max } = UsedVertices::new(mesh).bounds(|p| p);
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
-/// Places the mesh on the ground and moves the camera. Returns the centre of the mesh's bounding
-/// box.
+/// Adds overrides that place the mesh on the ground and move the camera. Returns the centre of the
+/// mesh's bounding box in world space.
+///
+/// # Errors
+/// If there is no triangle, or if the camera is neither `pinhole` nor `thinlens`.
 fn place(
     subject: &Subject,
     mesh: &Mesh,
@@ -264,7 +272,7 @@ fn place(
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
     let turned = |p: DVec3| linear * (p - middle);
-    // The lowest and highest points of spheres, where points are drawn as such.
+    // If points are drawn as spheres, the box contains the spheres.
     let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
     let Bounds { min, max } = points.bounds(turned);
     let (low, high) = (min - radius, max + radius);
@@ -273,6 +281,7 @@ fn place(
     let up = camera.up[vertical].signum();
     let lowest = if up > 0.0 { low } else { high }[vertical];
     let mut center = spec.center;
+    // Without `fit`, `placement` does not move the centre of the box to zero.
     if spec.fit.is_none() {
         center -= (low + high) / 2.0;
     }
@@ -300,7 +309,7 @@ fn place(
     Ok(middle)
 }
 
-/// Sets the camera's new position. A lens stays focused on the centre of the mesh.
+/// Adds overrides for the camera's new position. A lens is focused on the centre of the mesh.
 fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours: &mut Overrides) {
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();
@@ -314,7 +323,7 @@ fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours:
     }
 }
 
-/// Returns the height of the template's plane named `ground`.
+/// Returns the height of the plane named `ground`, at its first corner.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     let named = loaded.scene.shapes.iter();
     let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));

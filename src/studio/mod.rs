@@ -1,11 +1,12 @@
 //! Makes a scene from a mesh alone.
 //!
-//! A template (the built-in studio, or any scene with a trimesh) defines the look. Its first
-//! trimesh is replaced by the file. The mesh stands on the plane named `ground`; without one, at
-//! the height of the trimesh's `center`. Its lowest vertex is slightly above the ground. The camera
-//! keeps its direction and moves to where it sees every vertex. All of this is done by overrides of
-//! the template, so the result is an ordinary scene that can be saved. A [`Turntable`] derives
-//! further scenes, one per frame.
+//! A template (the built-in studio, or any scene with a trimesh) defines the look. The mesh
+//! replaces its first trimesh. The mesh stands on the plane named `ground`; without such a plane,
+//! at the height of the trimesh's `center`. Its lowest point is slightly above the ground. The
+//! camera keeps its direction and moves to where it sees every vertex. A calibrated subject is not
+//! moved, and neither is the camera. All of this is done by overrides of the template, so the
+//! result is an ordinary scene that can be saved. A [`Turntable`] derives further scenes, one per
+//! frame.
 
 mod axes;
 mod builtin;
@@ -50,15 +51,17 @@ pub struct MeshScene {
     pub warnings: Vec<Problem>,
     /// The mesh, with the path that the scene names.
     pub mesh: (PathBuf, Mesh),
-    /// Centre of the mesh's bounding box after placement, in world space.
+    /// Centre of the mesh's bounding box after placement, in world space. Zero if the subject is
+    /// calibrated.
     pub middle: DVec3,
 }
 
 /// Makes a scene that shows a mesh in a template. The user's overrides take precedence.
-/// `light_samples` is the parameter of [`load`]. A stop request at the monitor ends the reading.
+/// `light_samples` is the parameter of [`load`]. If the monitor has a stop request, reading ends
+/// with an error.
 ///
 /// # Errors
-/// A mesh that cannot be read, a template without a trimesh, and every problem of the template and
+/// If the mesh cannot be read, or the template has no trimesh. Every problem of the template and
 /// the overrides.
 pub fn show(
     subject: &Subject,
@@ -69,7 +72,7 @@ pub fn show(
 ) -> Result<MeshScene> {
     let wanted = furnish::wanted(subject, template, &user);
     let request = wanted.as_ref().map(|(spec, textured)| color_request(spec, *textured));
-    // A scene with errors is reported after the mesh is read.
+    // If the scene has errors, `wanted` is `None`. `show_mesh` reports them.
     let asked = subject.looks.points.is_some();
     let points = wanted.as_ref().map_or(asked, |(spec, _)| spec.points.is_some());
     let textures = wanted.as_ref().is_none_or(|(spec, hidden)| !hidden && spec.color.is_none());
@@ -78,11 +81,11 @@ pub fn show(
     show_mesh(subject, mesh, template, user, light_samples)
 }
 
-/// [`show`] with a mesh in memory. The subject's path names it in messages, and says where the
-/// texture lies that it names.
+/// Makes the same scene as [`show`] from a mesh in memory. The subject's path names the mesh in
+/// messages. A texture that the mesh names is looked up in the folder of this path.
 ///
 /// # Errors
-/// The errors of [`show`], but for those of reading the mesh.
+/// The errors of [`show`], except those of reading the mesh.
 pub fn show_mesh(
     subject: &Subject,
     mesh: Mesh,
@@ -104,7 +107,8 @@ pub fn show_mesh(
     if subject.looks.no_ground || (template.builtin && subject.calibrated) {
         loaded = with_other_ground(loaded, template, |_| false)?;
     } else if template.builtin && loaded.scene.transparent {
-        // In a cut-out the ground must not cover the frame. Its shadows stay.
+        // If alpha is coverage, the ground must not cover the frame. As a shadow catcher it keeps
+        // only the shadows.
         loaded = with_other_ground(loaded, template, |ground| {
             ground.shadow_catcher = ground.visible.camera && !ground.holdout;
             true
@@ -127,7 +131,8 @@ pub fn show_mesh(
     })
 }
 
-/// Returns the scene with another plane named `ground`. `change` returns whether to keep the plane.
+/// Returns the scene with `change` applied to every plane named `ground`. The plane is removed if
+/// `change` returns false. The warnings stay those of `loaded`.
 fn with_other_ground(
     loaded: Loaded,
     template: &Template,
@@ -144,8 +149,8 @@ fn with_other_ground(
     Ok(Loaded { warnings: loaded.warnings, ..found })
 }
 
-/// Loads a scene with overrides. `light_samples` sets the samples of every area light before any
-/// `--set`.
+/// Loads a scene with overrides. `light_samples` sets the `samples` of every area light, sun and
+/// environment, before any `--set`. Warnings are appended to `warnings`.
 ///
 /// # Errors
 /// Every problem of the scene and its overrides.

@@ -1,4 +1,4 @@
-//! Reads mesh files for the studio, as clouds of the used vertices.
+//! Reads mesh files for the studio, and iterates over the vertices that are used.
 
 use std::path::Path;
 
@@ -14,13 +14,14 @@ use crate::{
 
 use super::subject::Subject;
 
-/// Reads the mesh file of a subject: the data that `options` select.
+/// Reads the mesh file of a subject: the data that `options` select, with the subject's options for
+/// reading.
 pub fn read(subject: &Subject, options: ReadOptions, monitor: &Monitor) -> Result<Mesh> {
     let options = options.repair(subject.repair).mmap(!subject.no_mmap);
     mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
 }
 
-/// Returns true if a file is a mesh, by its name or its first bytes.
+/// Returns true if a file is a PLY mesh, by its name or its first bytes.
 pub fn is_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
     [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)

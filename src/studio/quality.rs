@@ -1,4 +1,4 @@
-//! Camera samples of the built-in studio.
+//! The quality of pictures in the built-in studio: the number of camera samples.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,24 +7,24 @@ use super::template::Template;
 use crate::error::{Error, Result};
 use crate::scene::Overrides;
 
-/// Quality of a picture in the built-in studio: a point on its front of error against time.
-/// docs/notebook/sampling.md has the front.
+/// Quality of a picture in the built-in studio: its number of camera samples.
+/// docs/notebook/sampling.md has the error and the rays of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// one sample a pixel: no antialiasing
     Draft,
-    /// the studio as it is
+    /// the studio's own `spp`: 4 samples a pixel
     Normal,
     /// 16 samples a pixel
     Final,
 }
 
 impl Quality {
-    /// The overrides of the studio for this quality.
+    /// Returns the overrides of the studio for this quality.
     ///
     /// # Errors
-    /// `template` is not the studio.
+    /// If `template` is not a built-in studio.
     pub fn overrides(self, template: &Template) -> Result<Overrides> {
         if !template.builtin {
             let message = format!("found with {}, expected with the studio", template.name);

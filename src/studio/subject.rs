@@ -1,4 +1,4 @@
-//! What the user says about a mesh that is to be shown: its file, its placement and its look.
+//! A mesh file to show, and the user's options for its placement and its look.
 
 use std::path::{Path, PathBuf};
 
@@ -39,9 +39,9 @@ pub struct Appearance {
     pub color: Option<written::MeshColor>,
     /// Radius of spheres that replace the faces, in the units of the file.
     pub points: Option<f64>,
-    /// Camera samples of the built-in studio, in place of its own.
+    /// Number of camera samples in the built-in studio, in place of its own `spp`.
     pub quality: Option<Quality>,
-    /// The built-in studio; default: [`Studio::Lamps`].
+    /// The built-in studio; default: [`Studio::Lamps`]. An error with a template of the user.
     pub studio: Option<Studio>,
 }
 
@@ -71,7 +71,8 @@ pub struct Subject<'a> {
     /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
     /// True to keep the mesh in the coordinates of its file, for cameras that are given in them.
-    /// The lights of the built-in studio move to the mesh, and its ground is left out.
+    /// The lights of the built-in studio move to the mesh, and its ground is left out. In a
+    /// template of the user nothing moves: the mesh has the placement of the template's trimesh.
     pub calibrated: bool,
     /// True to drop triangles with missing or non-finite vertices.
     pub repair: bool,

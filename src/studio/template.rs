@@ -11,7 +11,7 @@ use crate::{
     scene::{Loaded, ShapeKind, Source, Trimesh},
 };
 
-/// Maximum number of bytes read. The parser refuses longer files too.
+/// Maximum number of bytes that are read. A longer text is cut, so the parser finds it incomplete.
 const MAX_STDIN_BYTES: u64 = 256 << 20;
 
 /// The text of a scene, and the folder of its paths.
@@ -28,7 +28,7 @@ pub struct Template {
 }
 
 impl Template {
-    /// Returns the source that the parser needs.
+    /// Returns the text as a source for [`load`](crate::scene::load).
     pub fn source(&self) -> Source<'_> {
         Source::Text { name: &self.name, text: &self.text, folder: &self.folder }
     }

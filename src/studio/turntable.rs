@@ -1,9 +1,9 @@
 //! Frames of a turntable: the same shapes, seen from all around.
 //!
 //! The shapes never move. A frame turns the camera, and also the lights if these stay with the
-//! camera. So the geometry and the acceleration structure serve all frames, and a frame is an
-//! ordinary scene. Positions and normals in layers, and the camera in a file's header, are in the
-//! space of that scene.
+//! camera. Environments never turn. So the geometry and the acceleration structure serve all
+//! frames, and a frame is an ordinary scene. Positions and normals in layers, and the camera in a
+//! file's header, are in the space of that scene.
 
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -31,7 +31,7 @@ pub enum Turning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LightsFollow {
-    /// the camera: light falls from the same side in every frame
+    /// the camera: light falls from the same side in every frame, except from environments
     Camera,
     /// the object: its lit side turns with it
     Object,
@@ -112,7 +112,7 @@ impl Turntable {
     }
 }
 
-/// The up direction of a camera in world space.
+/// Returns the up direction of a camera in world space, of any length.
 fn up(camera: &Camera) -> DVec3 {
     let mut camera = camera.clone();
     if let Some(stand) = camera.stand() {
@@ -125,7 +125,7 @@ fn up(camera: &Camera) -> DVec3 {
     if camera.axes == Axes::OpenCv { -y } else { y }
 }
 
-/// Turns a pose that is a matrix to world coordinates.
+/// Turns a `camera_to_world` matrix about an axis through `pivot`.
 fn turn_to_world(Matrix(rows): &mut Matrix, turn: DMat3, pivot: DVec3) {
     for k in 0..4 {
         let column = DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
@@ -134,8 +134,8 @@ fn turn_to_world(Matrix(rows): &mut Matrix, turn: DMat3, pivot: DVec3) {
     }
 }
 
-/// Turns a pose that is a matrix from world coordinates: q = R p + t becomes R T^-1 (p - pivot) +
-/// R pivot + t.
+/// Turns a `world_to_camera` matrix about an axis through `pivot`. With T = `turn`, its map
+/// `q = R p + t` becomes `q = R T^-1 (p - pivot) + R pivot + t`.
 fn turn_to_camera(Matrix(rows): &mut Matrix, turn: DMat3, pivot: DVec3) {
     for row in rows.iter_mut().take(3) {
         let [x, y, z, t] = *row;

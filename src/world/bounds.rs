@@ -19,8 +19,8 @@ impl Bounds {
     /// The empty box, which contains nothing.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// The smallest box around the `n` points that `point` computes, in parallel. `None` is
-    /// skipped.
+    /// Returns the smallest box around the points that `point` returns for the indices below `n`,
+    /// in parallel. `None` is skipped.
     pub fn from_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
         const CHUNK: usize = 1 << 16;
         (0..n.div_ceil(CHUNK))
@@ -32,7 +32,7 @@ impl Bounds {
             .reduce(|| Self::EMPTY, Self::union)
     }
 
-    /// Bounding box of a shape; empty for a mesh.
+    /// Returns the bounding box of a shape; empty for a mesh.
     pub fn from_shape(shape: &ShapeKind) -> Self {
         match shape {
             ShapeKind::Sphere { center, radius, .. } => {
@@ -50,12 +50,12 @@ impl Bounds {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box around both boxes.
+    /// Returns the smallest box around both boxes.
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Middle of the box; zero for an empty box.
+    /// Returns the middle of the box; zero for an empty box.
     pub fn center(self) -> DVec3 {
         if self.min.cmple(self.max).all() {
             self.min + (self.max - self.min) / 2.0
@@ -64,10 +64,10 @@ impl Bounds {
         }
     }
 
-    /// Origin for coordinates relative to this box: the lower corner plus half of each side,
-    /// rounded to steps of 2^-16 of the longest half. It needs few bits. So when the box moves
-    /// exactly in f64, the origin moves exactly with it, and all relative coordinates keep their
-    /// bits.
+    /// Returns an origin for coordinates in this box: the lower corner plus half of each side. The
+    /// halves are rounded to steps of 2^-16 of the largest power of two that is not above the
+    /// longest half. So they need few bits. If the box moves exactly in f64, the origin moves
+    /// exactly with it, and all relative coordinates keep their bits.
     pub fn origin(self) -> DVec3 {
         let half = (self.max - self.min) / 2.0;
         let longest = half.max_element();
@@ -81,12 +81,13 @@ impl Bounds {
         }
     }
 
-    /// Length of the longest side.
+    /// Returns the length of the longest side; negative for an empty box.
     pub fn longest_side(self) -> f64 {
         (self.max - self.min).max_element()
     }
 
-    /// Whether the whole box lies behind the camera or outside of one side of its view.
+    /// Returns true if the whole box lies behind the camera or outside of one side of its view. A
+    /// box outside of the view may also give false.
     pub fn outside_view(self, camera: &Camera) -> bool {
         let corner = |i: usize| {
             let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };

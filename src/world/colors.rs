@@ -1,4 +1,4 @@
-//! Chooses the colours of a mesh: which of the file are read, and how they are shown.
+//! Chooses the colours of a mesh: which colours of its file are read, and how they are shown.
 
 use rayon::prelude::*;
 
@@ -8,8 +8,8 @@ use crate::output::{legend::Legend, srgb};
 use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
 use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
 
-/// Returns the colours that a shape needs from its file. `textured`: its material has a texture,
-/// which hides all colours.
+/// Returns the colours that a shape needs from its file. `textured` is true if its material has a
+/// texture, which hides all colours.
 pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
     use mesh::ColorSource as Source;
     let (source, place) = match &spec.color {
@@ -25,11 +25,11 @@ pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
     ColorRequest { source, place }
 }
 
-/// Takes the colours that a shape shows from its mesh, and drops the others. `None` if there are
-/// none.
+/// Takes the colours that a shape shows from its mesh, with the legend of a colour map. All other
+/// colours of the mesh are dropped.
 ///
 /// # Errors
-/// A property that was not read with the mesh.
+/// If the requested property was not read with the mesh.
 pub(super) fn take(
     mesh: &mut Mesh,
     spec: &Trimesh,
@@ -64,7 +64,7 @@ pub(super) fn take(
     Ok((stored, None))
 }
 
-/// Finite values of a property.
+/// Range of the finite values of a property.
 struct Finite {
     low: f64,
     high: f64,
@@ -92,15 +92,17 @@ impl Finite {
         all.fold(|| Self::NONE, one).reduce(|| Self::NONE, both)
     }
 
-    /// The range that a map shows: of some width, also for equal values.
+    /// Returns the default range of the colour map, which has a width also for equal values.
     fn range(&self) -> [f64; 2] {
         match self.high - self.low {
             width if width > 0.0 && width.is_finite() => [self.low, self.high],
+            // The width overflows. A quarter of it does not.
             width if width > 0.0 => [self.low / 4.0, self.high / 4.0],
             0.0 => {
                 let some = 0.5f64.max(self.low.abs() * 1e-6);
                 [self.low - some, self.high + some]
             }
+            // There is no finite value.
             _ => [0.0, 1.0],
         }
     }

@@ -1,5 +1,5 @@
-//! One hash of everything a picture is made from. Two renders of the same pixels have the same
-//! hash, whatever the names and folders of their files.
+//! One hash of everything that decides the pixels of a picture. Of files only the contents count,
+//! not names and folders. One exception: mattes of a mesh without a name are named after its file.
 
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
@@ -22,8 +22,7 @@ use crate::{
 
 use super::sources::{self, beside};
 
-/// SHA-256 of the contents of files. Each file is read once, so that frames of a batch share the
-/// result.
+/// SHA-256 of the contents of files. Each path is read once, so frames of a batch share the result.
 #[derive(Debug, Default)]
 pub struct ContentHashes {
     /// Hashes by path; `None` for a pipe, whose bytes can be read only once.
@@ -40,7 +39,7 @@ struct Hashed {
 }
 
 impl ContentHashes {
-    /// SHA-256 of a file in hexadecimal; `None` if the file cannot be read twice.
+    /// Returns the SHA-256 of a file in hexadecimal; `None` for a pipe.
     fn sha256_of(&mut self, path: &Path) -> Result<Option<String>> {
         if !self.known.contains_key(path) {
             let found = hashed(path)?;
@@ -51,10 +50,10 @@ impl ContentHashes {
         Ok(found.map(|found| found.sha256.clone()))
     }
 
-    /// Checks that the hashed contents are the contents that were read.
+    /// Checks that the files that were read are the files that were hashed.
     ///
     /// # Errors
-    /// `Retry` for a file that was replaced or written in between.
+    /// `Retry` for a file that was replaced or written in between, or never hashed.
     pub fn check(&self, read: &sources::ReadFiles) -> Result<()> {
         let all = read.0.iter().filter_map(|(path, stamp)| Some((path, stamp.as_ref()?)));
         for (path, stamp) in all {
@@ -65,8 +64,8 @@ impl ContentHashes {
         Ok(())
     }
 
-    /// Whether the hashed file had this stamp. The scene of a frame may use another path than the
-    /// loaded scene, so an unknown path is looked up by stamp alone.
+    /// Returns true if the file had this stamp when it was hashed. The scene of a frame may use
+    /// another path than the loaded scene, so an unknown path is looked up by its stamp alone.
     fn has(&self, path: &Path, stamp: &Stamp) -> bool {
         match self.known.get(path) {
             Some(found) => found.as_ref().is_some_and(|found| found.stamp == *stamp),
@@ -74,11 +73,12 @@ impl ContentHashes {
         }
     }
 
-    /// SHA-256 of a mesh file, followed by the hashes of the images that it names.
+    /// Returns the SHA-256 of a mesh file, followed by the hashes of the images that it names.
+    /// `None` for a pipe.
     fn sha256_of_mesh(&mut self, path: &Path, points: bool) -> Result<Option<String>> {
         let Some(mut all) = self.sha256_of(path)? else { return Ok(None) };
         if points {
-            // Spheres show no image.
+            // Points are drawn as spheres without textures.
             return Ok(Some(all));
         }
         for name in mesh::inspect_ply(path)?.texture_files {
@@ -91,10 +91,10 @@ impl ContentHashes {
     }
 }
 
-/// SHA-256 (hexadecimal) of everything that decides a picture's pixels. That is the resolved scene
-/// as JSON with its overrides, with the contents of meshes and textures in place of their names,
-/// and whether meshes are repaired. Crop, sample range and machine are not part of it, so all
-/// pieces of one picture share it. `None` if a mesh comes through a pipe.
+/// Returns the SHA-256 (hexadecimal) of everything that decides a picture's pixels. That is the
+/// resolved scene as JSON with its overrides, and whether meshes are repaired. Hashes of the
+/// contents of meshes and textures replace their paths. Crop, sample range and machine are not part
+/// of it, so all pieces of one picture share it. `None` if a mesh or an image comes through a pipe.
 ///
 /// # Errors
 /// Files that cannot be read.
@@ -159,7 +159,8 @@ pub fn fingerprint(
     Ok(Some(hexadecimal(&hash.finalize())))
 }
 
-/// Replaces the path of a material's image by its hash. Returns false if the image has no hash.
+/// Replaces the path of a material's image by its hash. Returns false if the image is a pipe, which
+/// has no hash.
 fn replace_texture(
     written: &mut written::Material,
     checked: Option<&Material>,
@@ -172,10 +173,10 @@ fn replace_texture(
     Ok(true)
 }
 
-/// Hash and stamp of a file; `None` for a pipe.
+/// Returns the hash and the stamp of a file; `None` for a pipe.
 ///
 /// # Errors
-/// A file that cannot be read, or is written meanwhile.
+/// A file that cannot be read, or that is written while it is read.
 fn hashed(path: &Path) -> Result<Option<Hashed>> {
     let failed = |error: std::io::Error| Error::io(path, "read", &error);
     if !std::fs::metadata(path).map_err(failed)?.is_file() {

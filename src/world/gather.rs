@@ -11,7 +11,11 @@ use crate::scene::{Role, Scene, ShapeKind};
 use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
 
 /// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
-/// quads and all spheres.
+/// quads and all spheres. Points of clouds are spheres. `meshes` holds indices of shapes with their
+/// meshes.
+///
+/// # Errors
+/// A lack of memory, or too many primitives.
 pub(super) fn gather(
     scene: &Scene,
     meshes: Vec<(usize, PlacedMesh)>,
@@ -48,7 +52,7 @@ pub(super) fn gather(
     }
     let mut arrays = Vec::new();
     let mut owners = Vec::new();
-    // The shape of each cloud of points, and the end of its spheres.
+    // The index of the shape of each cloud of points, and the end of its spheres.
     let mut clouds: Vec<(u32, usize)> = Vec::new();
     let single_spheres = spheres.len();
     for (index, mesh) in meshes {
@@ -87,7 +91,7 @@ pub(super) fn gather(
     Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles, has_areas: false }))
 }
 
-/// Sets which primitives each kind of ray passes through. `owners` are the shapes by geometry id.
+/// Sets which primitives each kind of ray passes through. `owners` are the shapes of each geometry.
 fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
     let unseen = RayKind::ALL.map(|kind| {
         let mut unseen = Unseen::NONE;
@@ -107,7 +111,7 @@ fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry 
     geometry.with_unseen(unseen)
 }
 
-/// Texture coordinates of a plane or a triangle. Only textured shapes keep their frame.
+/// Returns the texture coordinates of a plane or a triangle. Only textured shapes store a frame.
 fn linear(textured: bool, frame: impl FnOnce() -> UvFrame) -> UvSource {
     if textured { UvSource::Linear(Box::new(frame())) } else { UvSource::Corners }
 }

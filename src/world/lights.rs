@@ -1,4 +1,4 @@
-//! Places the lights of a scene in its world.
+//! Converts the lights of a scene to those of its world.
 
 use glam::Vec3;
 
@@ -7,7 +7,7 @@ use crate::geometry::Geometry;
 use crate::scene::{self, Layer, LightKind, MapUse, OcclusionRays, Scene};
 use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap};
 
-/// An environment's map as rays that hit nothing see it.
+/// The image of a visible environment, as rays that hit nothing see it.
 #[derive(Debug, Clone)]
 pub struct Backdrop {
     map: TurnedMap,
@@ -15,13 +15,14 @@ pub struct Backdrop {
 }
 
 impl Backdrop {
-    /// Radiance in a direction of any length but 0.
+    /// Returns the radiance in a direction of any length but 0.
     pub fn seen(&self, direction: Vec3) -> Vec3 {
         self.map.seen(direction) * self.factor
     }
 }
 
-/// White light of the hemisphere for the layer of ambient occlusion, if the scene has the layer.
+/// Returns the white light of the hemisphere whose shadow rays give the layer of ambient occlusion.
+/// `None` if the scene lacks the layer.
 pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
     if !scene.layers.contains(&Layer::Occlusion) {
         return None;
@@ -39,7 +40,7 @@ fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
     Some(TurnedMap::new(maps.get(&spec.path)?, spec.rotation_deg))
 }
 
-/// The maps that rays see.
+/// Returns the images of environments that rays see.
 pub(super) fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
     let seen = scene.lights.iter().filter_map(|light| match &light.kind {
         LightKind::Environment { map: Some(spec), .. } if spec.visible => {
@@ -50,7 +51,7 @@ pub(super) fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
     seen.collect()
 }
 
-/// The light relative to the geometry's origin, in f32.
+/// Returns the light relative to the geometry's origin, in f32.
 pub(super) fn recentre(light: &scene::Light, geometry: &Geometry, maps: &Maps) -> Light {
     let origin = geometry.origin;
     let emitter = match &light.kind {

@@ -1,4 +1,4 @@
-//! Loads the images of environments; each image is opened once.
+//! Loads the images of environments. Each image is opened once.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,7 +19,7 @@ impl Maps {
     /// Loads the images that the scene's environments name, within `budget`.
     ///
     /// # Errors
-    /// All images that cannot be read or are no radiance.
+    /// All images that cannot be read, do not fit, or have negative texels.
     pub fn load(
         scene: &Scene,
         budget: Option<MemoryLimit>,
@@ -42,13 +42,13 @@ impl Maps {
         Ok(all)
     }
 
-    /// The image at `path`, if it is loaded.
+    /// Returns the image at `path`, if it is loaded.
     pub fn get(&self, path: &Path) -> Option<Arc<EnvironmentMap>> {
         let (_, map) = self.0.iter().find(|(known, _)| known == path)?;
         Some(Arc::clone(map))
     }
 
-    /// Memory of all images, in bytes.
+    /// Returns the memory of all images in bytes.
     pub fn bytes(&self) -> u64 {
         self.0.iter().map(|(_, map)| map.bytes()).sum()
     }

@@ -1,5 +1,5 @@
-//! Turns a [`Scene`] into a [`World`]: loads meshes and textures, and moves everything to one f64
-//! origin.
+//! Turns a [`Scene`] into a [`World`]: loads meshes and textures, and makes all coordinates
+//! relative to one origin in f64.
 
 mod bounds;
 mod colors;
@@ -55,11 +55,11 @@ pub struct LoadOptions {
     pub ready: Vec<(PathBuf, Mesh)>,
     /// Memory limit of the arrays of all meshes.
     pub room: Option<MemoryLimit>,
-    /// Memory limit of all textures, decoding included. Without it the limit is 4 GiB for each
-    /// texture.
+    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is `room`.
+    /// Without `room`, too, it is 4 GiB for each texture.
     pub texture_bytes: Option<u64>,
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
-    /// meshes that may have some.
+    /// meshes where they are likely.
     pub resolutions: bool,
 }
 
@@ -67,7 +67,8 @@ impl LoadOptions {
     fn mesh(&mut self, spec: &Trimesh, textured: bool, monitor: &Monitor) -> Result<Mesh> {
         let path = spec.path.as_path();
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
-        // A limit from free memory was measured when the ready meshes were in memory already.
+        // A limit that the user set includes meshes in memory. One that was measured as free memory
+        // does not: they were in memory already.
         let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
         let mesh = match ready {
             Some(index) => self.ready.swap_remove(index).1,
@@ -95,7 +96,7 @@ pub struct World {
     pub shapes: Arc<Shapes>,
     /// The lights in file order.
     pub lights: Vec<Light>,
-    /// Draws some of the lights for each shading point; `None` if all are gathered.
+    /// Draws some of the lights for each shading point. `None`: every shading point gathers all.
     pub light_tree: Option<LightTree>,
     /// The camera, relative to the origin.
     pub camera: Camera,
@@ -105,7 +106,7 @@ pub struct World {
     pub frame: [u32; 2],
     /// Pixels of overscan on every side of the camera's frame.
     pub overscan: u32,
-    /// Whether shadow rays of area lights are traced adaptively.
+    /// True if shadow rays of area lights are traced adaptively.
     pub adaptive_shadows: bool,
     /// Camera samples per pixel; the maximum in an adaptive render.
     pub spp: u32,
@@ -113,11 +114,11 @@ pub struct World {
     pub nbounces: u32,
     /// Seed of all random choices.
     pub seed: i64,
-    /// Kind of sample points.
+    /// Sampler that chooses the sample points.
     pub sampler: SamplerKind,
     /// Radiance of rays that hit nothing.
     pub background: Vec3,
-    /// Maps that such rays see in addition.
+    /// Images of environments that these rays see in addition.
     pub backdrops: Vec<Backdrop>,
     /// The loaded images of the environments.
     pub maps: Maps,
@@ -125,9 +126,9 @@ pub struct World {
     pub ambient: Vec3,
     /// White light of the hemisphere for the layer of ambient occlusion, if there is one.
     pub occlusion: Option<Light>,
-    /// Falloff with distance, of all lights.
+    /// Falloff of point lights and area lights with distance.
     pub falloff: Falloff,
-    /// Whether alpha is coverage; otherwise it is 1.
+    /// True if alpha is coverage; otherwise it is 1.
     pub transparent: bool,
     /// Resolution of the meshes in f32, if [`LoadOptions::resolutions`] is set.
     pub resolutions: Vec<Resolution>,
@@ -236,7 +237,7 @@ impl World {
         Ok((world, warnings))
     }
 
-    /// Creates the world around existing geometry and shapes.
+    /// Makes the world of a scene whose geometry, shapes and maps are loaded.
     fn over(
         (geometry, shapes, maps): (Arc<Geometry>, Arc<Shapes>, Maps),
         chosen: Origin,
@@ -275,16 +276,17 @@ impl World {
         }
     }
 
-    /// Another frame of the same scene: new camera, lights and settings, the same geometry and
-    /// shapes. An accelerator over this world's geometry serves the new world too. `scene` must not
-    /// differ from the loaded scene in shapes, materials or images.
+    /// Returns the world of another frame: new camera, lights and settings, the same geometry and
+    /// shapes. An accelerator over this world's geometry serves the new world, too. `scene` must
+    /// not differ from the loaded scene in shapes, materials or images.
     pub fn frame_of(&self, scene: &Scene) -> Self {
         let shared = (Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.maps.clone());
         Self::over(shared, self.origin, scene)
     }
 
-    /// Adds `overscan` pixels of overscan on every side of the camera's frame. The frame's own
-    /// pixels do not change. Windows count from the top left of the overscan.
+    /// Returns the world with `overscan` pixels of overscan on every side of the camera's frame.
+    /// The pixels of the frame do not change. Coordinates of windows count from the top left of the
+    /// overscan.
     pub fn with_overscan(mut self, overscan: u32) -> Self {
         self.frame = self.frame.map(|side| side - 2 * self.overscan + 2 * overscan);
         self.overscan = overscan;
@@ -296,13 +298,15 @@ impl World {
         self.frame.map(|side| side - self.overscan)
     }
 
-    /// Number of triangles, of meshes and single ones. Planes and spheres are not counted.
+    /// Number of triangles of meshes, stitches included, and of single triangles. Planes and
+    /// spheres are not counted.
     pub fn triangles(&self) -> u64 {
         self.geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64).sum()
     }
 
-    /// Number of primitives for the accelerator: triangles, two for each plane, and spheres. If
-    /// kinds of rays hit different shapes, a primitive counts once for each of their accelerators.
+    /// Number of primitives for the accelerator: one per triangle, two per plane, one per sphere.
+    /// If kinds of rays hit different shapes, a primitive counts once for each accelerator that
+    /// holds it.
     pub fn primitives(&self) -> u64 {
         let others = 2 * self.geometry.quads.len() + self.geometry.spheres.len();
         self.triangles() + others as u64 + self.geometry.accelerated() - self.geometry.count()
@@ -319,9 +323,9 @@ impl World {
     }
 }
 
-/// Rejects scenes that Embree would silently drop. Warns where its single-precision products
-/// overflow or underflow. `tests/library/hits/properties.rs` finds right answers from 1e-12 to
-/// 1e12.
+/// Rejects a scene whose primitives Embree would silently drop. Warns if Embree's single-precision
+/// products may overflow or underflow. `tests/library/hits/properties.rs` finds correct hits from
+/// 1e-12 to 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
     if size / 2.0 >= MAX_COORDINATE {

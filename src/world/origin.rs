@@ -2,10 +2,10 @@
 //!
 //! Rays and corners are f32. A coordinate is rounded by up to 2^-24 of its distance from the
 //! origin, so the origin belongs where the picture needs precision. The middle of the scene's box
-//! serves all cameras equally. It is the origin as long as the box is not large compared with what
-//! the camera sees nearby. Otherwise the camera is the origin. Every coordinate is then rounded by
-//! at most 2^-24 of its own distance from the camera. That is far less than a pixel, however large
-//! the scene is.
+//! serves all cameras equally. It is the origin unless the box is large compared with the camera's
+//! distance from the nearest shape. Otherwise the camera is the origin. Every coordinate is then
+//! rounded by at most 2^-24 of its own distance from the camera. That is far less than a pixel,
+//! however large the scene is.
 
 use glam::DVec3;
 
@@ -19,10 +19,12 @@ use crate::scene::{Camera, Projection, ShapeKind};
 /// distance.
 const MAX_RATIO: f64 = 256.0;
 
-/// A camera inside a shape's box counts as this fraction of the box's longest side away from it.
+/// If the camera is inside a shape's box, its distance from the shape is taken as this fraction of
+/// the box's longest side.
 const INSIDE: f64 = 1.0 / 256.0;
 
-/// A camera nearer to a shape than this fraction of the shape's size stands on it.
+/// A camera stands on a shape if it is nearer than this fraction of the longest side of the shape's
+/// box.
 const STANDING: f64 = 1e-9;
 
 /// Rounding above this fraction of a pixel causes a warning.
@@ -37,12 +39,13 @@ const DOUBLE: f64 = 1.0 / (1u64 << 53) as f64;
 pub struct Origin {
     /// World position of the origin.
     pub position: DVec3,
-    /// Whether the origin is the camera's position, not the middle of the scene's box.
+    /// True if the origin is the camera's position, false if it is the middle of the scene's box.
     pub at_camera: bool,
     /// Longest side of the scene's bounding box, in world units.
     pub extent: f64,
-    /// Lower bound of the camera's distance from the nearest shape that it does not stand on, in
-    /// world units. Infinite without such a shape.
+    /// Distance of the camera from the nearest shape that it does not stand on, in world units:
+    /// exact for spheres, an estimate by the bounding box for others. Infinite without such a
+    /// shape.
     pub nearest: f64,
     /// Largest rounding of a coordinate at that distance, in world units.
     pub rounding: f64,
@@ -51,7 +54,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Chooses the origin for a scene whose shapes have these boxes, in file order.
+    /// Chooses the origin for a scene with these shapes and boxes.
     pub fn choose<'s>(
         camera: &Camera,
         shapes: impl Iterator<Item = (&'s ShapeKind, Bounds)>,
@@ -87,7 +90,7 @@ impl Origin {
         Self { position, at_camera, extent, nearest, rounding, pixels }
     }
 
-    /// A warning if the rounding is visible.
+    /// Returns a warning if the rounding is visible.
     pub fn warning(&self) -> Option<Problem> {
         let Self { extent, nearest, rounding, pixels, .. } = *self;
         let message = format!(
@@ -99,8 +102,8 @@ impl Origin {
     }
 }
 
-/// Lower bound of the distance from a point to a shape: exact for spheres, the distance to the
-/// bounding box for others.
+/// Returns the distance from a point to a shape: exact for spheres, a lower bound for points
+/// outside the box of another shape. For points inside it, an estimate by [`INSIDE`].
 fn distance(point: DVec3, shape: &ShapeKind, bounds: Bounds) -> f64 {
     if let ShapeKind::Sphere { center, radius, .. } = shape {
         return ((*center - point).length() - radius).abs();

@@ -1,7 +1,8 @@
 //! Places the mesh of a file in the world, and rounds it to f32 relative to the scene's origin.
 //!
 //! A vertex p becomes `linear (p - middle) + center - origin`, in f64. `linear` rotates and scales
-//! (keys `rotate`, `size`, `fit`). `middle` is the middle of the mesh with `fit`, else 0.
+//! (keys `rotate`, `size`, `fit`). With `fit`, `middle` is the centre of the bounding box in the
+//! file, else 0.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -17,11 +18,11 @@ use crate::reserve::{self, MemoryLimit};
 use crate::scene::{Smooth, Trimesh};
 use crate::shading::{MeshColors, Shape, UvSource};
 
-/// Bound on coordinates. Embree silently drops primitives beyond it (its `FLT_LARGE`). Its square
-/// is a hundredth of the largest f32.
+/// Upper bound of absolute coordinates. Embree silently drops primitives beyond it (its
+/// `FLT_LARGE`). Its square is a hundredth of the largest f32.
 pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 
-/// Bytes of a point: its sphere and the number of its shape.
+/// Size in bytes of a point: its sphere and the index of its shape.
 const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
 
 /// A mesh with its transform to world space: `linear (p - middle) + center`.
@@ -33,12 +34,16 @@ pub struct PlacedMesh {
     /// Rotation and uniform scale.
     linear: DMat3,
     middle: DVec3,
-    /// Bounding box of the used vertices, in world space.
+    /// Bounding box of the used vertices in world space, or of their spheres.
     bounds: Bounds,
 }
 
 impl PlacedMesh {
-    /// Computes the transform and the world bounds of a mesh.
+    /// Computes the transform and the world bounds of a mesh, and takes the colours that it shows.
+    ///
+    /// # Errors
+    /// A texture without texture coordinates, a requested property that the mesh lacks, or a
+    /// coordinate that is not below `MAX_COORDINATE`.
     pub fn new(
         mut mesh: Mesh,
         spec: &Trimesh,
@@ -83,18 +88,19 @@ impl PlacedMesh {
         Ok(Self { mesh, colors, legend, spec: spec.clone(), linear, middle, bounds })
     }
 
-    /// The colour map of the mesh, if it shows a property.
+    /// Returns the legend of the colour map, if the mesh shows a property.
     pub fn legend(&self) -> Option<&Legend> {
         self.legend.as_ref()
     }
 
-    /// Bounding box of all used vertices, in world space.
+    /// Returns the bounding box of all used vertices in world space, or of their spheres.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
 
-    /// Maps vertices of an f32 file to f32 positions relative to `origin`. One multiplication and
-    /// one addition are precise enough: f64 has 29 bits more than the file's coordinates.
+    /// Returns the map from vertices of an f32 file to f32 positions relative to `origin`. One
+    /// multiplication and one addition are precise enough: f64 has 29 bits more than the
+    /// coordinates of the file.
     #[inline(always)]
     fn placed(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let linear = self.linear;
@@ -102,15 +108,16 @@ impl PlacedMesh {
         move |p| (linear * p + offset).as_vec3().to_array()
     }
 
-    /// Maps vertices of an f64 file to f32 positions relative to `origin`. The differences come
-    /// first, so large coordinates become small before they are rotated, scaled and rounded.
+    /// Returns the map from vertices of an f64 file to f32 positions relative to `origin`. The
+    /// differences are computed first, so large coordinates become small before they are rotated,
+    /// scaled and rounded.
     #[inline(always)]
     fn placed_exactly(&self, origin: DVec3) -> impl Fn(DVec3) -> [f32; 3] + Sync + use<> {
         let (linear, middle, center) = (self.linear, self.middle, self.spec.center - origin);
         move |p| (linear * (p - middle) + center).as_vec3().to_array()
     }
 
-    /// Largest absolute coordinate of the mesh relative to `origin`, in world units.
+    /// Returns the largest absolute coordinate of the mesh relative to `origin`, in world units.
     fn reach(&self, origin: DVec3) -> f64 {
         let Bounds { min, max } = self.bounds;
         (min - origin).abs().max((max - origin).abs()).max_element()
@@ -132,16 +139,18 @@ impl PlacedMesh {
         Resolution { place: spec.place.clone(), path: spec.path.clone(), detail }
     }
 
-    /// Returns a suspect if the two ends of an edge may round to the same f32 point relative to
-    /// `origin`. Conservative, and cheap: looks at the bounding box and at no edge.
+    /// Returns a suspect if the two ends of an edge are likely to round to the same f32 point
+    /// relative to `origin`. Cheap: looks at the bounding box and at no edge.
     ///
-    /// Every f64 file is a suspect. An f32 file is one if the f32 grid at the mesh's largest
-    /// coordinate relative to `origin` is more than two bits coarser than in the file.
+    /// Every f64 file is a suspect. For an f32 file, two f32 grids are compared: at the mesh's
+    /// largest coordinate relative to `origin`, and at its largest coordinate in the file. The file
+    /// is a suspect if the first grid is more than two bits coarser. A collapse near the zero of
+    /// the file, where its own grid is finer, may be missed.
     pub fn collapse_suspect(&self, origin: DVec3) -> Option<CollapseSuspect> {
         let Trimesh { place, path, center, .. } = &self.spec;
         let scale = self.linear.x_axis.length();
-        // The largest coordinate in the file, in world units: relative to where the zero of the
-        // file is in the world.
+        // The largest coordinate in the file, in world units: the reach from the point of the world
+        // where the zero of the file lies.
         let in_file = self.reach(*center - self.linear * self.middle);
         let ulp_there = ulp(self.reach(origin));
         let doubtful = match self.mesh.positions {
@@ -164,8 +173,8 @@ impl PlacedMesh {
     }
 
     /// Checks that the memory of [`Self::finish`] fits into `room`. Returns the room that is left
-    /// after it: computed normals stay, 12 bytes per vertex. f32 positions need none, because they
-    /// replace larger or equal ones.
+    /// after it. Only computed normals are subtracted, 12 bytes per vertex. f32 positions replace
+    /// larger or equal ones. The spheres of a cloud are not subtracted.
     ///
     /// # Errors
     /// As [`MemoryLimit::check`].
@@ -176,10 +185,11 @@ impl PlacedMesh {
         Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
     }
 
-    /// Returns the mesh relative to `origin`, and sets the vertex data of `shape`.
+    /// Returns the mesh relative to `origin`, and moves its normals, texture coordinates and
+    /// colours to `shape`.
     ///
     /// # Errors
-    /// `Retry` (exit code 3) if the system refuses the memory, and those of the normals.
+    /// `Retry` (exit code 3) if the system refuses the memory.
     pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
         reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
@@ -202,7 +212,7 @@ impl PlacedMesh {
             (Smooth::Off, _) => None,
             (_, Some(normals)) => Some(rotated(normals, linear).into()),
             (Smooth::All, None) => Some(mesh::vertex_normals(&vertices, &mesh.triangles).into()),
-            // `flat` is the smaller angle that flat parts have.
+            // `flat` is the angle of creases between flat parts, normally smaller than `angle`.
             (Smooth::Below { angle, flat }, None) => {
                 let angles = [angle, flat];
                 Some(mesh::creased_normals(&vertices, &mesh.triangles, angles, &name())?)
@@ -228,7 +238,8 @@ impl PlacedMesh {
     /// `shape`.
     ///
     /// # Errors
-    /// `Retry` (exit code 3) if the system refuses the memory. A radius that vanishes in the world.
+    /// `Retry` (exit code 3) if the system refuses the memory. `Invalid` if the radius in world
+    /// units is zero, subnormal or not finite.
     pub fn finish_points(
         self,
         origin: DVec3,
@@ -252,13 +263,14 @@ impl PlacedMesh {
             }
             Positions::F64(all) => spheres.par_extend(all.par_iter().map(|&p| place(p.into()))),
         }
-        // `gather` counts all primitives before their numbers are used.
+        // `gather` refuses too many primitives before an index is used.
         let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
         shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
         Ok(())
     }
 
-    /// Memory in bytes that [`PlacedMesh::finish`] needs beside the mesh.
+    /// Returns the memory in bytes that [`PlacedMesh::finish`] or [`PlacedMesh::finish_points`]
+    /// needs in addition to the mesh.
     ///
     /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 24 bytes per
     /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
@@ -302,7 +314,7 @@ impl WithoutArea {
     }
 }
 
-/// Rotates the file's normals with the mesh and normalizes them. Zero normals stay zero.
+/// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     normals.par_iter_mut().for_each(|n| {
         let turned = linear * DVec3::from(n.map(f64::from));

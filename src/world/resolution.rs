@@ -1,4 +1,5 @@
-//! Measures how much detail a mesh keeps when its vertices become f32 around the scene's origin.
+//! Measures how much detail a mesh keeps when its vertices are rounded to f32 relative to the
+//! scene's origin.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +10,14 @@ use serde::Serialize;
 use crate::error::Problem;
 use crate::geometry::TriangleMesh;
 
-/// Detail of a mesh in single precision around the scene's origin.
+/// Detail of a mesh in single precision relative to the scene's origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Resolution {
-    /// Position of the mesh in the scene file.
+    /// Place in the scene file where the path of the mesh is written, for messages.
     pub place: String,
     /// Path of the mesh file.
     pub path: PathBuf,
-    /// Detail of its vertices.
+    /// The measured detail.
     pub detail: Detail,
 }
 
@@ -25,16 +26,17 @@ pub struct Resolution {
 pub struct Detail {
     /// Distance between neighbouring f32 values at the farthest coordinate.
     pub ulp: f64,
-    /// Shortest edge in the file; infinite without triangles, which JSON shows as null.
+    /// Shortest edge in the file that is longer than 0; infinite without such an edge, which JSON
+    /// shows as null.
     pub shortest_edge: f64,
     /// Number of edges whose ends differ in the file but not in f32.
     pub collapsed_edges: u64,
 }
 
 impl Detail {
-    /// Measures the edges of `triangles`, in parallel. `farthest` is the largest coordinate.
-    /// `exact` is a vertex in a space whose lengths are `1 / scale` of the world's; `rounded` is
-    /// the same vertex in f32.
+    /// Measures the edges of `triangles`, in parallel. `farthest` is the largest coordinate
+    /// relative to the origin. `exact` returns a vertex in a space whose lengths are `1 / scale` of
+    /// the world's. `rounded` maps such a vertex to f32.
     pub fn new(
         farthest: f64,
         triangles: &[[u32; 3]],
@@ -59,7 +61,7 @@ impl Detail {
         Self { ulp: ulp(farthest), shortest_edge, collapsed_edges: count_once(collapsed) }
     }
 
-    /// Returns the detail of both together.
+    /// Returns the detail of two meshes together.
     pub fn worse(self, other: Self) -> Self {
         Self {
             ulp: self.ulp.max(other.ulp),
@@ -70,16 +72,16 @@ impl Detail {
 }
 
 impl Resolution {
-    /// A warning if edges collapsed.
+    /// Returns a warning if edges collapsed.
     pub fn warning(&self) -> Option<Problem> {
         warning(&self.place, &self.path, self.detail.ulp, self.detail.collapsed_edges)
     }
 }
 
-/// A mesh whose edges may have collapsed.
+/// A mesh whose edges may have collapsed. They have not been examined.
 #[derive(Debug)]
 pub struct CollapseSuspect {
-    /// Position of the mesh in the scene file.
+    /// Place in the scene file where the path of the mesh is written, for messages.
     pub place: String,
     /// Path of the mesh file.
     pub path: PathBuf,
@@ -88,7 +90,7 @@ pub struct CollapseSuspect {
 }
 
 impl CollapseSuspect {
-    /// Counts the collapsed edges; returns a warning if there are any.
+    /// Counts the collapsed edges of the placed mesh. Returns a warning if there are any.
     pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
         warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))
     }
@@ -105,8 +107,8 @@ fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem
     (collapsed > 0).then(|| Problem::new(place, message).help(help))
 }
 
-/// Number of edges of a placed mesh whose ends are the same point. Such an edge had two different
-/// ends in its file: triangles without area are dropped when it is read.
+/// Returns the number of edges of a placed mesh whose ends are the same point. In a mesh from a
+/// file, such an edge had two different ends: the reader drops triangles with two equal corners.
 fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
     const CHUNK: usize = 1 << 15;
     let vertices = mesh.vertices();
@@ -129,7 +131,7 @@ fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
     }))
 }
 
-/// Number of different edges: triangles share them.
+/// Returns the number of different edges: triangles share them.
 fn count_once(mut edges: Vec<[u32; 2]>) -> u64 {
     edges.par_sort_unstable();
     edges.dedup();
@@ -162,7 +164,7 @@ impl Edges {
     }
 }
 
-/// Distance from |x|, rounded to f32, to the next larger f32.
+/// Returns the distance from |x|, rounded to f32, to the next larger f32.
 pub fn ulp(x: f64) -> f64 {
     let x = (x.abs() as f32).max(f32::MIN_POSITIVE);
     f64::from(f32::from_bits(x.to_bits() + 1)) - f64::from(x)

@@ -1,4 +1,4 @@
-//! Lists the files that a scene's picture is made from.
+//! Lists the files that decide the picture of a scene.
 
 use std::{
     fs::Metadata,
@@ -11,9 +11,9 @@ use crate::{
     scene::{Scene, ShapeKind},
 };
 
-/// All files that a scene names: meshes, textures of its materials, images of environments, and the
-/// images that the meshes themselves name, used or not. Reads the headers of the meshes; pipes are
-/// not opened.
+/// Returns all files that a scene names: meshes, textures of its materials, images of environments,
+/// and the images that the meshes themselves name, used or not. Reads the headers of the meshes.
+/// Pipes are not opened.
 pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     let mut all = Vec::new();
     for shape in &scene.shapes {
@@ -27,7 +27,7 @@ pub fn sources(scene: &Scene) -> Vec<PathBuf> {
     all
 }
 
-/// The images that a mesh file names; empty if it is no mesh file.
+/// Returns the images that a mesh file names; none if the file is a pipe or its header is invalid.
 pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
     if !std::fs::metadata(path).is_ok_and(|data: Metadata| data.is_file()) {
         return Vec::new();
@@ -37,12 +37,12 @@ pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
     named.unwrap_or_default().iter().map(|name| beside(path, name)).collect()
 }
 
-/// The image that a mesh itself names, wherever the mesh came from.
+/// Returns the path of the image that a mesh names, as a file beside `path`.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
     mesh.texture_file.as_ref().map(|name| beside(path, name))
 }
 
-/// Path of a file that a mesh names, relative to the mesh's folder.
+/// Returns the path of a file that a mesh names relative to the mesh's folder.
 pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
     mesh.parent().unwrap_or(Path::new("")).join(name)
 }

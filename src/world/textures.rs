@@ -1,4 +1,5 @@
-//! Loads the materials and their images; each image is opened once.
+//! Loads the materials and their images. An image is opened once for each colour space in which it
+//! is used.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,11 @@ use crate::shading::{DEFAULT_MAX_BYTES, FaceTextures, Material, Negative, Textur
 
 use super::sources::{ReadFiles, beside};
 
-/// Loads the textures of the materials that shapes use, within `budget`.
+/// Loads the textures of the materials that shapes use, within `budget`. Also returns all materials
+/// of the scene.
+///
+/// # Errors
+/// All images that cannot be read or do not fit.
 pub fn load(
     scene: &Scene,
     budget: Option<MemoryLimit>,
@@ -69,8 +74,8 @@ pub fn load(
 fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Result<Texture> {
     let most = match left {
         Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
-        // Too little free memory here: the file may be fine on another machine, so this error is
-        // retryable. An image above the fixed limit fails below.
+        // The limit is the free memory of this machine. The image may fit on another machine, so
+        // this error is retryable. An image above the fixed limit fails below.
         Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
             let needed = Texture::size(path)?.decoding;
             if needed <= DEFAULT_MAX_BYTES {
@@ -86,13 +91,14 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Res
 /// The images that a mesh file names, for a shape whose material has no texture.
 pub struct Own {
     shape: usize,
-    /// `None` for an image that is not used or not there.
+    /// Paths of the images. `None` for an image that no triangle uses or that does not exist.
     images: Vec<Option<PathBuf>>,
-    /// For each triangle, an index into `images`, if there are several.
+    /// For each triangle, an index into `images` or `NO_TEXTURE`. `None` if all triangles have the
+    /// one image.
     numbers: Option<Vec<u16>>,
 }
 
-/// The material of a shape with the images that its mesh names.
+/// A new material for a shape, with the images that the mesh names.
 pub struct Given {
     /// Index of the shape.
     pub shape: usize,
@@ -102,7 +108,7 @@ pub struct Given {
     pub textures: Option<FaceTextures>,
 }
 
-/// A warning if a mesh names several images and only one of them is used.
+/// Returns a warning if a mesh names several images and only one of them is used.
 pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
     let message = format!("found {count} texture files; only {shown:?} is used");
@@ -110,8 +116,9 @@ pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     only_one.then(|| Problem::new(path.display().to_string(), message))
 }
 
-/// The images that the mesh at `path` names, if any can be shown. Takes the numbers of the
-/// triangles' textures from the mesh.
+/// Returns the images that the mesh at `path` names. `None` if the mesh has no texture coordinates,
+/// or names no image or only one that does not exist. Takes the indices of the triangles' textures
+/// out of the mesh.
 pub fn own(mesh: &mut Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
     mesh.uvs.as_ref()?;
     let mut image = |name: &str| {
@@ -141,7 +148,7 @@ pub fn own(mesh: &mut Mesh, shape: usize, path: &Path, warnings: &mut Vec<Proble
     Some(Own { shape, images: vec![Some(image)], numbers: None })
 }
 
-/// Loads the images that meshes name, and creates a material with them for each of these shapes.
+/// Loads the images that meshes name, and appends a material with them for each of these shapes.
 /// All textures together take at most `budget` bytes.
 pub fn load_own(
     own: Vec<Own>,

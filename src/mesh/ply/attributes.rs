@@ -1,5 +1,5 @@
-//! The optional arrays that vertices and faces share: colours, their alpha, one scalar, and
-//! numbers of textures.
+//! The optional arrays of vertices or of triangles: colours, their alpha, one scalar, and indices
+//! of textures.
 
 use super::choice::ColorType;
 use super::context::ReadContext;
@@ -15,16 +15,17 @@ const COLOR: usize = FIRST_ATTRIBUTE;
 /// Role of the alpha of a colour.
 const ALPHA: usize = FIRST_ATTRIBUTE + 3;
 
-/// The values of one row: colour, alpha, scalar, number of a texture. Unused ones are 0.
+/// The values of one row: colour (3), alpha, scalar, index of a texture. Values that are not read
+/// are ignored.
 pub(super) type RowAttributes = [f64; ATTRIBUTES];
 
-/// Arrays with one entry per vertex or per triangle. Only those that were requested are there.
+/// Arrays with one entry per vertex or per triangle. Arrays that are not read are `None`.
 #[derive(Debug, Default)]
 pub(super) struct Attributes {
     pub(super) colors: Option<Colors>,
     pub(super) alpha: Option<Scalars>,
     pub(super) scalars: Option<Scalars>,
-    /// Numbers of textures.
+    /// Indices of textures.
     pub(super) textures: Option<Vec<u16>>,
 }
 
@@ -46,7 +47,7 @@ impl Capacity {
     }
 }
 
-/// Evaluates `$do` with the array of each kind bound to `$all`.
+/// Evaluates `$do` once for each array that is there, bound to `$all`.
 macro_rules! each_array {
     ($attributes:expr, $all:ident => $do:expr) => {{
         let Attributes { colors, alpha, scalars, textures } = $attributes;
@@ -71,7 +72,7 @@ macro_rules! each_array {
 }
 
 impl Attributes {
-    /// The arrays that `plan` selects, empty.
+    /// Returns the arrays that `plan` selects, empty.
     pub(super) fn new(plan: &AttributePlan) -> Self {
         Self {
             colors: plan.colors.map(|kind| match kind {
@@ -94,7 +95,7 @@ impl Attributes {
         }
     }
 
-    /// Size in bytes of all arrays.
+    /// Returns the size in bytes of all arrays.
     pub(super) fn bytes(&self) -> u64 {
         let mut sum = 0;
         each_array!(self, all => sum += size_of_val(&all[..]) as u64);
@@ -183,8 +184,8 @@ impl Attributes {
         });
     }
 
-    /// Drops the alpha if all of it is 1, or if all of it is 0: then it was never set. Returns true
-    /// for the second case.
+    /// Drops the alpha if all values are 1, or if all are 0. In the second case it returns true:
+    /// the program that wrote the file never set alpha.
     pub(super) fn drop_plain_alpha(&mut self) -> bool {
         let all = |value: f64| match &self.alpha {
             None => false,

@@ -4,7 +4,8 @@ use super::context::ReadContext;
 use super::header::{Element, PropertyType};
 use crate::error::Error;
 
-/// A range of rows of an element that one task reads.
+/// A range of rows of an element that one task reads. `start` and `end` are byte offsets in the
+/// data.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowBlock {
     pub(super) start: usize,
@@ -16,7 +17,8 @@ pub(super) struct RowBlock {
     pub(super) line: u64,
 }
 
-/// The layout of rows that all have the same size.
+/// The layout of rows that all have the same size. `start` is the byte offset of the first row in
+/// the data, `stride` the size of a row.
 #[derive(Debug, Clone)]
 pub(super) struct Uniform {
     pub(super) start: usize,
@@ -27,7 +29,7 @@ pub(super) struct Uniform {
     pub(super) lengths: Vec<u64>,
 }
 
-/// Consecutive rows of one element.
+/// Consecutive rows of one element. `uniform` is set if all are known to have the same size.
 #[derive(Debug, Default)]
 pub(super) struct Span {
     /// Index of the first row.
@@ -48,7 +50,7 @@ pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &ReadCon
     .help("the file is cut short or its header is wrong: write it again")
 }
 
-/// Names the values of a row, for messages.
+/// Returns the names of the values of a row, for messages.
 pub(super) fn expected(element: &Element) -> String {
     let names = element.properties.iter().map(|p| match p.shape {
         PropertyType::Single(_) => p.name.clone(),

@@ -7,10 +7,10 @@ use crate::error::{Error, Kind, Problem, Result};
 use crate::mesh::arrays::{FaceTextures, Notes};
 use crate::mesh::normals::{Point, cross, sub};
 
-/// A face, as element name and row.
+/// A face: the name of its element and the index of its row.
 type Face = (&'static str, u64);
 
-/// Counts and first errors of some faces, in file order.
+/// Counts and first errors of consecutive faces.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) faces: u64,
@@ -19,7 +19,8 @@ pub(super) struct Tally {
     pub(super) degenerate: u64,
     /// The degenerate triangles between three different points.
     pub(super) stitches: Vec<[u32; 3]>,
-    /// Number of triangles that use an index out of range or a non-finite vertex.
+    /// Number of triangles that use an index out of range or a non-finite vertex. In a cloud of
+    /// points, the number of points that are not finite.
     pub(super) unusable: u64,
     /// Number of triangles for each `texnumber`.
     pub(super) textures: BTreeMap<i64, u64>,
@@ -52,7 +53,7 @@ impl Tally {
         self.first_bad_vertex = self.first_bad_vertex.or(next.first_bad_vertex);
     }
 
-    /// Returns the `texnumber` that most triangles have.
+    /// Returns the `texnumber` that most triangles have; of equally frequent ones, the lowest.
     pub(super) fn main_texture(&self) -> Option<i64> {
         let main = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
         main.map(|(number, _)| *number)
@@ -127,7 +128,8 @@ impl<'a, P: Point> Checker<'a, P> {
         Self { positions, element, tally: Tally::default() }
     }
 
-    /// Returns the vertex with index `value` in row `row`, if it exists.
+    /// Returns the vertex index `value` of row `row` if there is such a vertex, and records the
+    /// error otherwise.
     #[inline]
     pub(super) fn vertex(&mut self, row: u64, value: i64) -> Option<u32> {
         // A negative index becomes a huge unsigned one.
@@ -139,7 +141,8 @@ impl<'a, P: Point> Checker<'a, P> {
         }
     }
 
-    /// Returns the number of a face's texture, one of `files`. -1 is no texture.
+    /// Returns the texture index `number` of a face if it is below `files`, else
+    /// [`FaceTextures::NO_TEXTURE`]. Any invalid index except -1 is recorded as an error.
     #[inline]
     pub(super) fn texture(&mut self, row: u64, number: f64, files: usize) -> u16 {
         if number >= 0.0 && number < files as f64 {
@@ -168,7 +171,7 @@ impl<'a, P: Point> Checker<'a, P> {
         let triangle = corners.map(|c| c as u32);
         let [a, b, c] = triangle.map(|v| self.positions[v as usize].xyz());
         let normal = cross(sub(b, a), sub(c, a));
-        // It is zero if the corners repeat or are collinear, and NaN or infinite if corners are not
+        // The size is zero if corners repeat or are collinear, and NaN or infinite if they are not
         // finite.
         let size = normal[0].abs() + normal[1].abs() + normal[2].abs();
         (size > 0.0 && size < f64::INFINITY).then_some(triangle)

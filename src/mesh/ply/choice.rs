@@ -1,4 +1,5 @@
-//! Decides which colours or which scalar property of a file are read.
+//! Decides which colours of a file are read, or which scalar property in their place. A scalar
+//! property is one that is no list.
 
 use super::header::{Element, Header, PropertyType};
 use super::options::ColorSource;
@@ -8,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::mesh::arrays::MeshElement;
 use crate::nearest::did_you_mean;
 
-/// The type of colours.
+/// The type of a colour channel: `uchar`, `ushort`, or `float` and `double`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ColorType {
     U8,
@@ -23,7 +24,7 @@ const COLOR_NAMES: [([&str; 3], &str); 3] = [
     (["diffuse_red", "diffuse_green", "diffuse_blue"], "diffuse_alpha"),
 ];
 
-/// The properties of an element that form a colour, by their indices.
+/// The properties of an element that form a colour, as indices. All have the same type.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ColorColumns {
     pub(super) kind: ColorType,
@@ -34,7 +35,7 @@ pub(super) struct ColorColumns {
 /// The colours or the scalar property to read.
 #[derive(Debug)]
 pub(super) struct Choice {
-    /// The element that has them.
+    /// The element that the colours or the property belong to.
     pub(super) colors_of: MeshElement,
     pub(super) colors: Option<ColorColumns>,
     /// Index and type of the scalar property.
@@ -43,10 +44,11 @@ pub(super) struct Choice {
     pub(super) property: Option<(String, MeshElement)>,
 }
 
-/// Decides what to read for `options.color`.
+/// Decides which colours or property to read for `options.color`.
 ///
 /// # Errors
-/// A request for something that the file lacks. The message names the nearest property.
+/// A request for colours or a property that the file lacks. The help lists the scalar properties;
+/// for an unknown property it also names the nearest one.
 pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Result<Choice> {
     let request = options.color;
     let vertices = colors(header, MeshElement::Vertex);
@@ -84,8 +86,8 @@ pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Resu
     }
 }
 
-/// The element of the file that may have attributes. Triangle strips have none, so neither have
-/// faces beside strips.
+/// Returns the element if its attributes can be read. Triangle strips have no attributes, and all
+/// triangles share the same arrays. So attributes of faces are not read in a file with strips.
 fn element(header: &Header, which: MeshElement) -> Option<&Element> {
     let find = |name: &str| header.elements.iter().find(|element| element.name == name);
     match which {
@@ -94,7 +96,8 @@ fn element(header: &Header, which: MeshElement) -> Option<&Element> {
     }
 }
 
-/// The first complete colour of an element.
+/// Returns the first complete colour of an element: three properties of the same type. Alpha is
+/// used only if it has that type, too.
 fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
     let element = element(header, which)?;
     let shape = |at: usize| element.properties[at].shape;
@@ -115,7 +118,7 @@ fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
     })
 }
 
-/// Finds the scalar property `name`, `vertex.name` or `face.name`.
+/// Finds the scalar property `NAME`, `vertex.NAME` or `face.NAME`. Vertices are searched first.
 fn property(header: &Header, name: &str) -> Option<(MeshElement, usize, Scalar)> {
     [MeshElement::Vertex, MeshElement::Face].into_iter().find_map(|which| {
         let element = element(header, which)?;
@@ -129,14 +132,14 @@ fn property(header: &Header, name: &str) -> Option<(MeshElement, usize, Scalar)>
     })
 }
 
-/// Names of all scalar properties, with and without their element.
+/// Returns the names of all scalar properties, first without and then with their element.
 fn scalars(header: &Header) -> Vec<String> {
     let full = scalar_names(header);
     let bare = full.iter().filter_map(|name| Some(name.split_once('.')?.1.to_string()));
     bare.chain(full.iter().cloned()).collect()
 }
 
-/// Names `element.property` of all scalar properties that colours can show.
+/// Returns the names `element.property` of all scalar properties that a colour map can show.
 pub(super) fn scalar_names(header: &Header) -> Vec<String> {
     let elements = [MeshElement::Vertex, MeshElement::Face];
     let elements = elements.into_iter().filter_map(|which| element(header, which));
@@ -162,7 +165,7 @@ fn choices(header: &Header) -> String {
     format!("its scalar properties are {}{more}", shown.join(", "))
 }
 
-/// Returns true if the file has triangle strips. They have no attributes.
+/// Returns true if the file has triangle strips.
 pub(super) fn has_strips(header: &Header) -> bool {
     header.elements.iter().any(|element| element.name == "tristrips" && element.count > 0)
 }

@@ -9,13 +9,13 @@ use crate::reserve::MemoryLimit;
 pub(super) struct ReadContext<'a> {
     pub(super) name: &'a str,
     pub(super) monitor: Option<&'a Monitor>,
-    /// Limit of the memory for the arrays.
+    /// Memory limit of the arrays.
     pub(super) room: Option<MemoryLimit>,
 }
 
 impl ReadContext<'_> {
-    /// Returns true once a signal has requested a stop. Loops that cannot return an error then do
-    /// nothing, and their caller detects it with [`Self::check`].
+    /// Returns true once a signal has requested a stop. Loops that cannot return an error then skip
+    /// their work. Their caller detects the stop with [`Self::check`].
     pub(super) fn stopped(&self) -> bool {
         self.monitor.is_some_and(Monitor::stopped)
     }

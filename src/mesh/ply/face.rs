@@ -1,4 +1,5 @@
-//! Converts faces and strips to triangles: in bulk if all faces are triangles, else one by one.
+//! Converts faces and strips to triangles. Faces are read in bulk if all are triangles, in binary
+//! rows of equal size and without texture data. Otherwise they are read one by one.
 
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ const GRAIN: usize = 1 << 14;
 /// Marks a dropped triangle in the bulk path. No mesh has a vertex with this index.
 const DROPPED: [u32; 3] = [u32::MAX; 3];
 
-/// Reads, checks and splits the faces of `table`.
+/// Reads the faces of `table`, checks them and splits polygons into triangles.
 pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords && !plan.texnumbers {
@@ -42,7 +43,8 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
     Ok(all)
 }
 
-/// Reads an element in which every face is a triangle and every row has the same size.
+/// Reads an element in which every face is a triangle, every row has the same size, and no texture
+/// data is read.
 fn all_triangles<P: Point>(
     table: &Table,
     plan: &FacePlan,
@@ -80,8 +82,8 @@ fn all_triangles<P: Point>(
     Ok(faces)
 }
 
-/// Copies and checks rows. Their three corners of type `T` start at byte `at` of the row. The
-/// triangles to drop are marked.
+/// Copies and checks the triangles of all rows. Their three indices of type `T` start at byte `at`
+/// of the row. Triangles to drop become [`DROPPED`].
 fn copy<T: Native + Into<i64>, P: Point>(
     table: &Table,
     uniform: &Uniform,
@@ -124,12 +126,13 @@ fn copy<T: Native + Into<i64>, P: Point>(
     Ok(Faces { triangles, tally, ..Faces::default() })
 }
 
-/// Number of corners from which a polygon's memory is reserved before it is split.
+/// Minimum number of corners of a polygon whose memory is reserved before it is split.
 const LARGE_POLYGON: usize = 1 << 16;
-/// Bytes per corner while a polygon is split: its vertex, three versions of its point, a triangle.
+/// Bytes per corner while a polygon is split: its vertex index, its point (in f64, relative to the
+/// first corner, and in 2D), a triangle.
 const SPLIT_BYTES: u64 = 4 + 24 + 24 + 16 + 12;
 
-/// Appends to a list whose length comes from the file.
+/// Appends to a list whose length comes from the file. A lack of memory is a [`Fault`].
 #[inline]
 fn push<T>(all: &mut Vec<T>, value: T, job: ReadContext) -> RowResult<()> {
     if all.len() == all.capacity() {
@@ -150,7 +153,7 @@ struct BlockFaces<'a, P> {
     uvs: Vec<[[f32; 2]; 3]>,
     any_uvs: bool,
     attributes: Attributes,
-    /// The `texnumber` of the current face. The fields below belong to the current face too.
+    /// The `texnumber` of the current face. The fields below belong to the current face, too.
     texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
@@ -185,7 +188,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
         Faces { triangles, uvs, attributes, tally: self.checker.tally }
     }
 
-    /// Adds the current face, after its corners have been read.
+    /// Adds the triangles of the current face, after its row has been read.
     fn face(&mut self, row: u64) -> RowResult<()> {
         self.checker.tally.faces += 1;
         let count = self.corners.len();
@@ -211,8 +214,8 @@ impl<'a, P: Point> BlockFaces<'a, P> {
         Ok(())
     }
 
-    /// Reserves the memory in which a polygon of `count` corners is split. That of small polygons
-    /// is not worth a question to the system.
+    /// Reserves the memory in which a polygon of `count` corners is split. Small polygons are not
+    /// checked: the check would take longer than the splitting.
     fn reserve_split(&mut self, count: usize) -> RowResult<()> {
         if count < LARGE_POLYGON {
             return Ok(());
@@ -280,8 +283,9 @@ impl<'a, P: Point> BlockFaces<'a, P> {
         }
     }
 
-    /// Reads a strip of `count` corners. Every corner forms a triangle with the two before it.
-    /// Every second triangle is reversed. The index -1 starts a new strip.
+    /// Reads a strip of `count` corners. Every corner from the third on forms a triangle with the
+    /// two before it. Every second triangle is reversed, so that all have the same orientation. The
+    /// index -1 starts a new strip; in `uint` it is 4294967295.
     fn strip<R: Row>(
         &mut self,
         values: &mut R,

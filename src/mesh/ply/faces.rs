@@ -1,4 +1,4 @@
-//! The arrays of faces and strips.
+//! The triangles of faces and strips, with their arrays.
 
 use super::attributes::{Attributes, Capacity};
 use super::check::Tally;
@@ -6,7 +6,7 @@ use super::context::ReadContext;
 use crate::error::Result;
 use crate::reserve;
 
-/// The triangles of one element of faces or strips.
+/// The triangles that have been read from faces and strips.
 #[derive(Default)]
 pub(super) struct Faces {
     pub(super) triangles: Vec<[u32; 3]>,
@@ -33,7 +33,7 @@ impl Faces {
             uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
         }
         if self.triangles.is_empty() {
-            // The first rows decide which arrays there are.
+            // The first triangles decide which arrays exist.
             let reserved = Capacity::Total(self.triangles.capacity());
             let mut attributes = next.attributes;
             attributes.reserve(reserved, job)?;
@@ -52,7 +52,7 @@ impl Faces {
         Ok(())
     }
 
-    /// Size in bytes of the arrays.
+    /// Returns the size in bytes of the arrays.
     pub(super) fn bytes(&self) -> u64 {
         let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
         (size_of_val(&self.triangles[..]) + uvs) as u64 + self.attributes.bytes()

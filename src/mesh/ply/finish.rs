@@ -16,11 +16,15 @@ pub struct ParsedFile {
     pub plan: MeshPlan,
     pub vertices: Vertices,
     pub faces: Faces,
-    /// Number of bytes behind the last element.
+    /// Number of bytes after the last row.
     pub trailing_bytes: u64,
 }
 
-/// Makes the mesh: drops duplicates, reports bad vertices and fills in the notes.
+/// Makes the mesh: drops duplicate triangles, selects the texture and fills in the notes.
+///
+/// # Errors
+/// If no triangle or no point is left. Without `repair`, also if a triangle uses a missing or
+/// non-finite vertex, a face selects a missing texture, or a point is not finite.
 pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
     let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
@@ -57,7 +61,7 @@ pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Res
     let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
     duplicates::drop(&mut stitches, vertex_count, job)?;
     notes.duplicates_dropped = duplicates;
-    // One texture on all faces needs no numbers.
+    // If all triangles have the same texture, no index per triangle is needed.
     let several = tally.textures.len() > 1;
     let main = tally.main_texture();
     let named =

@@ -1,7 +1,7 @@
 //! Parses the header: every line from `ply` to `end_header`, word by word.
 //!
-//! Nothing is allocated by a declared count. Counts stay `u64` until the data has been found. The
-//! header is bytes, not UTF-8: comments may contain any bytes.
+//! No memory is allocated from a declared count. Counts stay `u64` until the data has been found.
+//! The header is bytes, not UTF-8: comments may contain any bytes.
 
 use super::scalar::{NAMES, Scalar};
 use crate::error::{Error, Result};
@@ -93,15 +93,15 @@ impl Element {
 pub(super) struct Header {
     pub(super) format: Format,
     pub(super) elements: Vec<Element>,
-    /// The name in every `comment TextureFile NAME`, in order.
+    /// The names in the lines `comment TextureFile NAME`, in file order.
     pub(super) texture_files: Vec<String>,
-    /// Offset in bytes of the data.
+    /// Offset in bytes of the data from the beginning of the file.
     pub(super) data_start: usize,
     /// Number of lines in the header. The data of an ASCII file starts on the next line.
     pub(super) lines: u64,
 }
 
-/// Parses the header of the file called `name` from its first bytes.
+/// Parses the header from the first bytes of a file. Messages name the file as `name`.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
     let mut lines = Lines { bytes, at: 0, number: 0, name };
     if !bytes.starts_with(b"ply") || lines.next()? != Some(b"ply") {
@@ -123,6 +123,8 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Header> {
         let keyword = words.next().unwrap_or_default();
         let words: Vec<&[u8]> = match keyword {
             b"comment" | b"obj_info" => Vec::new(),
+            // A valid line has at most 4 more words. 8 show that there are too many, in a bounded
+            // list.
             _ => words.take(8).collect(),
         };
         match keyword {
@@ -176,7 +178,8 @@ impl<'a> Lines<'a> {
         let rest = &self.bytes[self.at..];
         let window = &rest[..rest.len().min(MAX_LINE)];
         let Some(length) = window.iter().position(|&b| b == b'\n') else {
-            // Only in a file without data can the last line lack its line end.
+            // A header whose last line has no line end is refused. Only a file without data can
+            // have one.
             if window.len() == MAX_LINE {
                 self.number += 1;
                 return Err(self.error(format!("the line is longer than {MAX_LINE} bytes")));

@@ -1,8 +1,8 @@
-//! Locates the rows of every element before anything is allocated for them.
+//! Locates the rows of every element before memory is allocated for them.
 //!
 //! This detects a false header: each declared row must be in the file. If the lists of all rows are
-//! as long as those of the first row, the rows have one stride and need no walk. Otherwise the rows
-//! are walked once, from list count to list count.
+//! as long as those of the first row, all rows have the same size, and row n starts at n times that
+//! size. Otherwise the rows are walked once, from list count to list count.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use super::header::{Element, Format, Header, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 
-/// Number of rows that one task reads.
+/// Maximum number of rows that one task reads.
 const ROWS_PER_BLOCK: u64 = 1 << 14;
 
 /// Locates the rows of every element. The second value is the number of bytes after the last row.
@@ -87,8 +87,8 @@ impl BinaryRows<'_> {
         self.walk(start, first, wanted)
     }
 
-    /// Returns the layout of the first row if the data holds its list counts. The values of the row
-    /// may be incomplete.
+    /// Returns the layout of the first row. `None` if the data ends before its last list count, or
+    /// if a count is negative. The values of the row may be incomplete.
     fn first_row(&self, start: usize) -> Option<Uniform> {
         let mut uniform = Uniform { start, stride: 0, offsets: Vec::new(), lengths: Vec::new() };
         let mut at = start;
@@ -111,8 +111,8 @@ impl BinaryRows<'_> {
         Some(uniform)
     }
 
-    /// Returns true if the lists of every row are as long as those of the first row. By induction:
-    /// if they are in rows 0 to n - 1, then row n starts at n times the stride.
+    /// Returns true if the lists of every row are as long as those of the first row. The proof is
+    /// by induction: if this holds for rows 0 to n - 1, row n starts at n times the stride.
     fn all_alike(&self, uniform: &Uniform, rows: u64) -> bool {
         let (big, stride) = (self.big, uniform.stride);
         let layout = uniform.offsets.iter().zip(&uniform.lengths);
@@ -160,7 +160,8 @@ impl BinaryRows<'_> {
         Ok((Span { first, rows, uniform: None, blocks }, at))
     }
 
-    /// Returns the end of the row that starts at byte `at`, or `None` if the data ends first.
+    /// Returns the end of row `row`, which starts at byte `at`, or `None` if the data ends first. A
+    /// negative list count is an error.
     #[inline]
     fn walk_row(&self, mut at: usize, row: u64) -> Result<Option<usize>> {
         for property in &self.element.properties {
@@ -189,7 +190,7 @@ impl BinaryRows<'_> {
     }
 }
 
-/// Reads the list length at byte `at`. Returns `None` if the data ends before its end.
+/// Reads the list count at byte `at`. Returns `None` if the data ends before the count does.
 #[inline]
 fn count_at(data: &[u8], at: usize, kind: Scalar, big: bool) -> Option<i64> {
     if kind == Scalar::U8 {

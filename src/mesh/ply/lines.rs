@@ -1,7 +1,7 @@
 //! ASCII data: locates the rows and parses their numbers.
 //!
 //! A row is one line. Blank lines do not count. Lines are first counted in parallel. Then blocks of
-//! rows can be read in parallel, because the row and line numbers of each block are known.
+//! rows can be read in parallel, because the first row and line of each block are known.
 
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ use crate::error::Result;
 /// Number of bytes of text that one task counts.
 const CHUNK: usize = 1 << 19;
 
-/// A range of whole lines.
+/// A range of bytes that holds whole lines.
 struct Chunk {
     start: usize,
     end: usize,
@@ -85,12 +85,12 @@ pub(super) struct Lines<'a> {
     line: u64,
     /// Number of all lines that are not blank.
     all: u64,
-    /// Number of these that have not been taken.
+    /// Number of lines that are not blank and have not been taken.
     left: u64,
 }
 
 impl<'a> Lines<'a> {
-    /// Counts the lines of `data`, which follows `line` other lines of the file.
+    /// Counts the lines of `data`. The file has `line` lines before it.
     pub(super) fn new(data: &'a [u8], line: u64, job: &ReadContext) -> Result<Self> {
         let chunks = chunks(data, job)?;
         let all = chunks.iter().map(|c| c.rows).sum();
@@ -156,8 +156,8 @@ impl<'a> Lines<'a> {
         self.block
     }
 
-    /// Returns the number of bytes after the last row, from the first word on that no element
-    /// takes. Blank lines at the start of a chunk or block do not count.
+    /// Returns the number of bytes from the first word that no element takes to the end of the
+    /// data; 0 if there is no such word.
     fn rest(&mut self) -> u64 {
         while let Some(block) = self.open() {
             if block.rows > 0 {

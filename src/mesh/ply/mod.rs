@@ -1,11 +1,11 @@
-//! The PLY reader. It reads any PLY file that holds a mesh, the common ones at memory speed.
+//! The PLY reader. It reads any PLY file that holds a mesh. Common binary files are read in bulk.
 //!
-//! Each step is a module. [`source`] provides the bytes and [`header`] parses their declaration.
-//! [`plan`] selects the properties, and [`layout`] (for text [`lines`]) locates the rows.
-//! [`vertex`] and [`face`] fill the arrays, and [`check`] validates triangles. No count in the
-//! header is trusted before the rows have been found in the file. A file without faces is read only
-//! if its points are requested. Placement and shading are done elsewhere. Format: Turk, "The PLY
-//! Polygon File Format" (1994), and common usage.
+//! Each step is a module. [`source`] provides the bytes and [`header`] parses the header. [`plan`]
+//! selects the properties, and [`layout`] (for text [`lines`]) locates the rows. [`vertex`] and
+//! [`face`] fill the arrays, and [`check`] validates triangles. No count in the header is trusted
+//! before the rows have been found in the file. A file without faces is read only if its points are
+//! requested. Placement and shading are done elsewhere. Format: Turk, "The PLY Polygon File Format"
+//! (1994), and common usage.
 
 mod attributes;
 mod block;

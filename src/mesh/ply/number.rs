@@ -1,6 +1,7 @@
-//! Parses numbers in text. Common forms take a short exact path, all others use the standard
+//! Parses numbers in text. Common forms take a short exact path. All others use the standard
 //! library.
 
+/// The powers of ten that f64 holds exactly.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
@@ -10,7 +11,7 @@ const POWERS: [f64; 23] = [
 /// at a blank or at the end of `text`. Returns the value and its length in bytes. `None` means only
 /// that [`any`] must parse it.
 ///
-/// The result is correctly rounded. Digits below 2^53 and powers up to 1e22 are exact in `f64`, so
+/// The result is correctly rounded. Digits up to 2^53 and powers up to 1e22 are exact in `f64`, so
 /// the one multiplication or division rounds once (Clinger 1990).
 #[inline]
 pub(super) fn plain(text: &[u8]) -> Option<(f64, usize)> {
@@ -34,7 +35,7 @@ pub(super) fn plain(text: &[u8]) -> Option<(f64, usize)> {
         count += places;
         scale = -(places as i32);
     }
-    // 18 digits cannot overflow.
+    // 18 digits always fit into 64 bits.
     if count == 0 || count > 18 {
         return None;
     }
@@ -61,6 +62,7 @@ fn digit(text: &[u8], at: usize) -> Option<u64> {
     (digit < 10).then_some(digit as u64)
 }
 
+/// Parses the exponent after `e`, up to 99. Returns the value and its length in bytes.
 fn small_exponent(text: &[u8]) -> Option<(i32, usize)> {
     let negative = text.first() == Some(&b'-');
     let signed = usize::from(negative || text.first() == Some(&b'+'));
@@ -84,7 +86,8 @@ pub(super) fn to_f32(value: f64) -> Option<f64> {
     (!between && !small).then_some(value as f32 as f64)
 }
 
-/// Parses any number, including NaN and infinity as C libraries spell them.
+/// Parses any number, including NaN and infinity as C libraries spell them. With `single`, the
+/// decimal number is rounded once, to f32.
 pub(super) fn any(word: &[u8], single: bool) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     let parsed = match single {

@@ -1,4 +1,4 @@
-//! Options for reading a mesh file. Optional data is stored only if a scene uses it.
+//! Options for reading a mesh file. With them, a scene requests the optional data that it uses.
 
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
@@ -15,12 +15,12 @@ pub enum ColorSource<'a> {
     Vertices,
     /// Colours of the faces. A file without them is an error.
     Faces,
-    /// Values of a scalar property: `NAME` of the vertices, else of the faces. `vertex.NAME` and
-    /// `face.NAME` select one. A file without it is an error.
+    /// Values of a property that is no list: `NAME` of the vertices, else of the faces.
+    /// `vertex.NAME` and `face.NAME` select one element. A file without it is an error.
     Property(&'a str),
 }
 
-/// The colours to read, and who asks for them.
+/// The colours to read, and the place of the request for messages.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ColorRequest<'a> {
     /// Source of the colours.
@@ -36,12 +36,13 @@ const WINDOW: usize = 1 << 23;
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct ReadOptions<'a> {
-    /// Drops triangles that use a missing or non-finite vertex. Without it, such a triangle is an
-    /// error.
+    /// Drops triangles that use a missing or non-finite vertex, drops points that are not finite,
+    /// and ignores texture indices out of range. Without it, each of these is an error.
     pub repair: bool,
-    /// Maps the file into memory. Without it, the file is read through a window of fixed size.
+    /// Maps the file into memory if possible. Without it, the file is read through a window.
     pub mmap: bool,
-    /// Size in bytes of the window on an unmapped file. The window grows for longer rows.
+    /// Size in bytes of the window through which an unmapped file is read. It grows for longer
+    /// rows.
     pub window: usize,
     /// Stops the reader on request: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
@@ -51,7 +52,7 @@ pub struct ReadOptions<'a> {
     pub color: ColorRequest<'a>,
     /// Reads the vertices as points: no faces, normals or texture coordinates.
     pub points: bool,
-    /// Stores which of several textures each face has.
+    /// Stores the index of the texture of each face, if the file names several textures.
     pub textures: bool,
 }
 

@@ -1,6 +1,9 @@
 //! Decides which properties of a header become which array, and which are skipped.
 //!
-//! A role is the meaning of one number of a vertex row, as an index below [`ROLES`].
+//! A role is the meaning of one number in a row of `vertex` or `face`, such as "x" or "alpha". It
+//! is an index below [`ROLES`]. "Scalar property" has two meanings in this module. In a header, it
+//! is a property that is no list. In a role or a plan, `scalar` is the one such property that a
+//! colour map shows.
 
 use super::choice::{Choice, ColorType, choose, has_strips, single};
 use super::header::{Element, ElementProperty, Header, PropertyType};
@@ -9,45 +12,49 @@ use super::scalar::Scalar;
 use crate::error::{Error, Result};
 use crate::mesh::arrays::MeshElement;
 
-/// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinate, then the attributes. Rows of
-/// faces have the attributes only.
+/// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinates, then the attributes. Faces
+/// use the roles of attributes only.
 pub(super) const ROLES: usize = COLOR + ATTRIBUTES;
-/// Number of roles that vertices and faces share: 3 colour, 1 alpha, 1 scalar, 1 texture number.
+/// Number of roles of attributes: 3 colour, 1 alpha, 1 displayed scalar, 1 texture index. Vertices
+/// and faces can have all of them but the texture index, which only faces have.
 pub(super) const ATTRIBUTES: usize = 6;
 
 const NORMAL: usize = 3;
 const UV: usize = 6;
 const COLOR: usize = 8;
 const ALPHA: usize = COLOR + 3;
-/// Role of the number of a face's texture.
+/// Role of the index of a face's texture among the textures of the file.
 pub(super) const TEXTURE: usize = COLOR + 5;
-/// Role of the scalar property.
+/// Role of the scalar property that a colour map shows.
 pub(super) const SCALAR: usize = COLOR + 4;
 
+/// Names of texture coordinates. The first complete pair is read.
 const UV_NAMES: [[&str; 2]; 4] =
     [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
 
-/// For each role, the index of its property within the element.
+/// For each role, the index of its property within the element; `None` if the role is not read.
 pub(super) type Columns = [Option<usize>; ROLES];
 
-/// The types of the attributes that are read.
+/// The attributes that are read from an element, with their types in the file. `None`: not read.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AttributePlan {
     pub(super) colors: Option<ColorType>,
     pub(super) alpha: Option<ColorType>,
     pub(super) scalar: Option<Scalar>,
-    /// First role of the property that the scalar shows: it may be a coordinate, too.
+    /// Role under which rows store the displayed scalar. It is below [`SCALAR`] if the same
+    /// property has another role, too: a coordinate, for example.
     pub(super) scalar_from: usize,
-    /// Number of textures that a face can select; 0 if its texture is not stored.
+    /// Number of textures that a face can select; 0 if texture indices are not stored.
     pub(super) textures: usize,
 }
 
 impl AttributePlan {
-    /// No attribute is read.
+    /// The plan that reads no attribute.
     const NOTHING: Self =
         Self { colors: None, alpha: None, scalar: None, scalar_from: SCALAR, textures: 0 };
 
-    /// Selects the properties of `choice` in one element.
+    /// Returns the plan for `choice` in one element, and enters the roles of its properties into
+    /// `columns`.
     fn new(choice: &Choice, element: MeshElement, columns: &mut Columns) -> Self {
         let mut plan = Self::NOTHING;
         if let Some(colors) = choice.colors.filter(|_| choice.colors_of == element) {
@@ -71,7 +78,7 @@ impl AttributePlan {
         self.colors.is_some() || self.scalar.is_some() || self.textures > 0
     }
 
-    /// Size in bytes of the attributes of one vertex or triangle.
+    /// Returns the size in bytes of the stored attributes of one vertex or triangle.
     pub(super) fn bytes(&self) -> u64 {
         let each = |kind: Option<ColorType>| match kind {
             None => 0,
@@ -79,6 +86,7 @@ impl AttributePlan {
             Some(ColorType::U16) => 2,
             Some(ColorType::F32) => 4,
         };
+        // `Scalars` has no signed integers: 8 and 16 bits are stored as f32, 32 bits as f64.
         let scalar = self.scalar.map_or(0, |kind| match kind {
             Scalar::I8 | Scalar::I16 => 4,
             Scalar::I32 | Scalar::U32 => 8,
@@ -92,7 +100,7 @@ impl AttributePlan {
 /// How one property of a row is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Step {
-    /// A number of a row: its type and its role.
+    /// A number that is stored: its type and its role.
     Value(Scalar, usize),
     /// The corners of a face or strip.
     Corners {
@@ -104,12 +112,12 @@ pub(super) enum Step {
         count: Scalar,
         item: Scalar,
     },
-    /// The index of the face's texture among the textures of the file; it may have a role, too.
+    /// The index of a face's texture: its type, and its role if a colour map shows it, too.
     Texnumber(Scalar, Option<usize>),
     Skip(PropertyType),
 }
 
-/// How the rows of `vertex` are converted to arrays.
+/// How the rows of `vertex` are converted to arrays. One step per property, in file order.
 #[derive(Debug)]
 pub(super) struct VertexPlan {
     /// Index of the element in the header.
@@ -124,7 +132,8 @@ pub(super) struct VertexPlan {
     pub(super) attributes: AttributePlan,
 }
 
-/// How the rows of `face` or `tristrips` are converted to triangles.
+/// How the rows of `face` or `tristrips` are converted to triangles. One step per property, in file
+/// order.
 #[derive(Debug)]
 pub(super) struct FacePlan {
     pub(super) element: usize,
@@ -142,7 +151,7 @@ pub(super) struct FacePlan {
 pub(super) struct MeshPlan {
     pub(super) vertex: VertexPlan,
     pub(super) faces: Vec<FacePlan>,
-    /// Name of the scalar property that is read, and its element.
+    /// Name of the scalar property that a colour map shows, and its element.
     pub(super) property: Option<(String, MeshElement)>,
     /// Names `element.property` of the properties that are read.
     pub(super) used: Vec<String>,
@@ -150,8 +159,10 @@ pub(super) struct MeshPlan {
     pub(super) ignored: Vec<String>,
 }
 
-/// Decides which properties are read. Returns an error if the file cannot be a mesh. Messages name
-/// the file as `file`.
+/// Decides which properties are read. Messages name the file as `file`.
+///
+/// # Errors
+/// If the file cannot be a mesh, or lacks the requested colours or property.
 pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result<MeshPlan> {
     let choice = choose(header, file, options)?;
     let vertex = vertex_plan(header, file, &choice, options.points)?;
@@ -166,7 +177,7 @@ pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result
             file,
         )?);
     }
-    // In file order: rows are read in this order.
+    // Rows are read in file order.
     faces.sort_by_key(|face| face.element);
     if !options.points && faces.iter().all(|face| header.elements[face.element].count == 0) {
         return Err(no_faces(header, &vertex, file));
@@ -238,13 +249,13 @@ fn vertex_plan(header: &Header, file: &str, choice: &Choice, points: bool) -> Re
     })
 }
 
-/// Returns the first role of the property `at`.
+/// Returns the lowest role of the property with index `at`.
 fn role_of(columns: &Columns, at: usize) -> Option<usize> {
     columns.iter().position(|column| *column == Some(at))
 }
 
-/// Fills `columns` with the properties called `names`. Returns false, and changes nothing, if the
-/// element lacks one.
+/// Fills `columns` with the indices of the properties called `names`. Returns false, and changes
+/// nothing, if any of them is missing or a list.
 fn assign(element: &Element, names: &[&str], columns: &mut [Option<usize>]) -> bool {
     let found: Option<Vec<usize>> = names.iter().map(|name| single(element, name)).collect();
     let Some(found) = found else { return false };
@@ -284,6 +295,7 @@ fn face_plan(
     let is_texcoord_list = |p: &ElementProperty| p.name == "texcoord" && is_float_list(p.shape);
     let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
     let mut columns = [None; ROLES];
+    // The reader of strips stores triangles only, no attributes.
     let mut attributes = match strips {
         true => AttributePlan::NOTHING,
         false => AttributePlan::new(choice, MeshElement::Face, &mut columns),
@@ -295,7 +307,7 @@ fn face_plan(
             && matches!(shape, PropertyType::Single(kind) if kind.is_integer())
     };
     let texnumbers = (0..element.properties.len()).any(is_texnumber);
-    // Without texture coordinates, the numbers have no use.
+    // Texture indices are useless without texture coordinates. Triangles of strips have no index.
     if textures && texnumbers && (texcoords || vertex_uvs) && !has_strips(header) {
         attributes.textures = header.texture_files.len();
     }

@@ -6,11 +6,11 @@ use super::vertex::Vertices;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::mesh::arrays::Positions;
 
-/// Checks that there are points and that all are finite. With `repair`, the others are dropped and
-/// counted.
+/// Checks that there are points and that all are finite. With `repair`, points that are not finite
+/// are dropped and counted.
 ///
 /// # Errors
-/// A point that is not finite; no point.
+/// If no finite point is left. Without `repair`, also if any point is not finite.
 pub(super) fn check(
     vertices: &mut Vertices,
     tally: &mut Tally,

@@ -1,16 +1,17 @@
 //! Splits polygons into triangles.
 //!
-//! Quads are split into 0-1-2 and 0-2-3, whatever their shape. Larger polygons are projected along
-//! the largest component of their mean (Newell) normal, which keeps convexity and orientation.
-//! Convex polygons become a fan from their first vertex. The others are split by ear clipping.
+//! Quads are split into 0-1-2 and 0-2-3, whatever their shape. A larger polygon is projected along
+//! the coordinate axis of the largest component of its Newell normal, the sum of the cross products
+//! of consecutive corners. This keeps convexity and orientation. Convex polygons become a fan from
+//! their first corner. The others are split by ear clipping.
 
 use crate::mesh::normals::{cross, sub};
 
 /// Maximum number of corners of a polygon that is not convex: ear clipping takes quadratic time.
 pub(super) const MAX_CONCAVE: usize = 1 << 14;
 
-/// Splits the polygon `points` into `triangles` of corner indices, in order of clipping. Returns
-/// false if the polygon is not convex and has too many corners.
+/// Splits the polygon `points` into `triangles` of corner indices. Returns false, without
+/// triangles, if the polygon is not convex and has more than [`MAX_CONCAVE`] corners.
 pub(super) fn split(points: &[[f64; 3]], triangles: &mut Vec<[u32; 3]>) -> bool {
     triangles.clear();
     let count = points.len() as u32;
@@ -26,7 +27,7 @@ pub(super) fn split(points: &[[f64; 3]], triangles: &mut Vec<[u32; 3]>) -> bool 
     true
 }
 
-/// Projects the polygon to the plane so that it is counter-clockwise.
+/// Projects the polygon to a plane of two coordinates, so that it is counter-clockwise.
 fn flatten(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     // Relative to the first corner: large map coordinates would cancel in the products.
     let Some(&origin) = points.first() else {
@@ -68,13 +69,15 @@ fn is_convex(flat: &[[f64; 2]]) -> bool {
         && (1..n - 1).all(|i| area([flat[0], flat[i], flat[i + 1]]) >= 0.0)
 }
 
+/// Splits a counter-clockwise polygon by ear clipping.
 fn clip_ears(flat: &[[f64; 2]], triangles: &mut Vec<[u32; 3]>) {
     let mut left: Vec<u32> = (0..flat.len() as u32).collect();
     let mut at = 0;
     while left.len() > 3 {
         let n = left.len();
         let ear = (0..n).map(|step| (at + step) % n).find(|&i| is_ear(flat, &left, i));
-        // A polygon that crosses itself may have no ear. Clip one anyway, so that the loop ends.
+        // A polygon that crosses itself may have no ear. Clip a corner anyway, so that the loop
+        // ends.
         let ear = ear.unwrap_or(at % n);
         triangles.push([left[(ear + n - 1) % n], left[ear], left[(ear + 1) % n]]);
         left.remove(ear);

@@ -31,7 +31,7 @@ pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Reads a PLY file from memory, plain or compressed. Messages call it `name`.
+/// Reads a PLY file from memory, plain or compressed with gzip or zstd. Messages name it as `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
     let job = ReadContext { name, monitor: options.monitor, room: options.room };
     match Packing::detect(bytes) {

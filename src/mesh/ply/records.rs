@@ -16,12 +16,12 @@ pub(super) struct Records<'a> {
     rows: &'a [u8],
     stride: usize,
     big: bool,
-    /// Type and offset of each role.
+    /// Type and offset in a row of each role. For a role that is not read they have no meaning.
     roles: [(Scalar, usize); ROLES],
 }
 
 impl<'a> Records<'a> {
-    /// The rows of `table`. `layout` has found them in the file.
+    /// Returns the rows of `table`. `layout` has found them in the file.
     pub(super) fn new(table: &Table<'a>, columns: &Columns, uniform: &Uniform, big: bool) -> Self {
         let length = table.span.rows as usize * uniform.stride;
         let roles = columns.map(|column| {
@@ -37,8 +37,8 @@ impl<'a> Records<'a> {
         Self { rows, stride: uniform.stride, big, roles }
     }
 
-    /// Reads `N` roles, from `first` on, into an array with enough capacity. Values that are stored
-    /// as type `T`, called `native`, are copied. All others are converted one by one.
+    /// Reads `N` roles, from `first` on, into an array with enough capacity. `native` is the PLY
+    /// type of `T`: values stored in it are copied. Values of other types are converted one by one.
     pub(super) fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,

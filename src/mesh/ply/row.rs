@@ -1,4 +1,5 @@
-//! Reads a row of numbers value by value, from text or binary data. Used by the general paths.
+//! Reads a row of numbers value by value, from text or binary data. The paths that cannot read in
+//! bulk use it.
 
 use std::fmt;
 
@@ -10,7 +11,7 @@ use crate::error::Error;
 /// An error in a row.
 #[derive(Debug)]
 pub(super) enum Fault {
-    /// The row ends too early. `at_end` is true if the file ends there.
+    /// The row ends too early. `at_end` is true if the data ends there.
     Short {
         at_end: bool,
     },

@@ -1,12 +1,11 @@
 //! The eight number types of PLY: names, sizes and how their bytes are read.
 //!
-//! Every value of every type is exact in `f64`. So the general paths carry only `f64`, and the bulk
+//! Every value of every type is exact in `f64`, so the general paths carry only `f64`. The bulk
 //! paths read the native type.
 
 use serde::Serialize;
 
-/// A number type of PLY. It is written out under its classic name; `int8`, `float32` etc. are
-/// aliases.
+/// A number type of PLY. It is serialised as its classic name; `int8`, `float32` etc. are aliases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(into = "&'static str")]
 pub enum Scalar {
@@ -32,7 +31,8 @@ pub enum Scalar {
 pub(super) const NAMES: &str = "char uchar short ushort int uint float double (or int8 uint8 \
      int16 uint16 int32 uint32 float32 float64)";
 
-/// Name, alias, size in bytes, and range of the integers, of each type in the order of [`Scalar`].
+/// For each type, in the order of [`Scalar`]: name, alias, size in bytes, and range if it is an
+/// integer.
 const TYPES: [(Scalar, &str, &str, usize, [f64; 2]); 8] = [
     (Scalar::I8, "char", "int8", 1, [i8::MIN as f64, i8::MAX as f64]),
     (Scalar::U8, "uchar", "uint8", 1, [0.0, u8::MAX as f64]),
@@ -45,7 +45,7 @@ const TYPES: [(Scalar, &str, &str, usize, [f64; 2]); 8] = [
 ];
 
 impl Scalar {
-    /// Parses the name of a type.
+    /// Returns the type with this name or alias.
     pub(super) fn parse(word: &[u8]) -> Option<Self> {
         let named = |name: &str| name.as_bytes() == word;
         TYPES.iter().find(|of| named(of.1) || named(of.2)).map(|of| of.0)
@@ -66,7 +66,8 @@ impl Scalar {
         !matches!(self, Self::F32 | Self::F64)
     }
 
-    /// Returns true if this type can represent `value`, a number from an ASCII file.
+    /// Returns true if this type can represent `value`, a number from an ASCII file. A float type
+    /// can represent every value, rounded.
     pub(super) fn holds(self, value: f64) -> bool {
         let (.., [low, high]) = TYPES[self as usize];
         // NaN fails both comparisons, so no integer type holds it.

@@ -1,10 +1,10 @@
 //! Opens a mesh file: as a memory map if possible, else as a stream.
 //!
-//! A map needs no memory, and every thread can read its own part. It has one risk. If another
-//! program truncates the file, or the disk fails, reading a missing page raises SIGBUS. A handler
-//! then maps pages of zeros there, so that reading continues. The file is refused afterwards
-//! ([`Map::intact`]). Streams are used for compressed files, pipes, and files that the options
-//! forbid to map.
+//! A map needs no memory of its own, and every thread can read its own part. It has one risk. If
+//! another program truncates the file, or the disk fails, reading a missing page raises SIGBUS. A
+//! handler then maps pages of zeros there, so that reading continues. The file is refused
+//! afterwards ([`Map::intact`]). Streams are used for compressed files, pipes, files that the
+//! options forbid to map, and files that cannot be mapped.
 
 use std::fs::File;
 use std::io::{Chain, Cursor, Read};
@@ -41,7 +41,8 @@ pub(super) struct Stream {
 }
 
 impl MeshSource {
-    /// Opens the file at `path`. It is mapped if `map` is set and the file can be mapped.
+    /// Opens the file at `path`. It is mapped if `map` is set, the file is not compressed, and the
+    /// system can map it. `room` limits the memory for unpacking.
     pub(super) fn open(path: &Path, map: bool, room: Option<MemoryLimit>) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (stamp, length) = (opened.stamp, opened.length);
@@ -54,10 +55,11 @@ impl MeshSource {
     }
 }
 
-/// The beginning of a file, with the whole header if the header ends within a limit.
+/// The first bytes of a file, unpacked. They contain the whole header if it ends within the limit
+/// of [`Head::read`].
 pub(super) struct Head {
     pub(super) bytes: Vec<u8>,
-    /// Size of the file; for a pipe, the number of bytes read.
+    /// Size of the file as stored; for a pipe, the number of bytes read.
     pub(super) file_bytes: u64,
     pub(super) packing: Option<Packing>,
 }
@@ -96,7 +98,7 @@ pub(super) fn failed(path: &Path, packing: Option<Packing>, error: &std::io::Err
     }
 }
 
-/// An open file with its first bytes. They are kept because a pipe can be read only once.
+/// An open file with its first bytes, which are kept because a pipe can be read only once.
 struct Opened {
     file: File,
     start: Vec<u8>,
@@ -171,7 +173,7 @@ impl Map {
         // the file, so every value is read once and then checked as untrusted input. If the file is
         // truncated, the guard keeps the process alive and `intact` reports it.
         let bytes = unsafe { memmap2::Mmap::map(&file) }.ok()?;
-        // The size of the file has changed since it was queried.
+        // The size of the file may have changed since it was queried.
         if bytes.len() as u64 != length {
             return None;
         }
@@ -208,7 +210,7 @@ mod guard {
     /// Maximum number of files that are mapped at the same time. Further files are streamed.
     const MAX_MAPS: usize = 64;
 
-    /// A range of addresses whose page faults the handler repairs.
+    /// A range of addresses in which the handler replaces missing pages.
     struct Range {
         taken: AtomicBool,
         start: AtomicUsize,
@@ -299,7 +301,8 @@ mod guard {
                 return;
             }
         }
-        // The address is not in a guarded range: the instruction runs again, with the old handler.
+        // The address is not in a guarded range, or mapping zeros failed. The instruction runs
+        // again, with the old handler.
         // SAFETY: `before` came from `sigaction`.
         unsafe { libc::sigaction(signal, &raw const installed.before, std::ptr::null_mut()) };
     }

@@ -1,9 +1,10 @@
-//! Reads files from beginning to end, in a fixed amount of memory in addition to the arrays. For
-//! compressed files, pipes, and files that the options forbid to map.
+//! Reads files from beginning to end through a window. It serves compressed files, pipes, and files
+//! that are not mapped. In addition to the arrays, only the window and the chunks read ahead take
+//! memory. The window grows only for a row that is longer.
 //!
 //! A separate thread reads and unpacks ahead. A window moves over the data. The complete rows in
-//! the window are located and read by the same code as in a whole file. A file whose faces come
-//! before its vertices is an exception: it is loaded completely first.
+//! the window are located and read by the same code as in a whole file. One kind of file is loaded
+//! completely first: a file whose faces come before its vertices.
 
 use std::io::Read;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -33,13 +34,14 @@ const CHUNK: usize = 1 << 21;
 const AHEAD: usize = 2;
 /// Interval at which a waiting reader checks for a stop request.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// Maximum number of rows to reserve memory for if the length of the file is unknown.
+/// Maximum number of rows of an element to reserve memory for at once, if the length of the file is
+/// unknown.
 const MAX_UNVERIFIED_ROWS: u64 = 1 << 16;
 
 /// Converts an I/O error of the stream to an error about the file.
 type Failed<'a> = &'a dyn Fn(&std::io::Error) -> Error;
 
-/// Reads a mesh from a stream of `length` bytes, if that is known.
+/// Reads a mesh from a stream on two threads. `length` is the number of bytes, if known.
 pub(super) fn read(
     mut bytes: Box<dyn Read + Send>,
     length: Option<u64>,
@@ -67,7 +69,7 @@ pub(super) fn read_here<'a>(
 
 type Chunk = std::io::Result<Vec<u8>>;
 
-/// Reads the next `size` bytes, fewer only at the end.
+/// Reads the next `size` bytes, or fewer if the data ends first.
 fn chunk(bytes: &mut dyn Read, size: usize) -> Chunk {
     let mut chunk = Vec::new();
     chunk.try_reserve_exact(size)?;
@@ -120,7 +122,7 @@ struct Window<'a> {
     chunks: Chunks<'a>,
     ended: bool,
     failed: Failed<'a>,
-    /// Initial size of the window in bytes. It grows for longer rows.
+    /// Number of bytes with which the window is filled before rows are read. Longer rows need more.
     size: usize,
 }
 
@@ -211,8 +213,8 @@ impl<'a> Window<'a> {
         finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, job, options)
     }
 
-    /// Consumes the rest of the file. Returns the number of bytes after the last row; blank lines
-    /// of text do not count.
+    /// Consumes the rest of the file. Returns the number of bytes after the last row. In text,
+    /// white space directly after the last row does not count.
     fn trailing(&mut self, format: Format, job: &ReadContext) -> Result<u64> {
         let mut trailing = 0u64;
         loop {
@@ -232,7 +234,8 @@ impl<'a> Window<'a> {
 }
 
 /// Locates the complete rows of `element` at the beginning of `data`, from row `row` on. Also
-/// returns the offset of their end.
+/// returns the offset of their end. `line` is the number of lines of text before `data`; it is
+/// moved to the end of the rows.
 fn next_rows(
     data: &[u8],
     ended: bool,
@@ -258,14 +261,15 @@ fn next_rows(
     Ok((span, end))
 }
 
-/// The arrays read so far.
+/// The arrays that have been read so far.
 struct PartialMesh {
     vertices: Vertices,
     faces: Faces,
 }
 
 impl PartialMesh {
-    /// Appends the rows of `table`, which belong to the element `index`.
+    /// Appends the rows of `table`, which belong to the element with index `index`. Rows of other
+    /// elements are checked in text and ignored in binary data.
     fn read(
         &mut self,
         table: &Table,
@@ -285,7 +289,8 @@ impl PartialMesh {
                 Positions::F64(positions) => face::read(table, part, positions)?,
             };
             if self.faces.triangles.is_empty() && !part.strips {
-                // A triangle has three items of at least one byte each.
+                // `plausible_rows` counts lists as empty, but a triangle has three items. So fewer
+                // rows fit.
                 let length = length.map(|length| length / 2);
                 let count = plausible_rows(table.element, length);
                 reserve::exact(&mut self.faces.triangles, count, table.job.name)?;
@@ -300,14 +305,14 @@ impl PartialMesh {
 }
 
 /// Returns the number of rows of `element` to reserve memory for: the declared count, limited by
-/// what a file of `length` bytes can hold.
+/// the number of binary rows that fit into `length` bytes. For text it is only an estimate.
 fn plausible_rows(element: &Element, length: Option<u64>) -> usize {
     let row: u64 = element.properties.iter().map(|p| p.shape.min_bytes()).sum();
     let limit = length.map_or(MAX_UNVERIFIED_ROWS, |length| length / row.max(1));
     element.count.min(limit) as usize
 }
 
-/// The arrays that the plan selects, empty.
+/// Returns the arrays that the plan selects, without a vertex.
 fn empty_vertices(header: &Header, plan: &MeshPlan, job: &ReadContext) -> Result<Vertices> {
     let element = &header.elements[plan.vertex.element];
     let big = header.format.is_big();

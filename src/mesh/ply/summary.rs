@@ -18,14 +18,15 @@ use crate::mesh::arrays::MeshElement;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TriangleCount {
-    /// Exact if every face has three corners or more, computed from the sizes of file and rows.
-    /// Includes the triangles that the reader will drop. If some faces have fewer corners, the mesh
-    /// has more triangles, but fewer than three times as many.
+    /// Exact if every face has three corners or more and the file ends with its last row. Computed
+    /// from the sizes of the file and its rows. Includes the triangles that the reader will drop.
+    /// If some faces have fewer corners, the mesh has more triangles, but fewer than three times as
+    /// many.
     Exact,
     /// An upper bound: for triangle strips, which may have restarts, and for files in which some
     /// faces must have fewer than three corners.
     AtMost,
-    /// An estimate that takes every face for one triangle.
+    /// An estimate that counts every face or strip as one triangle.
     Estimate,
 }
 
@@ -56,7 +57,7 @@ pub struct ElementSummary {
 pub struct PlySummary {
     /// The encoding: `ascii`, `binary_little_endian` or `binary_big_endian`.
     pub format: &'static str,
-    /// Size of the file in bytes.
+    /// Size of the file as stored, in bytes; for a pipe, the number of bytes read.
     pub file_bytes: u64,
     /// The compression, `gzip` or `zstd`, if the file is compressed.
     pub packed: Option<&'static str>,
@@ -96,7 +97,8 @@ pub struct PlySummary {
 /// Summarises the file at `path` from its header.
 ///
 /// # Errors
-/// If the header alone shows that [`read`](super::read()) would reject the file.
+/// If the file cannot be read, or its header alone shows that [`read`](super::read()) would reject
+/// it.
 pub fn inspect(path: &Path) -> Result<PlySummary> {
     inspect_with(path, &ReadOptions::default())
 }
@@ -104,7 +106,8 @@ pub fn inspect(path: &Path) -> Result<PlySummary> {
 /// Summarises the file at `path` as [`inspect`] does, for a reader with these options.
 ///
 /// # Errors
-/// If the header alone shows that [`read`](super::read()) would reject the file.
+/// If the file cannot be read, or its header alone shows that [`read`](super::read()) would reject
+/// it.
 pub fn inspect_with(path: &Path, options: &ReadOptions) -> Result<PlySummary> {
     let name = path.display().to_string();
     let Head { bytes, file_bytes, packing } = Head::read(path, MAX_HEADER as u64)?;
@@ -175,7 +178,7 @@ fn property(property: &header::ElementProperty) -> PropertySummary {
     PropertySummary { name: property.name.clone(), kind, list_count }
 }
 
-/// Size in bytes of one vertex, summed over all arrays.
+/// Returns the size in bytes of one vertex, summed over all arrays.
 fn vertex_bytes(plan: &MeshPlan, corner_uvs: bool) -> u64 {
     let vertex = &plan.vertex;
     let position = if vertex.double { 24 } else { 12 };
@@ -184,13 +187,13 @@ fn vertex_bytes(plan: &MeshPlan, corner_uvs: bool) -> u64 {
     position + normal + uv + vertex.attributes.bytes()
 }
 
-/// Number of declared faces and strips.
+/// Returns the number of declared rows of faces and strips.
 fn faces(header: &Header, plan: &MeshPlan) -> u64 {
     let counts = plan.faces.iter().map(|f| header.elements[f.element].count);
     counts.fold(0, u64::saturating_add)
 }
 
-/// Returns the number of triangles.
+/// Returns the number of triangles, and how reliable it is.
 ///
 /// It can be computed if a binary file has a single list property: the corners of its faces or
 /// strips. All rows without their list items take `fixed` bytes. The other bytes are corners, and a

@@ -70,12 +70,12 @@ pub(super) struct Reader<'a, 'b> {
 
 /// A consumer of the rows of a block.
 pub(super) trait RowConsumer {
-    /// Reads the values of row number `row`.
+    /// Reads the values of the row with index `row`.
     fn take<R: Row>(&mut self, values: &mut R, row: u64) -> RowResult<()>;
 }
 
 impl Reader<'_, '_> {
-    /// Number of rows in the block.
+    /// Returns the number of rows in the block.
     pub(super) fn rows(&self) -> u64 {
         self.block.rows
     }

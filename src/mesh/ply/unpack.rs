@@ -42,7 +42,7 @@ impl Packing {
     }
 
     /// Returns a reader of the unpacked bytes of `packed`, which has `length` bytes if that is
-    /// known. The window takes at most `room`.
+    /// known. The window of a zstd decoder takes at most `room`.
     ///
     /// # Errors
     /// If there is no memory for the decoder.
@@ -58,7 +58,7 @@ impl Packing {
             Self::Gzip => Box::new(MultiGzDecoder::new(packed)),
             Self::Zstd => {
                 let mut frames = Decoder::with_buffer(packed)?;
-                // The window may be up to twice the size of the file.
+                // A window above the usual limit may be up to twice the size of the packed file.
                 let double = length.unwrap_or(0).saturating_mul(2).max(1).ilog2();
                 let max_log = double.clamp(WINDOW_LOG, MAX_WINDOW_LOG);
                 // The window is held in addition to the arrays.

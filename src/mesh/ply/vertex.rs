@@ -1,4 +1,5 @@
-//! Converts vertex rows into arrays: in bulk if all records have one size, else row by row.
+//! Converts vertex rows into arrays: in bulk if binary rows all have the same size, else row by
+//! row.
 
 use super::attributes::{Attributes, Capacity, RowAttributes};
 use super::block::Uniform;
@@ -12,7 +13,8 @@ use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::arrays::Positions;
 
-/// Number of unused vertices after the last one. Embree reads 16 bytes from every vertex.
+/// Number of vertices to reserve memory for after the last one. Embree reads 16 bytes from every
+/// vertex of 12 bytes, so a padding vertex is appended later.
 const SPARE: usize = 1;
 
 /// The arrays of element `vertex`.
@@ -24,7 +26,7 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
-    /// Size in bytes of one vertex, summed over all arrays but the attributes.
+    /// Returns the size in bytes of one vertex, summed over all arrays except the attributes.
     fn each(&self) -> u64 {
         let position = match &self.positions {
             Positions::F32(_) => 12,
@@ -35,7 +37,7 @@ impl Vertices {
         position + normal + uv
     }
 
-    /// Size in bytes of all arrays.
+    /// Returns the size in bytes of all arrays.
     pub(super) fn bytes(&self) -> u64 {
         self.each() * self.positions.len() as u64 + self.attributes.bytes()
     }
@@ -96,7 +98,8 @@ impl Vertices {
 }
 
 impl Vertices {
-    /// Keeps the positions and attributes for which `keep` returns true.
+    /// Keeps the vertices for whose index `keep` returns true. Only for points: normals and texture
+    /// coordinates are not changed, and points have none.
     pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
         let mut at = 0;
         let mut next = || {
@@ -140,7 +143,7 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Re
     Ok(all)
 }
 
-/// The arrays that `plan` selects, without a vertex.
+/// Returns the arrays that `plan` selects, without a vertex.
 fn empty(plan: &VertexPlan) -> Vertices {
     Vertices {
         positions: match plan.double {
@@ -201,7 +204,7 @@ impl Vertices {
 struct BlockVertices<'a> {
     plan: &'a VertexPlan,
     points: Vec<[f64; 3]>,
-    /// Normal and texture coordinate.
+    /// Normal and texture coordinates. Empty if neither is read.
     others: Vec<[f32; 5]>,
     attributes: Vec<RowAttributes>,
 }

@@ -24,8 +24,8 @@ pub fn whole(bytes: &[u8], job: &ReadContext, options: ReadOptions) -> Result<Me
         element: &header.elements[at],
         job: *job,
     };
-    // Locating rows of text does not check their contents. So the elements that are not used are
-    // checked here: their rows may be incomplete.
+    // Locating rows of text does not check their contents. So the rows of unused elements are
+    // checked here: they may be incomplete.
     let read = |at| at == plan.vertex.element || plan.faces.iter().any(|face| face.element == at);
     let text = header.format == Format::Ascii;
     for table in (0..spans.len()).filter(|at| text && !read(*at)).map(table) {

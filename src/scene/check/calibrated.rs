@@ -1,5 +1,5 @@
-//! Checks calibrated cameras: the pose is a rotation and a translation, the intrinsics belong to
-//! the frame, the distortion does not fold inside it.
+//! Checks calibrated cameras. The pose must be a rotation and a translation, the intrinsics must
+//! belong to the frame, and the distortion must not fold inside the frame.
 
 use std::sync::Arc;
 
@@ -14,13 +14,13 @@ use crate::scene::{
 
 use super::{camera::CameraPose, context::Check};
 
-/// Largest entry of R R^T - 1 of a rotation R. Matrices with rounded digits pass; the nearest
-/// rotation is used.
+/// Maximum entry of R R^T - 1 up to which a matrix R counts as a rotation. Matrices with rounded
+/// digits pass; the nearest rotation is used.
 const MAX_DEVIATION: f64 = 1e-4;
 
 impl Check<'_, '_> {
-    /// Checks intrinsics and distortion. The distortion is checked only over a frame that is
-    /// `sized` well.
+    /// Checks intrinsics and distortion. `sized` is false if the frame has too many pixels; then
+    /// the distortion is not checked.
     pub(super) fn calibrated(&mut self, camera: &Intrinsics, sized: bool) -> Option<Projection> {
         self.size_of_intrinsics();
         let size = [camera.width, camera.height].map(f64::from);
@@ -64,7 +64,8 @@ impl Check<'_, '_> {
         let set = |key: &str| {
             let pointer = format!("/camera/{key}");
             let node = self.document.get(&pointer);
-            // A whole camera that is set has its own intrinsics.
+            // Only an override of exactly this key counts: one of the whole camera has its own
+            // intrinsics.
             node.is_some_and(|node| matches!(&node.place, Place::Set(at) if **at == *pointer))
         };
         if set("fx") {
@@ -120,7 +121,7 @@ impl Check<'_, '_> {
 /// A message and a help text.
 type Refusal = (String, Option<&'static str>);
 
-/// Returns the rotation nearest to the upper left part of a matrix, and its last column.
+/// Returns the rotation nearest to the upper left 3 x 3 part of a matrix, and the last column.
 fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
     let [r0, r1, r2, last] = *rows;
     if last != [0.0, 0.0, 0.0, 1.0] {
@@ -132,7 +133,7 @@ fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
     let matrix = DMat3::from_cols(column(0), column(1), column(2));
     let product = matrix * matrix.transpose() - DMat3::IDENTITY;
     let deviation = product.to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-    // NaN is a deviation, too.
+    // The entries are finite, so the products are not NaN.
     if deviation.is_nan() || deviation > MAX_DEVIATION {
         let lengths = [r0, r1, r2].map(|[x, y, z, _]| DVec3::new(x, y, z).length());
         let [a, b, c] = lengths;
@@ -148,7 +149,7 @@ fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
         let help = "`axes` turns two axes at once: a matrix with one axis turned is left-handed";
         return Err((message.into(), Some(help)));
     }
-    // Newton's iteration for the polar decomposition. An exact rotation keeps its bits.
+    // Newton's iteration for the polar decomposition. A quarter turn keeps its bits.
     let mut rotation = matrix;
     for _ in 0..4 {
         rotation = (rotation + rotation.inverse().transpose()) * 0.5;
@@ -156,7 +157,7 @@ fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
     Ok((rotation, column(3)))
 }
 
-/// The distortion as one map.
+/// Converts a distortion to the one form of both models: numerator and denominator.
 fn distortion(written: &description::Distortion) -> Distortion {
     match *written {
         description::Distortion::BrownConrady(d) => Distortion {
@@ -174,7 +175,7 @@ fn distortion(written: &description::Distortion) -> Distortion {
     }
 }
 
-/// Says where a distortion folds.
+/// Returns the message of a distortion that folds.
 fn fold_message(distortion: &Distortion, fold: &Fold) -> String {
     let [x, y] = fold.raster.map(f64::floor);
     let radius = match distortion.model {

@@ -1,4 +1,5 @@
-//! Checks the camera: one view direction, an `up` that is not parallel to it, a bounded size.
+//! Checks the camera: it must have one view direction, an `up` that is not parallel to it, and not
+//! too many pixels.
 
 use glam::DVec3;
 
@@ -13,7 +14,7 @@ use super::context::Check;
 pub const MAX_PIXELS: u64 = 1 << 30;
 /// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
-/// Minimum |Z x up| / |up|, from docs/guide/cameras.md.
+/// Minimum |Z x up| / |up|, where Z is the unit view direction; from docs/guide/cameras.md.
 const MIN_SINE: f64 = 1e-6;
 
 /// Position, view direction and up direction of a camera.
@@ -59,7 +60,7 @@ impl Check<'_, '_> {
         Some(Camera { width, height, position, lookat, up, projection: projection? })
     }
 
-    /// Checks position, view and up direction as keys of their own.
+    /// Checks position, view direction and up direction of a camera without a matrix.
     fn stand_pose(
         &mut self,
         position: Point,

@@ -1,4 +1,4 @@
-//! What every check reads and writes.
+//! The state that all checks share.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -6,11 +6,11 @@ use serde::de::DeserializeOwned;
 
 use crate::scene::{description::Name, document::Document, node::NodeKind, problems::Problems};
 
-/// Maximum length of a name in characters. EXR headers hold 255 bytes, including prefixes and
-/// suffixes.
+/// Maximum length of a name in characters. Layer names in EXR headers hold 255 bytes, including
+/// prefixes and suffixes; they have one byte per character.
 const MAX_NAME_CHARS: usize = 200;
 
-/// The document, the problems found in it, and where its files are.
+/// The document, the problems found in it, and the folder of its files.
 pub struct Check<'d, 'p> {
     pub document: &'d Document,
     pub problems: &'p mut Problems<'d>,
@@ -21,7 +21,8 @@ pub struct Check<'d, 'p> {
 }
 
 impl Check<'_, '_> {
-    /// Returns the value at `pointer`, unless it is absent or has structural errors.
+    /// Returns the value at `pointer`. `None` if it is absent, or if it or a value below it has
+    /// structural errors.
     pub fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
         let below = format!("{pointer}/");
         let next = self.broken.range(below.clone()..).next();
@@ -47,7 +48,7 @@ impl Check<'_, '_> {
         }
     }
 
-    /// Checks that a name can be written to an EXR header, and returns it.
+    /// Checks that a name can be written to an EXR header. Returns the name even if it cannot.
     pub fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
         let Name(name) = name.as_ref()?;
         if name.chars().any(char::is_control) || name.trim().is_empty() {

@@ -1,4 +1,4 @@
-//! Checks that the files that a scene names exist. Their readers check the contents.
+//! Checks that the files that a scene names exist. The readers of the files check their contents.
 
 use std::{
     fs::File,
@@ -20,7 +20,7 @@ pub const IN_MEMORY: &str = "\0mesh from memory";
 const MAX_LISTED: usize = 10_000;
 
 impl Check<'_, '_> {
-    /// Checks the path of a mesh and returns it relative to the working folder.
+    /// Checks the path of a mesh. Returns it joined to the folder of the scene.
     pub(super) fn mesh_file(&mut self, pointer: &str, written: &str) -> PathBuf {
         if written == IN_MEMORY {
             return PathBuf::from(written);
@@ -38,7 +38,7 @@ impl Check<'_, '_> {
         path
     }
 
-    /// Checks that a file exists and returns its path relative to the working folder.
+    /// Checks that a file exists. Returns its path joined to the folder of the scene.
     pub(super) fn file(&mut self, pointer: &str, written: &str, what: &str) -> PathBuf {
         let path = self.folder.join(written);
         let message = match std::fs::metadata(&path) {

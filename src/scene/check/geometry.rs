@@ -1,15 +1,16 @@
-//! Tests whether points span an area. Tolerances are relative to the longest edge, so that scenes
-//! in millimetres and in kilometres get the same result. Range checks have ensured that corners are
+//! Tests whether points span an area. Tolerances are relative to the longest edge, so scenes in
+//! millimetres and in kilometres get the same result. Range checks have ensured that corners are
 //! finite.
 
 use glam::DVec3;
 
-/// Area / longest edge^2 up to which an area is rounding noise of f64 subtraction.
+/// An area up to this fraction of the longest edge^2 is rounding noise of f64 subtractions.
 const NO_AREA: f64 = 1e-14;
-/// Maximum distance of a corner from the mean plane, in longest edges; from
+/// Maximum distance of a corner from the mean plane, as a fraction of the longest edge; from
 /// docs/guide/scene-format.md.
 const OUT_OF_PLANE: f64 = 1e-4;
-/// Turn / longest edge^2 that counts as straight: rounding, not a concave corner.
+/// A corner that turns back by up to this fraction of the longest edge^2 counts as straight. That
+/// is rounding, not a concave corner. The turn is the cross product of its two edges.
 const STRAIGHT: f64 = 1e-9;
 
 /// A reason why a quad is invalid.
@@ -19,7 +20,7 @@ pub enum QuadFault {
     NoArea,
     /// This corner equals the next one.
     Coincident(usize),
-    /// This corner is out of the plane by the given number of longest edges.
+    /// This corner is out of the plane by the given fraction of the longest edge.
     OutOfPlane(usize, f64),
     /// The outline turns back at this corner.
     Concave(usize),

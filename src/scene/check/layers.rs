@@ -1,4 +1,5 @@
-//! Checks the layers: names must be known, and the names of light groups must differ.
+//! Checks the layers: their names must be known, and the names of light groups must differ if a
+//! layer uses them.
 
 use crate::scene::{
     checked::{Light, MeshColor, Scene, Shape, ShapeKind},

@@ -38,7 +38,7 @@ impl Check<'_, '_> {
                     (kind, l.name, l.group, id, l.specular)
                 }
                 description::Light::Sun(l) => {
-                    // A point needs no more than one.
+                    // A sun of size 0 has only one direction.
                     let samples = if l.angle > 0.0 { l.samples } else { 1 };
                     let towards = self.towards(&pointer, l.sky());
                     let kind = LightKind::Sun { towards, angle_deg: l.angle, samples };
@@ -64,7 +64,8 @@ impl Check<'_, '_> {
         lights
     }
 
-    /// Checks that an environment has a radiance or an image, and that the image exists.
+    /// Checks that an environment has a radiance or an image, and that the image exists. Returns
+    /// the image.
     fn map(&mut self, pointer: &str, light: &description::Environment) -> Option<MapUse> {
         let Some(Name(written)) = &light.image else {
             if light.radiance.is_none() {
@@ -83,7 +84,7 @@ impl Check<'_, '_> {
         Some(MapUse { place, path, rotation_deg: light.rotation, visible: light.visible })
     }
 
-    /// The unit direction towards a distant light.
+    /// Returns the unit direction towards a distant light. After an error, any direction.
     fn towards(&mut self, pointer: &str, sky: Sky) -> DVec3 {
         let Some(towards) = sky.towards() else {
             let found = match sky.direction {
@@ -103,7 +104,8 @@ impl Check<'_, '_> {
         towards.normalize()
     }
 
-    /// The colour of a distant light: a surface that faces it returns `id`, times its own colour.
+    /// Returns the colour of a distant light, from exactly one of `id` and `irradiance`. A diffuse
+    /// surface that faces the light returns `id` times its own colour.
     fn distant_color(
         &mut self,
         pointer: &str,

@@ -51,7 +51,8 @@ impl Check<'_, '_> {
         }
     }
 
-    /// Returns the index of the material of a shape.
+    /// Returns the index of the material of a shape, and stores an inline one. `None` after an
+    /// error.
     pub(super) fn material_of(&mut self, shape: &str, materials: &mut Materials) -> Option<usize> {
         let pointer = format!("{shape}/material");
         match self.part::<MaterialUse>(&pointer)? {

@@ -1,8 +1,8 @@
 //! Converts a description to a [`Scene`] and checks what the types cannot express.
 //!
-//! Every problem is collected. Parts with structural errors are skipped, the others are still
-//! checked, so one run reports everything. No file is opened except to recognise a PLY mesh; named
-//! files must exist.
+//! Every problem is collected. Parts with structural errors are skipped, and the others are still
+//! checked, so one run reports everything. Named files must exist. They are not opened, except to
+//! recognise a PLY mesh.
 
 mod calibrated;
 mod camera;
@@ -30,7 +30,7 @@ use super::{
 };
 
 /// Checks the meaning of `problems.document`. `broken` holds the pointers with structural errors.
-/// Paths are relative to `folder`.
+/// Paths are relative to `folder`. Returns `None` if there is any error.
 pub fn check(
     problems: &mut Problems,
     broken: Vec<String>,
@@ -81,7 +81,7 @@ pub fn check(
     check.problems.is_empty().then_some((description, scene))
 }
 
-/// What rays return that hit nothing, without the images of environments.
+/// Returns the radiance of rays that hit nothing, without the images of environments.
 fn background(description: &Description) -> Vec3 {
     let seen = |light: &Light| match light {
         Light::Environment(environment) if environment.visible && environment.image.is_none() => {

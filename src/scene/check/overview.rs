@@ -7,8 +7,8 @@ use crate::scene::checked::{FIRST_SHADOW_POINTS, Light, LightKind, Scene, ShapeK
 use super::context::Check;
 
 impl Check<'_, '_> {
-    /// Warns about a camera or a light inside a sphere, mirrors without bounces, more draws than
-    /// lights, and adaptive shadows that cannot skip a ray.
+    /// Warns about a camera or a light inside a sphere, suns below the horizon, mirrors without
+    /// bounces, at least as many draws as lights, and adaptive shadows that cannot skip a ray.
     pub(super) fn warn_about_mistakes(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes

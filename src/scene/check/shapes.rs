@@ -38,7 +38,7 @@ impl Check<'_, '_> {
         shapes
     }
 
-    /// Checks how a shape takes part in a composite.
+    /// Checks the keys for compositing over a plate: `visible`, `holdout` and `shadow_catcher`.
     fn plate(&mut self, pointer: &str, shape: &description::Shape) -> (Visible, Role) {
         let (visible, holdout, catcher) = shape.plate();
         let key = if holdout { "holdout" } else { "shadow_catcher" };

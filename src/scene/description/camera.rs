@@ -139,17 +139,17 @@ pub enum Distortion {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct BrownConrady {
-    /// Coefficient of r^2 above the line.
+    /// Coefficient of r^2 in the numerator.
     pub k1: f64,
-    /// Coefficient of r^4 above the line.
+    /// Coefficient of r^4 in the numerator.
     pub k2: f64,
-    /// Coefficient of r^6 above the line.
+    /// Coefficient of r^6 in the numerator.
     pub k3: f64,
-    /// Coefficient of r^2 below the line.
+    /// Coefficient of r^2 in the denominator.
     pub k4: f64,
-    /// Coefficient of r^4 below the line.
+    /// Coefficient of r^4 in the denominator.
     pub k5: f64,
-    /// Coefficient of r^6 below the line.
+    /// Coefficient of r^6 in the denominator.
     pub k6: f64,
     /// First tangential coefficient.
     pub p1: f64,
@@ -229,7 +229,7 @@ fn over() -> Interval {
     Interval([-90.0, 90.0])
 }
 
-/// Where a camera stands and how it looks: all types but `intrinsics`.
+/// Position and directions of a camera, of all types but `intrinsics`.
 #[derive(Debug)]
 pub struct Stand<'a> {
     /// The key `position`.
@@ -243,7 +243,7 @@ pub struct Stand<'a> {
 }
 
 impl Camera {
-    /// Width and height of the picture in pixels.
+    /// Returns the width and the height of the picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         match self {
             Self::Pinhole(c) => [c.width, c.height],
@@ -254,7 +254,7 @@ impl Camera {
         }
     }
 
-    /// The point to look at, if the scene names one.
+    /// Returns the point to look at, if the scene names one.
     pub fn target(&self) -> Option<Point> {
         match self {
             Self::Pinhole(c) => c.target,
@@ -265,7 +265,7 @@ impl Camera {
         }
     }
 
-    /// Position and directions; `None` for a camera whose pose is a matrix.
+    /// Returns position and directions; `None` for a camera whose pose is a matrix.
     pub fn stand(&mut self) -> Option<Stand<'_>> {
         macro_rules! stand {
             ($camera:ident) => {

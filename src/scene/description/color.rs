@@ -12,7 +12,7 @@ use crate::colormap::ColorMap;
 pub enum MeshColor {
     /// Colours that the file stores.
     Stored(StoredColor),
-    /// A number of the file through a colour map.
+    /// A property of the file, shown through a colour map.
     Property(PropertyColor),
 }
 
@@ -65,7 +65,7 @@ impl MeshColor {
     }
 }
 
-/// No perceptual map has this colour.
+/// Returns the default colour of values that are not finite. No perceptual map has it.
 fn magenta() -> Color {
     Color([1.0, 0.0, 1.0])
 }

@@ -72,11 +72,11 @@ pub struct Environment {
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Radiance. A white diffuse surface that sees all of it returns the same. With `image`, a
-    /// factor of the image; default: 1.
+    /// Radiance. A white diffuse surface has the same radiance if nothing hides the environment
+    /// from it. With `image`, a factor of the image; default: 1.
     pub radiance: Option<Color>,
-    /// Equirectangular image of the radiance, relative to the scene file. Its top is +y, its middle
-    /// -z, its right half the half of +x.
+    /// Path of an equirectangular image of the radiance, relative to the scene file. The top of the
+    /// image is +y, its middle is -z, and +x is in its right half.
     pub image: Option<Name>,
     /// Azimuth of the image's middle, in degrees from -z towards +x.
     #[serde(default)]
@@ -88,13 +88,13 @@ pub struct Environment {
     #[serde(default = "sixteen")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub samples: u32,
-    /// Whether camera rays and mirrors see it, in addition to `backgroundcolor`.
+    /// True if camera rays and mirrors see it, in addition to `backgroundcolor`.
     #[serde(default = "yes")]
     pub visible: bool,
 }
 
 impl Environment {
-    /// The factor of the image, or the radiance itself.
+    /// Returns the factor of the image, or the radiance if there is no image.
     pub fn factor(&self) -> Color {
         self.radiance.unwrap_or(Color([1.0; 3]))
     }
@@ -165,7 +165,7 @@ pub enum Emission {
     Lambertian,
 }
 
-/// Place of a distant light in the sky.
+/// Direction of a distant light, as a scene file writes it.
 #[derive(Debug, Clone, Copy)]
 pub struct Sky {
     /// As in [`Sun`].
@@ -177,8 +177,8 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// The direction towards the light, of any length; zero if `direction` is. `None` if the place
-    /// is not given once.
+    /// Returns the direction towards the light, of any length; zero if `direction` is zero. `None`
+    /// unless either `direction`, or both `azimuth` and `elevation`, are given.
     pub fn towards(self) -> Option<DVec3> {
         match (self.direction, self.azimuth, self.elevation) {
             (Some(Direction(direction)), None, None) => Some(-DVec3::from(direction)),
@@ -193,7 +193,7 @@ impl Sky {
 }
 
 impl Directional {
-    /// Its place in the sky.
+    /// Returns its direction as the keys of the file give it.
     pub fn sky(&self) -> Sky {
         Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
     }
@@ -206,7 +206,7 @@ impl Directional {
 }
 
 impl Sun {
-    /// Its place in the sky.
+    /// Returns its direction as the keys of the file give it.
     pub fn sky(&self) -> Sky {
         Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
     }

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::values::{Color, Name};
 
-/// An inline material, or the name of one in `materials`. The format has no tag here, so the type
-/// is untagged. The structural check reports errors with places before serde reads the value.
+/// An inline material, or the name of one in `materials`.
+// The format has no tag here, so the type is untagged. The structural check reports errors with
+// places before serde reads the value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum MaterialUse {
@@ -59,7 +60,7 @@ pub struct Material {
     /// Encoding of the image. Default: `srgb` for integer images of any format, `linear` for float
     /// images.
     pub colorspace: Option<ColorSpace>,
-    /// Factors of u and v, applied after any flip.
+    /// Factors of u and v, applied after v is flipped where the shape flips it.
     #[serde(rename = "tScale")]
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub texture_scale: [f64; 2],
@@ -102,7 +103,7 @@ pub enum Filter {
     Bilinear,
     /// takes the nearest texel
     Nearest,
-    /// takes the mean over the area that a sample sees
+    /// takes the mean over the footprint of a sample
     Trilinear,
 }
 

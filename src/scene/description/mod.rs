@@ -1,9 +1,11 @@
-//! A scene exactly as the file writes it: the only table of keys, types, ranges and defaults.
+//! A scene exactly as the file writes it. These types are the only table of keys, types, ranges and
+//! defaults.
 //!
-//! The JSON Schema is generated from these types, and the structural checks walk that schema. An
-//! editor shows the doc comments below. `check` tests what a type cannot express, such as a zero
-//! direction or a missing file. `schema` adds the key `comment` to every object; it is dropped
-//! before these types are read. The structural checks refuse unknown keys, with places.
+//! The JSON Schema is generated from these types, and the structural checks walk that schema.
+//! Editors show the doc comments below to users. The module `check` tests what a type cannot
+//! express, such as a zero direction or a missing file. The module `schema` adds the key `comment`
+//! to every object; it is dropped before these types are read. The structural checks refuse unknown
+//! keys and name their places.
 
 mod camera;
 mod color;
@@ -38,11 +40,12 @@ pub struct Description {
     #[schemars(range(max = 4294967295u32))]
     pub nbounces: u32,
     /// Area lights: trace a quarter of the shadow rays (at least 4) first. Trace the others only
-    /// where these disagree, or where a point drawn at random does. Same mean, fewer rays.
+    /// where these disagree, or where one more ray, to a point drawn at random, disagrees with
+    /// them. Same mean, fewer rays.
     #[serde(default)]
     pub adaptiveshadows: bool,
-    /// Lights that each shading point draws, by their estimated light: point lights and area
-    /// lights, one point of each. Without it, all lights are gathered.
+    /// Number of point lights and area lights that each shading point draws at random, by their
+    /// estimated light, with one point of each. Without it, all lights are gathered.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub emittersamples: Option<u32>,
@@ -70,7 +73,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// Returns mutable references to the paths of all textures and meshes.
+    /// Returns mutable references to the paths of all textures, meshes and images of environments.
     pub fn paths_mut(&mut self) -> Vec<&mut Name> {
         let Contents { materials, shapes, lightsources, .. } = &mut self.scene;
         let mut paths: Vec<_> =
@@ -192,7 +195,7 @@ pub const MAX_CRYPTO_RANKS: u32 = 16;
 pub struct Output {
     /// Names of EXR layers, as for `--aov`.
     pub layers: Vec<Name>,
-    /// Number of entries in a pixel of a cryptomatte, those with the most coverage. Each of the
+    /// Number of entries in a pixel of a cryptomatte: the ids with the most coverage. Each of the
     /// layers `CryptoObject00`, `CryptoObject01`... holds two.
     #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
@@ -224,7 +227,7 @@ impl Default for Output {
     }
 }
 
-/// Keys that scenes without the feature do not have are not written.
+/// The default `false` is not written.
 fn is_false(value: &bool) -> bool {
     !value
 }

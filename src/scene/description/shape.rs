@@ -43,7 +43,7 @@ impl Shape {
         }
     }
 
-    /// Returns the class of the shape.
+    /// Returns the class of the shape in the picture of semantic ids; 0 for none.
     pub fn semantic(&self) -> u16 {
         match self {
             Self::Sphere(s) => s.semantic,
@@ -53,7 +53,7 @@ impl Shape {
         }
     }
 
-    /// Returns mutable references to the path of the mesh, if it is one, and to the material.
+    /// Returns mutable references to the path, if the shape is a mesh, and to the material.
     pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
             Self::Sphere(s) => (None, &mut s.material),
@@ -205,8 +205,8 @@ pub struct TriMesh {
     /// Offset: a vertex p becomes `center + size * p`.
     #[serde(default)]
     pub center: Point,
-    /// Interpolates vertex normals: true, false, or only across edges below an angle. Normals of
-    /// the file are used unchanged.
+    /// Interpolates vertex normals: true, false, or only across edges up to an angle. Unless false,
+    /// normals of the file are used if there are any.
     #[serde(default)]
     pub smooth: Smooth,
     /// false: the `coursework` backend loops over the triangles of the mesh. Other backends ignore
@@ -235,7 +235,7 @@ pub struct TriMesh {
 pub enum Smooth {
     /// Across every edge (true) or no edge (false).
     Everywhere(bool),
-    /// Only across edges below an angle.
+    /// Only across edges up to an angle.
     Below(Crease),
 }
 
@@ -245,8 +245,9 @@ pub struct Crease {
     /// Maximum angle of a smooth edge in general.
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub angle: f64,
-    /// Maximum angle of a smooth edge between flat parts. It applies at a vertex where its creases
-    /// form at most three parts, and all faces of each part lie within 5 degrees. Default: `angle`.
+    /// Maximum angle of a smooth edge between flat parts. It applies at a vertex if its creases
+    /// form at most three parts, and if all faces of each part lie within 5 degrees of the part's
+    /// normal. Default: `angle`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 180), extend("exclusiveMinimum" = 0))]
     pub flat: Option<f64>,

@@ -32,7 +32,7 @@ pub struct Direction(pub [f64; 3]);
 #[serde(transparent)]
 pub struct Angles(pub [f64; 3]);
 
-/// Two bounds, the lower one first.
+/// Two angles in degrees, the lower one first.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Interval(pub [f64; 2]);
