@@ -12,8 +12,8 @@ pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
     [x, x.cross(z), z]
 }
 
-/// Whether the layer `Z` holds the distance, not the depth along the axis: the camera can see what
-/// lies beside it and behind it.
+/// Whether the camera can see what lies beside it and behind it. The layer `Z` then holds the
+/// distance, not the depth along the axis.
 pub fn sees_behind(camera: &scene::Camera) -> bool {
     match &camera.projection {
         Projection::Distorted(_, distortion, _) => distortion.model == Model::Fisheye,
@@ -22,7 +22,7 @@ pub fn sees_behind(camera: &scene::Camera) -> bool {
     }
 }
 
-/// Normalizes a direction and rounds it once.
+/// Normalises a direction and rounds it once.
 #[inline(always)]
 pub fn unit(v: DVec3) -> Vec3 {
     (v * (1.0 / v.dot(v).sqrt())).as_vec3()

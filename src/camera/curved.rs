@@ -1,7 +1,7 @@
 //! Cameras whose rays are not those of a pinhole: distorted, orthographic, panoramic.
 //!
-//! Their code is not inlined into the kernels of pinholes, and no frustum of such a camera is
-//! culled: the camera has no common origin, or pixels in a line are not directions in a plane.
+//! Their code is not inlined into the kernels of pinholes. No frustum of such a camera is culled:
+//! its rays have no common origin, or pixels in a line are not directions in a plane.
 
 use std::sync::Arc;
 

@@ -115,8 +115,8 @@ fn lens(distortion: &Distortion) -> Value {
     }
 }
 
-/// Size of a pixel: at distance 1 from the camera, or everywhere for an orthographic one. In the
-/// middle of the frame, and the smaller side.
+/// Size of a pixel in the middle of the frame: the smaller side, at distance 1 from the camera, or
+/// everywhere for an orthographic camera.
 pub fn pixel_size(camera: &Camera) -> f64 {
     let [columns, rows] = [camera.width, camera.height].map(f64::from);
     match camera.projection {

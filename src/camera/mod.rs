@@ -25,7 +25,7 @@ pub use self::header::{
 pub struct Camera {
     /// Position relative to the scene's origin.
     position: DVec3,
-    /// Direction to the top left corner of the frame, not normalized.
+    /// Direction to the top left corner of the frame, not normalised.
     corner: DVec3,
     /// Change of that direction per pixel to the right.
     right: DVec3,
@@ -34,7 +34,8 @@ pub struct Camera {
     /// Unit direction of view.
     forward: DVec3,
     lens: Option<Lens>,
-    /// Rays that are not those of a pinhole, in place of the four directions above.
+    /// Rays of a camera that is neither a pinhole nor a thin lens. They take the place of `corner`,
+    /// `right` and `down`.
     curved: Option<Arc<Curved>>,
 }
 
@@ -47,7 +48,7 @@ struct Lens {
     focal_distance: f64,
 }
 
-/// Checks that a camera has rays in `overscan` more pixels on every side of its frame.
+/// Checks that a camera has a ray for every pixel up to `overscan` pixels beyond its frame.
 ///
 /// # Errors
 /// The fold of its distortion there.
@@ -58,8 +59,8 @@ pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold>
     }
 }
 
-/// Largest half side of the frame at distance 1. In wider frames all directions are scaled down by
-/// this power of two.
+/// Largest half side of the frame at distance 1, or largest coordinate of its corners. In wider
+/// frames all directions are scaled down by this power of two.
 const FARTHEST: f64 = (1u64 << 30) as f64;
 
 impl Camera {
@@ -124,8 +125,8 @@ impl Camera {
         Self { position, corner, right, down, forward, lens: None, curved: None }
     }
 
-    /// Distance of a point in front of the camera, along the camera's axis and not along the ray.
-    /// The point is relative to the scene's origin.
+    /// Depth of a point: its distance along the camera's axis, not along the ray. Negative behind
+    /// the camera. The point is relative to the scene's origin.
     #[inline(always)]
     pub fn depth(&self, point: DVec3) -> f64 {
         (point - self.position).dot(self.forward)
@@ -137,14 +138,14 @@ impl Camera {
         (point - self.position).length()
     }
 
-    /// As the function [`sees_behind`] of the checked camera.
+    /// Whether the camera sees what lies beside and behind it: see the function [`sees_behind`].
     pub fn sees_behind(&self) -> bool {
         self.curved.as_ref().is_some_and(|curved| curved.sees_behind)
     }
 
-    /// Width of a pixel's cone at its ray's origin, in world units, and by how much it grows with
-    /// each unit of distance, in the middle of a frame of this size in pixels. From the rays of
-    /// neighbouring pixels.
+    /// Cone of the pixel in the middle of a frame of this size in pixels. Returns its width at the
+    /// ray's origin, in world units, and the growth of the width per unit of distance. Computed
+    /// from the rays of neighbouring pixels.
     pub fn cone(&self, [width, height]: [u32; 2]) -> [f64; 2] {
         let exact = |x: f64, y: f64| match &self.curved {
             Some(curved) => curved.exact_ray([x, y]),

@@ -32,7 +32,7 @@ pub fn is_after_start(corners: [DVec3; 3], origin: DVec3, direction: DVec3, t: f
 
 /// Whether `origin + t direction` hits the plane of a triangle at t > 0; false if the origin lies
 /// in the plane. For a ray along the plane, the given `t` decides. Coordinates must be f32 values,
-/// so that their differences are exact.
+/// so that the products of their differences are exact: see below.
 #[cold]
 #[inline(never)]
 fn is_ahead([v0, v1, v2]: [DVec3; 3], origin: DVec3, direction: DVec3, t: f64) -> bool {

@@ -44,7 +44,8 @@ impl Box3 {
 
 /// Returns whether a ray is in all three slabs of a box at once, at a t between `near` and `far`.
 ///
-/// It crosses the planes of each axis at these two t, in any order. NaN bounds nothing.
+/// `first` and `second` are, by axis, the t at which the ray crosses the two planes, in any order.
+/// A NaN is dropped: the other plane of its axis then counts as both, and two NaN bound nothing.
 #[inline(always)]
 pub fn slabs_meet(first: DVec3, second: DVec3, [mut near, mut far]: [f64; 2]) -> bool {
     for (a, b) in first.to_array().into_iter().zip(second.to_array()) {

@@ -115,7 +115,8 @@ impl Crevice {
         Some(Self { point, walls, origin, is_clear })
     }
 
-    /// The first wall for which `counts` that a ray from the point hits before `tfar`.
+    /// Returns the nearest hit of a ray from the point with a wall for which `counts` is true,
+    /// before `tfar`.
     pub fn meet(
         &self,
         direction: DVec3,
@@ -136,9 +137,10 @@ impl Crevice {
     }
 }
 
-/// The surface that hides a point from the viewer, where several are hit within rounding of the
-/// point. `own` is the triangle of the point, of primitive `hit`; the viewer's ray has the given
-/// `direction`. Returns the hit among the `neighbours` that is nearest to the viewer.
+/// Finds the surface that hides a point from the viewer, where several are hit within rounding of
+/// the point. `own` is the triangle of the point, of primitive `hit`; the viewer's ray has the
+/// given `direction`. Returns the hit among the `neighbours` that is nearest to the viewer, or
+/// `None` if nothing hides the point.
 pub fn hides(
     geometry: &Geometry,
     point: DVec3,

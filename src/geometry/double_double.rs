@@ -23,7 +23,7 @@ impl DoubleDouble {
         Self { hi, lo: (a - (hi - shadow)) + (b - shadow) }
     }
 
-    /// a b, exactly unless it underflows.
+    /// a b, exactly unless it underflows or overflows.
     pub fn product(a: f64, b: f64) -> Self {
         let hi = a * b;
         Self { hi, lo: a.mul_add(b, -hi) }

@@ -65,7 +65,7 @@ fn one_geometry(geometry: &Geometry, hit: &Mask, packet: &RayPacket) -> Option<G
     same.then(|| geometry.kind(geom))
 }
 
-/// Whether all lanes hit the same primitive number of a geometry.
+/// Whether all lanes hit the same primitive of their geometry.
 #[inline(always)]
 fn one_primitive(packet: &RayPacket) -> bool {
     let prim = &packet.hits.prim;

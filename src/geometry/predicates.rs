@@ -1,29 +1,34 @@
 //! Exact predicates of f64 points: half-lines and segments against triangles.
 //!
 //! The determinants are those of Shewchuk 1997, "Adaptive Precision Floating-Point Arithmetic and
-//! Fast Robust Geometric Predicates" (crate `robust`). Their signs are exact unless a product
-//! underflows or overflows: magnitudes of coordinates must be 0, or between 1e-70 and 1e70.
+//! Fast Robust Geometric Predicates" (crate `robust`). Their signs are exact if no product
+//! underflows or overflows. Magnitudes of coordinates that are 0, or between 1e-70 and 1e70, are
+//! enough for that. The caller must ensure them: [`RayScene`](crate::RayScene) limits them to 1e18,
+//! and does not look for tiny ones.
 
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-/// How a half-line meets a triangle.
+/// How a half-line intersects a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Meeting {
-    /// It passes by.
+    /// The half-line neither crosses the triangle nor starts on it. A triangle parallel to the
+    /// half-line is never crossed.
     Misses,
-    /// It crosses the triangle. At edges and vertices a tie rule assigns each crossing of a surface
-    /// to one triangle.
+    /// The half-line crosses the triangle. At edges and vertices a tie rule assigns each crossing
+    /// of a surface to one triangle.
     Crosses,
-    /// It starts on the triangle, edges and corners included.
+    /// The half-line starts on the triangle, edges and corners included.
     Starts,
 }
 
-/// Returns how the half-line from `point` along axis `axes[2]` meets a triangle. `axes` must be a
-/// cyclic permutation of 0, 1, 2.
+/// Returns how the half-line from `point` along axis `axes[2]` intersects a triangle. It runs
+/// towards larger coordinates if `upward`, else towards smaller ones. `axes` must be a cyclic
+/// permutation of 0, 1, 2.
 ///
-/// Tie rule (simulation of simplicity): the point moves by (e, e^2) along `axes[0]` and `axes[1]`,
-/// with e infinitely small. It is the same for all triangles. So the parity of the crossings of a
-/// closed mesh is that of a point in general position.
+/// Tie rule (simulation of simplicity): the half-line counts as moved by (e, e^2) along `axes[0]`
+/// and `axes[1]`, with e > 0 infinitely small. The moved line passes through no edge and no vertex.
+/// The move is the same for all triangles. So an odd number of crossings of a closed mesh means
+/// that the point is inside.
 pub fn half_line(
     corners: [[f64; 3]; 3],
     point: [f64; 3],
@@ -37,10 +42,10 @@ pub fn half_line(
         return Meeting::Misses;
     }
     if sides == [0; 3] {
-        // The triangle has no area in this projection, and the point lies on its line.
+        // The triangle is parallel to the half-line, and both lie in one plane.
         return if is_on(corners, point) { Meeting::Starts } else { Meeting::Misses };
     }
-    // Positive if the point lies on the side from which the corners appear clockwise.
+    // 1 if the corners appear clockwise from the point, -1 if counterclockwise.
     let below = height(corners, point);
     if below == 0 {
         return Meeting::Starts;
@@ -61,6 +66,7 @@ pub fn segment_crosses(corners: [[f64; 3]; 3], from: [f64; 3], to: [f64; 3]) -> 
         return false;
     }
     let sides = [height([from, to, b], c), height([from, to, c], a), height([from, to, a], b)];
+    // Three zeros are possible only after underflow: a triangle without area has failed above.
     !is_mixed(sides) && sides != [0; 3]
 }
 
@@ -82,7 +88,7 @@ fn is_on(corners: [[f64; 3]; 3], point: [f64; 3]) -> bool {
         && in_projection(2, 0)
 }
 
-/// Whether there is a positive and a negative sign.
+/// Whether the signs contain both 1 and -1.
 fn is_mixed(signs: [i32; 3]) -> bool {
     signs.contains(&1) && signs.contains(&-1)
 }
@@ -91,13 +97,15 @@ fn sign(x: f64) -> i32 {
     i32::from(x > 0.0) - i32::from(x < 0.0)
 }
 
-/// Sign of the area of `a b p`: 1 if counterclockwise.
+/// Sign of the area of the triangle `a b p`: 1 if counterclockwise, 0 if the points lie on a line.
 fn orientation(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> i32 {
     let [a, b, p] = [a, b, p].map(|[x, y]| Coord { x, y });
     sign(orient2d(a, b, p))
 }
 
-/// 1 if the corners appear clockwise from the point, -1 if counterclockwise, 0 in their plane.
+/// Returns the side of a triangle's plane on which the point lies. 1 if the corners appear
+/// clockwise from the point, -1 if counterclockwise. 0 in the plane, or for a triangle without
+/// area.
 fn height(corners: [[f64; 3]; 3], point: [f64; 3]) -> i32 {
     let [a, b, c, p] =
         [corners[0], corners[1], corners[2], point].map(|[x, y, z]| Coord3D { x, y, z });
@@ -157,6 +165,7 @@ mod tests {
         // Through a corner and along an edge's plane.
         assert!(crosses([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]));
         assert!(!crosses([0.2, 0.2, 1.0], [0.2, 0.2, 0.0]));
+        // Both ends lie above the plane. No product underflows here.
         assert!(!crosses([0.2, 0.2, 1.0], [0.2, 0.2, 1e-300]));
         assert!(!crosses([0.6, 0.6, 1.0], [0.6, 0.6, -1.0]));
         assert!(!crosses([-1.0, 0.2, 0.0], [2.0, 0.2, 0.0]));

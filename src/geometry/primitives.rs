@@ -15,7 +15,7 @@ pub struct Geometry {
     pub origin: DVec3,
     /// Triangle meshes; the geometry id of a mesh is its index.
     pub meshes: Vec<TriangleMesh>,
-    /// Convex planar quads, corners in order.
+    /// Convex quads, planar up to a tolerance and rounding, corners in order.
     pub quads: Vec<[[f32; 3]; 4]>,
     /// All spheres, in f64.
     pub spheres: Vec<Sphere>,

@@ -14,8 +14,8 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// Bounding box, three to five ulp larger than necessary. That exceeds the rounding of a
-    /// product of a side and a ray's inverse direction.
+    /// Bounding box, larger than necessary by 3 to 5 times 2^-23 of each coordinate. That exceeds
+    /// the rounding of a product of a side and a ray's inverse direction.
     pub fn bounds(&self) -> ([f32; 3], [f32; 3]) {
         let below = |x: f32| x - 4.0 * x.abs() * f32::EPSILON - f32::MIN_POSITIVE;
         let lower = (self.center - self.radius).to_array().map(|x| below(x as f32));

@@ -119,7 +119,7 @@ fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
 }
 
 impl Geometry {
-    /// Moves hits on stitches to the triangles beside them. They are no farther away than the
+    /// Moves hits on stitches to the triangles beside them, which are no farther away than the
     /// rounding of coordinates. Call it before [`super::refine`]; it costs nothing in a scene
     /// without stitches.
     #[inline(always)]

@@ -134,10 +134,10 @@ pub fn hit_triangle(
     Some((corners, point))
 }
 
-/// Error bound of the position of lane `i`, which must have hit, in scene units by the larger
-/// coordinate. It bounds the distance from the point where the exact ray hits the exact primitive,
-/// if it does. It includes the position's own rounding and the rounding of f64, which grows where
-/// the angle between ray and surface is small.
+/// Error bound of each coordinate of the position of lane `i`, which must have hit, in scene units.
+/// It bounds the distance from the point where the exact ray hits the exact primitive, if it does.
+/// It includes the position's own rounding and the rounding of f64, which grows where the angle
+/// between ray and surface is small.
 pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
     let (origin, direction) = ray(packet, i);
     let error = match hit_corners(geometry, packet, i) {

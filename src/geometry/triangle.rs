@@ -22,8 +22,8 @@ pub struct TrianglePoint {
     pub met: bool,
     /// Whether rounding moves u and v by at most 2.5e-7.
     pub sharp: bool,
-    /// Whether an edge is so close that a test in f32, or the rounding of the point, may put the
-    /// point on its other side.
+    /// Whether an edge may be so close that a test in f32, or the rounding of the point, puts the
+    /// point on its other side. Conservative: always true from [`sharpen_triangle`].
     pub at_edge: bool,
 }
 
@@ -85,8 +85,8 @@ pub fn refine_triangle(
 /// Factor of the error bound in [`triangle_error`]: 64u, u = 2^-53.
 const BLUR: f64 = 32.0 * f64::EPSILON;
 
-/// Error bound of the position, by the larger coordinate: its distance from where the ray hits the
-/// plane. Valid if that point lies in the triangle. It holds for [`refine_triangle`], and for
+/// Error bound of each coordinate of the position: its distance from where the ray hits the plane.
+/// Valid if that point lies in the triangle. It holds for [`refine_triangle`], and for
 /// [`sharpen_triangle`] where the hit is not `sharp`.
 ///
 /// Each triple product of to_v0, direction and a side has an error of at most 8u times its

@@ -2,24 +2,25 @@
 //! only where the first ones disagree, or by chance.
 //!
 //! If all of the first points are visible, the packet most likely lies in full light. The other
-//! points then count as visible. One point of the light is drawn for each shading point, with a
-//! probability in proportion to its contribution. If a drawn point is hidden, all points are
-//! traced. The hidden light is then subtracted, divided by the probability P of this event: that at
-//! least one lane draws a hidden point. P is known at that time, because all visibilities are.
+//! points then count as visible. Each shading point draws points of the light, with a probability
+//! in proportion to their contribution. If a drawn point is hidden, all points are traced. The
+//! hidden light is then subtracted, divided by the probability P of this event: that at least one
+//! lane draws a hidden point. P is known at that time, because all visibilities are.
 //!
-//! If none of the first points is visible, one of the others is drawn, with uniform probability. If
-//! it is visible, all are traced, and the visible light is added, divided by the same probability.
+//! If none of the first points is visible, each shading point draws one of the others, with uniform
+//! probability. If a drawn point is visible, all are traced. The visible light is then added,
+//! divided by the probability that at least one lane draws a visible point.
 //!
 //! The estimator is unbiased: its mean over the draws is the result of tracing all points, for any
 //! scene. In full light the result is never negative. P is at least the hidden share of a lane's
 //! light, so no more is subtracted than there is. Diffuse and specular light have a draw each, so
-//! that this holds for every colour. In the umbra the added light has a limit: all points, each as
-//! bright as the mean of the visible ones.
+//! that this holds for every colour. In the umbra the added light has a limit: that of all other
+//! points, each as bright as the mean of the visible ones.
 
 use crate::ray::LANES;
 use crate::scene::FIRST_SHADOW_POINTS;
 
-/// Denominator of the share of first points, with a minimum of [`FIRST_SHADOW_POINTS`].
+/// One in this many points is a first point; there are at least [`FIRST_SHADOW_POINTS`].
 const PART: u32 = 4;
 
 /// A light point seen from one shading point.
@@ -29,7 +30,7 @@ pub struct LightPoint {
     pub lane: usize,
     /// Index of the point among the light's points.
     pub sample: u32,
-    /// Whether the point is not hidden, or was not traced.
+    /// Whether nothing occludes the shadow ray. True also if it was not traced.
     pub visible: bool,
     /// Diffuse weight, as in [`crate::shading::LightWeights`].
     pub diffuse: f32,
@@ -46,16 +47,22 @@ pub enum Sum {
     Part,
 }
 
+/// What is done with the points of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
+    /// Traces the first points.
     First,
+    /// Traces the others, because the first ones disagree.
     Rest,
+    /// Counts the others as visible, because all first ones are.
     Unoccluded,
+    /// Traces the drawn points.
     Draw,
+    /// Traces the others, because a drawn one contradicts the first ones.
     Refine,
 }
 
-/// Weighted reservoir sampling: one point drawn with probability in proportion to its weight. The
+/// Weighted reservoir sampling: draws one point with probability in proportion to its weight. The
 /// points come one by one.
 #[derive(Debug, Clone, Copy, Default)]
 struct Draw {
@@ -87,14 +94,15 @@ pub struct AdaptiveShadows {
     points: u32,
     first: u32,
     step: Step,
-    /// Rays of the first points, and how many of them reached the light.
+    /// Number of rays to the first points.
     active: u32,
+    /// Number of these rays that are not occluded.
     seen: u32,
     /// Whether a drawn point contradicts the first ones.
     found: bool,
     /// By lane: the draw for diffuse light and the draw for specular light.
     draws: [[Draw; 2]; LANES],
-    /// Sums of the weights of the points that contradict the first ones.
+    /// Sums of the weights of the points that contradict the first ones, by lane and draw.
     others: [[f64; 2]; LANES],
 }
 
@@ -142,8 +150,8 @@ impl AdaptiveShadows {
         }
     }
 
-    /// Number of the light point `k` of this step in a lane, for k below [`Self::count`]. `None` if
-    /// the lane has fewer.
+    /// Index of light point `k` of this step in a lane, for k below [`Self::count`]. `None` if the
+    /// lane has fewer points.
     #[inline(always)]
     pub fn sample(&self, lane: usize, k: u32) -> Option<u32> {
         match self.step {
@@ -170,7 +178,7 @@ impl AdaptiveShadows {
         self.seen == 0
     }
 
-    /// Takes the result of a point of this step. Returns the sum that its light belongs to.
+    /// Takes the result of a point of this step. Returns the sum that its light belongs to, if any.
     #[inline(always)]
     pub fn take(&mut self, point: &LightPoint) -> Option<Sum> {
         let LightPoint { lane, sample, visible, .. } = *point;

@@ -14,8 +14,8 @@ use crate::ray::{Coherence, LANES, Mask};
 use crate::shading::{Area, Emitter, Light};
 
 impl WhittedIntegrator<'_> {
-    /// Adds one area light to all lanes. Traces all of its points, or the points that
-    /// [`AdaptiveShadows`] selects.
+    /// Adds one area light to all lanes. Traces shadow rays to all of its points, or to the points
+    /// that [`AdaptiveShadows`] selects.
     #[inline(always)]
     pub(super) fn area_light<R: Record>(
         &mut self,
@@ -28,7 +28,8 @@ impl WhittedIntegrator<'_> {
         let samples = area.samples;
         let hit = self.points.at.hit;
         let mut sums = Sums::NONE;
-        // Rays near edges, and rays to a light in a surface, have rules of their own.
+        // Rays near edges, and rays to a light in a surface, have tests that a shaft query does not
+        // cover.
         let view = if self.crevices.is_empty() && area.flush == 0.0 {
             self.shafts.view(self.shadows, &self.points.at, lamp.index, area)
         } else {
@@ -74,7 +75,7 @@ impl WhittedIntegrator<'_> {
         record: &mut R,
     ) {
         let Emitter::Area(area) = &light.emitter else { return };
-        // A sequence of its own, after those of the lights.
+        // A sample set of its own: the index after the last light.
         let index = self.world.lights.len() as u32;
         let lamp = SampledLight { light, index, bounce: 0, glossy: false };
         let mut sums = Sums::NONE;
@@ -82,7 +83,8 @@ impl WhittedIntegrator<'_> {
         record.occlusion(&sums.split.mean(1.0 / f64::from(area.samples)).visible);
     }
 
-    /// Adds all points of an area light, in batches.
+    /// Adds all points of an area light, in batches. If `clear`, no ray is occluded, so none is
+    /// traced.
     #[inline(always)]
     fn all_points<R: Record>(
         &mut self,
@@ -186,9 +188,9 @@ impl WhittedIntegrator<'_> {
         sums.add_part::<R>(&part, sparing.factor());
     }
 
-    /// Calls `each` with the (lane, sample) pairs whose light point can contribute, in order; 16
-    /// shadow rays are traced per packet. Without `counts`, no ray is traced and all points count
-    /// as visible.
+    /// Calls `each` with the light points of the (lane, sample) pairs, in order. Leaves out points
+    /// that cannot contribute. Traces 16 shadow rays per packet. If `clear`, or without `counts`,
+    /// traces no ray, and all points count as visible.
     #[inline(always)]
     fn light_points(
         &mut self,

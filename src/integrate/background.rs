@@ -1,4 +1,4 @@
-//! What rays bring that hit nothing.
+//! The background: radiance of rays that hit nothing.
 
 use glam::Vec3;
 
@@ -43,7 +43,7 @@ impl WhittedIntegrator<'_> {
         }
     }
 
-    /// Adds the maps that rays see to the radiance of the rays that missed.
+    /// Adds the radiance of the visible environment maps to `sent`, for the rays that missed.
     #[cold]
     #[inline(never)]
     fn backdrops(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {

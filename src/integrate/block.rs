@@ -73,14 +73,15 @@ impl BlockSums {
         }
     }
 
-    /// Adds a packet of [`Quarters`](super::quarters::Quarters). Without reordering it would have
-    /// the 16 samples from `first` on. The last packet of a group also adds the group's node.
+    /// Adds a packet of [`Quarters`](super::quarters::Quarters), for a block of one pixel and sums
+    /// without squares. Without reordering the packet would have the 16 samples from `first` on.
+    /// The last packet of a group also adds the group's node.
     ///
     /// The node has the same bits as the sum of the samples in order. The shuffle of samples only
-    /// swaps halves of nodes, so the tree of samples is the tree of sequence indices. Indices that
-    /// differ in bit j0 are in the same lane of two packets. The halves of the lanes differ in j1,
-    /// and their halves in j2. The two pairs of packets differ in j3. The remaining lanes differ in
-    /// j4 and j5.
+    /// swaps halves of nodes. So the tree of samples is the tree of sequence indices, with bits j0
+    /// (the lowest) to j5 in a group. Indices that differ in j0 are in the same lane of two
+    /// packets. The halves of the lanes differ in j1, and their halves in j2. The two pairs of
+    /// packets differ in j3. The four remaining lanes differ in j4 and j5.
     #[inline(always)]
     pub fn add_quarter(&mut self, first: u32, lanes: &[Values]) {
         let packet = packet(first);

@@ -21,7 +21,7 @@ pub struct Pattern {
     pub y: [u32; LANES],
     /// Index of the lane's pixel within the block.
     pub pixel: [usize; LANES],
-    /// Sample number within the packet, by lane. The lower half of the lanes has the even samples,
+    /// Sample index within the packet, by lane. The lower half of the lanes has the even samples,
     /// the upper half the odd ones, and so on within each half. So sums over lanes fold by halves
     /// in the order of [`crate::film::Sums`].
     sample: [u32; LANES],
@@ -39,7 +39,7 @@ impl Pattern {
         };
         let pixels = LANES / samples as usize;
         let pixel: [usize; LANES] = std::array::from_fn(|i| i % pixels);
-        // Bit-reversed sample number, in the bits that `samples` needs.
+        // Bit-reversed sample index, in the bits that `samples` needs.
         let reversed = |i: u32| i.reverse_bits().checked_shr(32 - samples.ilog2()).unwrap_or(0);
         let sample: [u32; LANES] = std::array::from_fn(|i| reversed((i / pixels) as u32));
         let mut order: [usize; LANES] = std::array::from_fn(|i| i);
@@ -55,7 +55,7 @@ impl Pattern {
         }
     }
 
-    /// Sample number of each lane, in a packet whose first sample is `first`.
+    /// Sample index of each lane, in a packet whose first sample is `first`.
     #[inline(always)]
     pub fn numbers(&self, first: u32) -> [u32; LANES] {
         let mut numbers = [0; LANES];
@@ -65,7 +65,8 @@ impl Pattern {
         numbers
     }
 
-    /// Number of pixels of the block at `corner` that lie left of and above `limit`.
+    /// Number of pixels of the block at `corner` that lie left of and above `limit`. `corner` must,
+    /// too.
     #[inline(always)]
     pub fn within(&self, limit: [u32; 2], corner: [u32; 2]) -> u32 {
         let [width, height] = [0, 1].map(|k| self.block[k].min(limit[k] - corner[k]));
@@ -92,8 +93,8 @@ pub struct CameraPacket {
     /// Row of the lane's pixel in the camera's frame; negative above the frame, as two's
     /// complement.
     pub y: [u32; LANES],
-    /// Camera sample of the lane's pixel. Packets of [`Quarters`](quarters::Quarters) set it only
-    /// if more than the shared light reads it.
+    /// Index of the lane's camera sample. In packets of [`Quarters`](quarters::Quarters) all lanes
+    /// have `first` if nothing but the shared light reads it.
     pub sample: [u32; LANES],
     /// Top left pixel of the block, in the window's coordinates.
     pub corner: [u32; 2],
@@ -127,10 +128,10 @@ impl CameraPacket {
         [self.x[i], self.y[i]]
     }
 
-    /// Creates the camera rays of the block at `corner` and returns how many are active. A lane is
-    /// active if its [`CameraPacket::sample`] is in `samples` and its pixel lies left of and above
-    /// the limit `[width, height]`. With `spare`, also draws [`CameraPacket::spare`], unless a lens
-    /// uses these dimensions.
+    /// Creates the camera rays of the block at `corner` and returns how many are active. The caller
+    /// sets `sample`, `first` and `quarter` before. A lane is active if its `sample` is in
+    /// `samples` and its pixel lies left of and above the limit `[width, height]`. With `spare`,
+    /// also draws [`CameraPacket::spare`], unless a lens uses these dimensions.
     #[inline(always)]
     pub fn aim(
         &mut self,

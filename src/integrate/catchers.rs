@@ -1,5 +1,5 @@
 //! The light of shadow catchers. It is computed as for a white surface, once with and once without
-//! shadows; alpha is made of the two luminances.
+//! shadows. Alpha is 1 minus the quotient of the two luminances.
 
 use super::camera_packet::CameraPacket;
 use super::record::{Beauty, Record};
@@ -13,7 +13,8 @@ use crate::scene::Role;
 use crate::shading::{Area, Lanes3};
 
 impl WhittedIntegrator<'_> {
-    /// Finds the roles of the shapes that camera rays hit. Returns `hit` without the holdouts.
+    /// Finds the holdouts and catchers that camera rays hit. Returns `hit` without the holdouts,
+    /// which also lose their surface points.
     #[cold]
     #[inline(never)]
     pub(super) fn hold_out(&mut self, slot: &CameraPacket, hit: &Mask) -> Mask {
@@ -33,7 +34,8 @@ impl WhittedIntegrator<'_> {
         rest
     }
 
-    /// Makes the shading points on catchers black, without ambient light and mirror.
+    /// Makes the shading points on catchers black, without ambient light and mirror. Their sums
+    /// start with the ambient light.
     #[cold]
     #[inline(never)]
     pub(super) fn blacken_catchers(&mut self) {
@@ -57,8 +59,8 @@ impl WhittedIntegrator<'_> {
         }
     }
 
-    /// Takes the light of a lamp off the radiance of catchers. Every lane samples one point `q` of
-    /// the lamp, as in [`WhittedIntegrator::one_point`].
+    /// Moves the light of a lamp from the radiance of catchers into their sums, after
+    /// [`WhittedIntegrator::one_point`] with the same light point `q` in each lane.
     #[cold]
     #[inline(never)]
     pub(super) fn catch_point(&mut self, lamp: &SampledLight, q: &Lanes3, area: Option<&Area>) {
@@ -115,8 +117,8 @@ impl WhittedIntegrator<'_> {
         self.catch(lamp, &whole);
     }
 
-    /// Moves a lamp's light from the radiance of catchers into their sums. `whole` is the light
-    /// without shadows, with the same rounding.
+    /// Moves the radiance of catchers, which is the light of `lamp`, into their sums. `whole` is
+    /// this light without shadows, with the same rounding.
     fn catch(&mut self, lamp: &SampledLight, whole: &Lanes3) {
         let Some(plate) = &mut self.plate else { return };
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {

@@ -1,6 +1,8 @@
-//! Cones around rays, which say how wide an area of a surface each sample stands for.
+//! Cones around rays: their width at a hit is the width of the surface area that a sample stands
+//! for.
 //!
-//! Amanatides 1984, "Ray Tracing with Cones", SIGGRAPH. Mirrors are taken as flat.
+//! Amanatides 1984, "Ray Tracing with Cones", SIGGRAPH. Mirrors are taken as flat, so the growth of
+//! the width does not change.
 
 use crate::geometry::Surfaces;
 use crate::ray::LANES;
@@ -11,16 +13,17 @@ use crate::world::World;
 /// The cones of a packet's rays.
 #[derive(Debug)]
 pub struct Cones {
-    /// Width at the camera.
+    /// Width at the camera, in world units.
     first: f32,
-    /// Growth of the width with the distance.
+    /// Growth of the width per unit of distance.
     spread: f32,
     /// Width at the origins of the rays, then at their hits.
     pub widths: Lanes,
 }
 
 impl Cones {
-    /// The cones of a world whose samples share the pixels.
+    /// The cones of a world's camera rays. Each is narrower than its pixel, because the samples
+    /// share the pixel.
     pub fn new(world: &World) -> Self {
         // Igehy 1999, "Tracing Ray Differentials"; n samples a pixel are 1/sqrt(n) pixels apart.
         let share = 1.0 / f64::from(world.spp).sqrt();
@@ -29,12 +32,12 @@ impl Cones {
         Self { first, spread, widths: [0.0; LANES] }
     }
 
-    /// Starts at the camera.
+    /// Sets all widths to the width at the camera.
     pub fn start(&mut self) {
         self.widths = [self.first; LANES];
     }
 
-    /// Moves on to the hits of the rays.
+    /// Grows the widths from the origins of the rays to their hits.
     pub fn advance(&mut self, rays: &Rays, surfaces: &Surfaces) {
         for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
             let way = lane(&surfaces.position, i) - lane(&rays.org, i);

@@ -1,5 +1,5 @@
-//! Secondary rays from points near an edge. The walls at the edge are tested in f64 before any ray
-//! is traced.
+//! Secondary rays from points near an edge. Walls, the triangles at the edge that rise above the
+//! point's own, are tested in f64 before any ray is traced.
 
 use glam::DVec3;
 
@@ -7,10 +7,10 @@ use crate::accel::Accelerator;
 use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, RayPacket, Rays, lane, set_lane};
 
-/// Largest number of rejected hits along one ray; the search stops after that.
+/// Largest number of rejected hits along one ray; after that, the ray counts as a miss.
 const MAX_PASSED: usize = 64;
 
-/// How many times a hit is replaced by one that hides it.
+/// Most times that a hit is replaced by one that hides it.
 const MAX_HIDING: usize = 8;
 
 /// The crevices of a packet: points near an edge of their primitive with a wall beside it.
@@ -34,8 +34,8 @@ impl Crevices {
     }
 
     /// Finds the crevices of the lanes `at_edge` of a traced packet, and moves the origins of their
-    /// secondary rays. A hit that another hit at the same t hides from the viewer is replaced by
-    /// that hit. `kind` is the kind of the packet's rays; `accelerator` is the one of all kinds.
+    /// secondary rays. First replaces each hit that another hit at the same t hides from the
+    /// viewer. `kind` is the kind of the packet's rays. `accelerator` is for all kinds.
     #[cold]
     #[inline(never)]
     pub fn find(
@@ -71,7 +71,7 @@ impl Crevices {
         }
     }
 
-    /// Crevice of a lane.
+    /// Crevice of a lane, if it has one.
     fn get(&self, lane: usize) -> Option<&Crevice> {
         self.by_lane.iter().find(|(i, _)| *i == lane).map(|(_, crevice)| crevice)
     }
@@ -169,7 +169,7 @@ fn near(
     Some((corners, point))
 }
 
-/// Replaces a hit by the one that hides it from the viewer. Returns true if there was one.
+/// Replaces a hit by a hit that hides it from the viewer. Returns true if there was one.
 fn replace_hidden_hit(
     scene: (&Geometry, &dyn Accelerator),
     kind: RayKind,
@@ -196,6 +196,7 @@ fn replace_hidden_hit(
 }
 
 /// Traces ray `i` alone for the closest hit that is not `passed`. Returns true if there is one.
+/// Else the lane becomes a miss and keeps its `tfar`.
 fn closest_not_passed(
     geometry: &Geometry,
     accelerator: &dyn Accelerator,
@@ -220,8 +221,8 @@ fn closest_not_passed(
             found = true;
             break;
         }
-        // Other primitives may be hit at the same t. So only this one is excluded; if it is hit
-        // again, the ray continues after it.
+        // Other primitives may be hit at the same t. So only this primitive is excluded. If it is
+        // hit again, the ray continues after it.
         if seen.contains(&primitive) {
             packet.rays.tnear[i] = packet.rays.tfar[i].max(packet.rays.tnear[i]);
         }

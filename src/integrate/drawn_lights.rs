@@ -1,8 +1,8 @@
 //! Gathers light from scenes of many lights: each shading point draws some of them from the
 //! [`LightTree`], and one point on each.
 //!
-//! The light of a drawn one is divided by its probability and by the number of draws. So the mean
-//! over the draws is the light of all lights.
+//! The light of a drawn light is divided by its probability and by the number of draws. So the mean
+//! over the draws is the light of all lights in the tree.
 
 use super::camera_packet::CameraPacket;
 use super::record::Record;
@@ -16,20 +16,20 @@ use crate::sampler::DRAWN_LIGHT;
 use crate::shading::{Area, DrawnLights, Emitter, Lanes, Lanes3, Light, LightTree, lane, set_lane};
 use crate::world::World;
 
-/// Weight of the random bits below the bits of a sample point.
+/// Place value of random bits that follow the 24 bits of a sample point.
 const BELOW_SAMPLE: f64 = 1.0 / (1 << 24) as f64;
 
 /// One draw in each lane.
 struct Draws {
     drawn: DrawnLights,
-    /// One over probability and number of draws.
+    /// 1 / (probability x number of draws).
     weight: Lanes,
     /// The point on the light.
     q: Lanes3,
 }
 
 impl Draws {
-    /// The light of a lane.
+    /// The light that lane `i` drew.
     #[inline(always)]
     fn light<'w>(&self, world: &'w World, i: usize) -> &'w Light {
         &world.lights[self.drawn.light[i] as usize]
@@ -58,7 +58,8 @@ impl<'a> WhittedIntegrator<'a> {
                 break;
             }
             let draws = self.draw(tree, slot, k, bounce);
-            // Lights in a surface have rules of their own, so each is a round of its own.
+            // A light in a surface has its own rules for shadow rays, so it gets a round of its
+            // own.
             let mut rest = draws.drawn.lanes;
             while rest.any() {
                 let (lanes, area) = self.round(&draws, &rest);
@@ -101,8 +102,8 @@ impl<'a> WhittedIntegrator<'a> {
         draws
     }
 
-    /// The next lanes of `rest` to gather: those of one light that lies in a surface, or of all
-    /// lights that do not.
+    /// Selects the next lanes of `rest` to gather: the lanes of one light that lies in a surface,
+    /// or of all lights that do not. Also returns the area of the light that lies in a surface.
     #[inline(always)]
     fn round(&self, draws: &Draws, rest: &Mask) -> (Mask, Option<&'a Area>) {
         let world = self.world;
@@ -123,8 +124,8 @@ impl<'a> WhittedIntegrator<'a> {
         (lanes, area)
     }
 
-    /// Adds the drawn lights of the lanes that hit; `area` if they are one light that lies in a
-    /// surface.
+    /// Adds the drawn lights of the lanes that hit. `area` is the area of their light if it lies in
+    /// a surface.
     #[inline(always)]
     fn drawn_round<R: Record>(
         &mut self,
@@ -200,7 +201,8 @@ impl<'a> WhittedIntegrator<'a> {
     }
 }
 
-/// What an emitter sends against the direction of a ray, relative to all directions.
+/// Relative emission of a light against the direction of ray `i`: the cosine for a one-sided
+/// emitter, else 1.
 #[inline(always)]
 fn emission(emitter: &Emitter, direction: &Lanes3, i: usize) -> f32 {
     match emitter {

@@ -30,8 +30,8 @@ struct Square {
 }
 
 impl<'a> EmptyBlocks<'a> {
-    /// Creates an empty cache for blocks of at least `block` pixels, with `samples` samples per
-    /// pixel.
+    /// Creates an empty cache for blocks of `block` pixels (width, height), with `samples` samples
+    /// per pixel.
     pub fn new(
         world: &'a World,
         accelerator: &'a dyn Accelerator,
@@ -45,7 +45,7 @@ impl<'a> EmptyBlocks<'a> {
         };
         // The rays of a lens have no common origin. Curved rays may leave the corners' frustum.
         let cone = !world.camera.has_lens() && world.camera.curved().is_none();
-        // Pixels of a map differ.
+        // A visible environment map differs from pixel to pixel.
         let even = world.backdrops.is_empty() || world.transparent;
         let levels = if cone && even { (0..LEVELS).filter(worth).count() } else { 0 };
         // No query was made yet.
@@ -73,7 +73,7 @@ impl<'a> EmptyBlocks<'a> {
         false
     }
 
-    /// The same for one square. `None` if the backend never answers such queries.
+    /// [`EmptyBlocks::has`] for one square. `None` if the backend has no such query.
     fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
         let at = |pixel: u32| pixel.wrapping_sub(self.world.overscan) as i32 as f32;
         let mut rays = Rays::EMPTY;

@@ -106,6 +106,8 @@ impl<'a> Layers<'a> {
         self.add3(first, &kept);
     }
 
+    /// Keeps the nearest hit of each pixel: by depth, or by distance if the camera sees behind
+    /// itself. Of equally near samples, the lowest index wins.
     #[inline(always)]
     fn keep_nearest(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces) {
         let mut depths = [0.0; LANES];
@@ -309,7 +311,7 @@ impl Record for Layers<'_> {
         for axis in 0..3 {
             for i in 0..LANES {
                 let carried = base[axis][i] * throughput[i];
-                // An unlit lane may carry garbage from another packet.
+                // A lane without light may hold the base colour of another packet.
                 let (d, s) = (split.diffuse[axis][i], split.specular[axis][i]);
                 diffuse[axis][i] = if d == 0.0 { 0.0 } else { d * carried };
                 specular[axis][i] = if s == 0.0 { 0.0 } else { s * carried };

@@ -20,7 +20,7 @@ pub struct LightBatch {
     pub rays: [Rays; POINTS],
     /// By light point: the light that arrives if nothing occludes it.
     pub lit: [LightWeights; POINTS],
-    /// By light point of a map: its colour, by lane.
+    /// By light point of an environment map: its colour, by lane.
     pub colors: [Lanes3; POINTS],
     /// By light point: the lanes that have a ray.
     pub active: [Mask; POINTS],

@@ -4,7 +4,7 @@ use crate::accel::{Accelerator, Shaft};
 use crate::ray::{LANES, Mask, NONE};
 use crate::shading::{Area, ShadowPoints, lane};
 
-/// Relative margin of the signs of dot products in f32.
+/// Margin for the rounding of dot products in f32 whose signs count, relative to coordinates.
 const MARGIN: f32 = 16.0 * f32::EPSILON;
 
 /// Failed queries after which packets are skipped.
@@ -16,7 +16,7 @@ const MAX_SKIPPED: u32 = 15;
 /// How much of an area light the points of a packet see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
-    /// No point of the light lies above the horizon of a shading point.
+    /// No point of the light lies above the horizon of any shading point.
     Dark,
     /// No shadow ray is occluded.
     Clear,
@@ -35,7 +35,7 @@ pub struct LightShafts {
 struct Skips {
     /// Packets still to be skipped.
     left: u32,
-    /// Failed queries; halved by every other one.
+    /// Failed queries, up to `PATIENCE + MAX_SKIPPED`; each successful query halves their number.
     failed: u32,
 }
 
@@ -45,7 +45,7 @@ impl LightShafts {
         Self { by_light: vec![Skips::default(); lights] }
     }
 
-    /// How much the points see of light `index`.
+    /// How much of light `index` the points see.
     #[inline(always)]
     pub fn view(
         &mut self,

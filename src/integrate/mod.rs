@@ -65,7 +65,7 @@ pub struct TileKernel<'a, 'r, 'f, R> {
     pub rows: &'r mut [&'f mut [[f32; 4]]],
     /// Records the layers; [`Beauty`] records none.
     pub record: R,
-    /// The words of the kept pixels' layers, row by row.
+    /// Layers of the kept pixels as 32-bit words, row by row.
     pub words: &'r mut [&'f mut [u32]],
     /// Range of the world's samples that this render takes.
     pub samples: Range<u32>,
@@ -128,13 +128,13 @@ impl<R: Record> ShadePacket for Tile<'_, '_, '_, R> {
 }
 
 impl<R: Record> TileKernel<'_, '_, '_, R> {
-    /// Writes the blocks that no camera ray can hit. Returns the corners of all other blocks, and
-    /// how many camera rays the written blocks have. Called once per tile, outside the loop over
-    /// packets.
+    /// Writes the blocks whose camera rays all miss, as background. Returns the corners of all
+    /// other blocks, and the number of camera rays of the written blocks. Called once per tile,
+    /// outside the loop over packets.
     #[inline(never)]
     fn blocks(&mut self, pattern: &Pattern, limit: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
         let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
-        // Layers and sums to be merged need every sample of a pixel.
+        // Layers, and sums that will be merged, need every sample of a pixel.
         let mut sky = (!self.record.has_words())
             .then(|| EmptyBlocks::new(world, self.integrator.accelerator, count, pattern.block));
         let mut background_rays = 0;
@@ -206,8 +206,8 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         }
     }
 
-    /// Writes the pixels of a block as background. The mean of equal samples is exactly one of
-    /// them, so one value is enough.
+    /// Writes the pixels of a block as background. One value is enough: the mean of equal samples
+    /// is exactly that value.
     fn write_sky(&mut self, corner: [u32; 2], block: [u32; 2]) {
         let world = self.integrator.world;
         let [r, g, b] = world.background.to_array();

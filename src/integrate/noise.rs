@@ -18,7 +18,8 @@ use crate::sampler::Kind;
 pub struct PixelSamples {
     /// Sum of R, G, B, A over all samples.
     pub sum: [f64; 4],
-    /// Sum of R, G, B, A over the second half of the samples.
+    /// Sum of R, G, B, A over the second half of the samples. Valid if the last pass took a whole
+    /// doubling.
     pub half: [f64; 4],
     /// Number of samples taken.
     pub taken: u32,
@@ -63,7 +64,7 @@ pub struct Goal {
     pub relative: Relative,
     /// Mean radiance of the frame, over R, G, B.
     pub mean: f64,
-    /// Largest number of samples of a pixel.
+    /// Largest number of samples of a pixel; a power of two.
     pub most: u32,
     /// Expected factor of the variance of a pixel's mean when its samples double.
     fall: f64,
@@ -108,8 +109,8 @@ impl Goal {
     }
 
     /// Number of samples that a pixel needs whose expected error after `taken` samples is `error`.
-    /// The result is `taken` times the power of two nearest to the factor by which the variance
-    /// must fall, up to `most`.
+    /// The result is `taken` times the power of two that is nearest to the factor at which the
+    /// error meets its limit, up to [`Goal::most`]. `taken` must be a power of two.
     ///
     /// With [`Relative::Picture`] the allowed error grows with the samples of a pixel. Where
     /// variances fall as a power of the number of samples, a Lagrange multiplier gives the optimum.
@@ -132,7 +133,7 @@ impl Goal {
 impl PixelSamples {
     /// Squared standard error of the mean over the goal's squared target, at most 2^28. The larger
     /// of two errors: R, G, B together, relative to the goal's level, and alpha, relative to 1.
-    /// Returns 0 if a sample is not finite, because more samples would not help.
+    /// Samples that are not finite add no error, because more samples would not help.
     pub fn error(&self, goal: &Goal) -> f32 {
         let n = f64::from(self.taken.max(1));
         // (first half - second half) / 2, as means.

@@ -109,7 +109,7 @@ impl<H> Passes<H> {
         self.tallies.iter().map(|tally| u64::from(tally.wanted - tally.taken)).sum()
     }
 
-    /// Lets all pixels with fewer than `most` samples take twice as many.
+    /// Sets the aim of the next doubling: twice the samples for all pixels with fewer than `most`.
     pub fn double(&mut self, most: u32) {
         for tally in &mut self.tallies {
             tally.aim = if tally.taken < most { 2 * tally.taken } else { tally.taken };
@@ -117,8 +117,9 @@ impl<H> Passes<H> {
     }
 
     /// Sets the samples that the next pass takes of each pixel. With a `shift` of 0 it takes the
-    /// whole doubling, with 1 half of it, with 2 a quarter, and so on. A run whose length is a
-    /// power of two is stratified if it begins at a multiple of that length.
+    /// whole doubling, with 1 half of it, with 2 a quarter, and so on. A pixel takes none if that
+    /// is less than [`MIN_PASS_SAMPLES`]. A run whose length is a power of two is stratified if it
+    /// begins at a multiple of that length.
     pub fn want(&mut self, shift: u32) {
         for tally in &mut self.tallies {
             let step = (tally.aim / 2).checked_shr(shift).unwrap_or(0);

@@ -28,8 +28,9 @@ pub trait ShadePacket {
 }
 
 /// Traces and finishes the packets of all units: traces packet k, then finishes packet k - 1. While
-/// one packet is traced, prefetches load the memory that shading of the other needs. A unit is the
-/// corner of a block and the first sample of a packet. Lanes are active left of and above `limit`.
+/// one packet is traced, prefetches load the memory that shading of the other packet needs. A unit
+/// is the corner of a block and the first sample of a packet. Lanes are active left of and above
+/// `limit`. Returns early if the monitor stops the render.
 #[inline(always)]
 pub fn pipeline<F: ShadePacket>(
     integrator: RenderContext,

@@ -4,8 +4,8 @@
 //! pixel's samples is a function of the samples of other pixels, whose sequences are independent of
 //! its own. The mean over the pixel's first n samples then has the right expectation for each n:
 //!
-//! - First plan: from the errors of the neighbours after the first pass, which has the same size
-//!   for all pixels.
+//! - First plan: from the errors of the neighbours after the first pass. That pass has the same
+//!   size for all pixels.
 //! - Second plan: from the errors of the neighbours after the samples that the first plan would
 //!   give them without this pixel. How far a neighbour is sampled beyond that depends on this
 //!   pixel, so those samples are not used.
@@ -121,6 +121,7 @@ impl Errors {
         (0..first.samples.len()).map(|at| self.second(goal, first, at)).collect()
     }
 
+    /// Second plan of pixel `at`.
     fn second(&self, goal: &Goal, first: &SamplePlan, at: usize) -> u32 {
         let (width, height) = (self.width, first.samples.len() / self.width);
         let (x, y, taken) = (at % width, at / width, first.samples[at]);

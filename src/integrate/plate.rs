@@ -1,4 +1,4 @@
-//! Holdouts and shadow catchers: what camera rays return that hit them.
+//! Holdouts and shadow catchers: alpha and light of the camera rays that hit them.
 //!
 //! docs/guide/scene-format.md defines both. Nothing here runs in a scene without such
 //! shapes.
@@ -16,16 +16,16 @@ pub struct Plate {
     pub(super) catching: bool,
     /// Luminance of the light that catchers receive.
     pub(super) arrived: [f64; LANES],
-    /// The same without shadows.
+    /// Luminance of the same light without shadows.
     pub(super) unshadowed: [f64; LANES],
-    /// By light: the difference of the two.
+    /// By light: the luminance that shadows take, `unshadowed` minus `arrived`.
     pub(super) taken: Vec<[f64; LANES]>,
-    /// Share of the light that shadows take.
+    /// Alpha of catchers: the share of the light that shadows take.
     pub(super) alpha: Lanes,
 }
 
 impl Plate {
-    /// For `lights` lights.
+    /// State for `lights` lights, without holdouts and catchers.
     pub fn new(lights: usize) -> Self {
         Self {
             holdouts: Mask::NONE,
@@ -38,7 +38,7 @@ impl Plate {
         }
     }
 
-    /// Forgets the last packet.
+    /// Removes the holdouts and catchers of the last packet.
     pub fn clear(&mut self) {
         (self.holdouts, self.catchers, self.catching) = (Mask::NONE, Mask::NONE, false);
     }

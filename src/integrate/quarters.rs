@@ -2,9 +2,10 @@
 //! light. So the shadow rays of a packet stay coherent.
 //!
 //! It applies to the light that shares the camera's sequence: Sobol's third and fourth dimension.
-//! The first binary digit of each decides the quarter. It is a sum modulo 2 of index bits: of j0,
-//! j1, j3, j4 in the third dimension, of j0, j1, j4 in the fourth (see the matrices in
-//! [`crate::sampler`]). Scrambling only changes which quarter is which.
+//! The first binary digit of each decides the quarter. It is a sum modulo 2 of bits of the index
+//! (see the matrices in [`crate::sampler`]). With j0 as the lowest bit, these are j0, j1, j3, j4 in
+//! the third dimension, and j0, j1, j4 in the fourth. Scrambling only changes which quarter is
+//! which.
 
 use std::ops::Range;
 
@@ -22,9 +23,10 @@ pub const PACKETS: usize = 4;
 const GROUP: u32 = STRETCH as u32;
 
 /// Index within the group's stretch of the sequence, by packet and lane. Bits j1, j2, j4, j5 of the
-/// index come from the lane, the highest first. Bit j3 is the higher bit of the packet number. Bit
-/// j0 selects the quarter. So two packets that differ in the lower bit of their numbers hold pairs
-/// of neighbours in their lanes; see [`super::block::BlockSums::add_quarter`].
+/// index come from the lane, the highest first. Bit j3 is the higher bit of the packet's index. Bit
+/// j0 is set so that all lanes of a packet fall into one quarter. So two packets that differ in the
+/// lower bit of their indices hold pairs of neighbours in their lanes; see
+/// [`super::block::BlockSums::add_quarter`].
 const INDICES: [[u8; LANES]; PACKETS] = {
     let mut indices = [[0; LANES]; PACKETS];
     let mut at = 0;
@@ -42,7 +44,7 @@ const INDICES: [[u8; LANES]; PACKETS] = {
 pub struct Quarters {
     /// Whether groups are reordered in this render.
     on: bool,
-    /// Whether anything besides the shared light needs the sample numbers of lanes.
+    /// Whether anything besides the shared light needs the sample indices of lanes.
     needs_samples: bool,
     /// Sample at each index of the sequence, counted within the current group of the pixel.
     samples: [u8; STRETCH],
@@ -70,7 +72,7 @@ impl Quarters {
         self.on & (group >= samples.start) & (samples.end.saturating_sub(group) >= GROUP)
     }
 
-    /// Sample number of each lane, for the packet that would have the 16 samples from `first` on
+    /// Sample index of each lane, for the packet that would have the 16 samples from `first` on
     /// without reordering. All are `first` if nothing needs them. The packets of a group must come
     /// in order.
     #[inline(always)]

@@ -1,4 +1,5 @@
-//! Records layers while a packet is shaded: nothing, or the layers of a plan ([`super::Layers`]).
+//! Records layers while a packet is shaded: none ([`Beauty`]), or the layers of a plan
+//! ([`super::Layers`]).
 //!
 //! [`Record::ON`] is a constant, so a render without layers is compiled without any of this.
 
@@ -32,7 +33,8 @@ pub trait Record {
     fn begin(&mut self);
     /// Records the first hits of a packet's camera rays.
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
-    /// Records the light of one source, to be multiplied by base colours and throughputs.
+    /// Records the light of one light at a bounce, to be multiplied by base colours and
+    /// throughputs.
     fn light(&mut self, lamp: &SampledLight, base: &Lanes3, throughput: &Lanes, split: &LightParts);
     /// Records ambient light, by lane.
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);

@@ -19,10 +19,12 @@ pub struct ShadowRays<'a> {
 }
 
 impl<'a> ShadowRays<'a> {
-    /// Creates `rays` from `points` to the light points `q`. Sets `lit` to the light that arrives
-    /// if nothing occludes the ray. `glossy`: whether any shading point has a specular term.
+    /// Creates `rays` from `points` to the light points `q`. Sets `lit` to the weights of the light
+    /// that arrives if nothing occludes the ray. `glossy`: whether any shading point has a specular
+    /// term.
     ///
-    /// The weights of a map's light points are still to be divided by their density.
+    /// For a light with a map, [`ShadowRays::colors`] must then divide the weights by the density
+    /// of the light points.
     #[inline(always)]
     pub fn aim(
         points: &ShadowPoints,

@@ -89,6 +89,7 @@ impl LightPartSums {
                 *sum = (*sum + factor * part.specular[axis][i]).max(0.0);
             }
         }
+        // Not clamped: one result may be outside [0, n], because the draws follow the light.
         for i in 0..LANES {
             self.visible[i] += factor * part.visible[i];
         }

@@ -31,7 +31,7 @@ pub fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> +
     })
 }
 
-/// Position of an index on the Z-order curve of a tile.
+/// Column and row of `index`, below 2^16, on the Z-order curve of a tile.
 #[inline(always)]
 pub fn morton(index: u32) -> [u32; 2] {
     let even = |mut bits: u32| {

@@ -27,13 +27,13 @@ use crate::world::World;
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
     pub(super) world: &'a World,
-    /// Finds the primitives near a point, for all kinds of rays.
+    /// Accelerator for all kinds of rays. Finds the primitives near a point.
     accelerator: &'a dyn Accelerator,
-    /// What camera rays hit.
+    /// Accelerator for camera rays.
     camera: &'a dyn Accelerator,
-    /// What shadow rays hit.
+    /// Accelerator for shadow rays.
     pub(super) shadows: &'a dyn Accelerator,
-    /// What mirrored rays hit.
+    /// Accelerator for mirrored rays.
     reflections: &'a dyn Accelerator,
     pub(super) sampler: Sampler,
     pub(super) monitor: &'a Monitor,
@@ -42,8 +42,8 @@ pub struct WhittedIntegrator<'a> {
     pub(super) surfaces: Surfaces,
     pub(super) crevices: Crevices,
     pub(super) shafts: LightShafts,
-    /// Lanes whose hit is on a wall of [`Crevices`]: certain, although no test in f32 can confirm
-    /// it.
+    /// Lanes whose hit is certain: it lies on a wall of [`Crevices`] and was found in f64. A test
+    /// in f32 may wrongly reject it.
     certain: Mask,
     pub(super) points: Points,
     pub(super) shadow: Rays,
@@ -96,7 +96,8 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Computes `radiance` for a slot whose camera rays are traced. Returns alpha, by lane.
+    /// Computes `radiance` for a packet whose camera rays are traced. Returns alpha, by lane.
+    /// Unfinished if the monitor stops the render.
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
@@ -174,7 +175,8 @@ impl<'a> WhittedIntegrator<'a> {
         alpha
     }
 
-    /// Computes the surface points of a traced packet. Returns the lanes that hit.
+    /// Computes the surface points of a traced packet. Traces doubtful hits again. Returns the
+    /// lanes that hit.
     #[inline(always)]
     fn refine(&mut self, slot: &mut CameraPacket, active: &Mask, bounce: u32) -> Mask {
         let hit = slot.packet.hit(active);
@@ -212,7 +214,7 @@ impl<'a> WhittedIntegrator<'a> {
         accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
     }
 
-    /// Finds the walls beside points near an edge, if any secondary ray leaves them.
+    /// Finds the walls beside points near an edge, if a secondary ray may start there.
     #[inline(always)]
     fn find_crevices(&mut self, slot: &mut CameraPacket, hit: &Mask, bounce: u32) {
         self.crevices.clear();
@@ -230,7 +232,7 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Traces the mirrored rays of the last points. Returns the lanes that have one.
+    /// Traces the mirrored rays of the last shading points. Returns the lanes that have one.
     #[inline(always)]
     fn mirror(&mut self, slot: &mut CameraPacket, counts: &mut RayCounts) -> Mask {
         let rays = &mut slot.packet.rays;
@@ -257,6 +259,8 @@ impl<'a> WhittedIntegrator<'a> {
         active
     }
 
+    /// Adds the light of all lights. With a light tree, each shading point draws some of the lights
+    /// that have a position.
     #[inline(always)]
     fn lights<R: Record>(
         &mut self,
@@ -268,7 +272,8 @@ impl<'a> WhittedIntegrator<'a> {
         let at = &self.points.at;
         let glossy = (0..LANES).fold(false, |any, i| any | ((at.hit.0[i] != 0) & (at.ks[i] > 0.0)));
         let world = self.world;
-        // The alpha of a catcher is a quotient, whose mean over draws is not that of all lights.
+        // The alpha of a shadow catcher is a quotient of sums over all lights. Its mean over draws
+        // of lights would be biased.
         let tree = world.light_tree.as_ref().filter(|_| !catching);
         let count = tree.map_or(world.lights.len(), |tree| tree.gathered.len());
         for number in 0..count {
@@ -309,7 +314,8 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Adds a light of which every lane samples one point `q`, on `area` if the light has one.
+    /// Adds the light of one light point per lane, `q`. `area` is the light's area; `None` for a
+    /// point light.
     #[inline(always)]
     fn one_point<R: Record>(
         &mut self,
@@ -388,7 +394,7 @@ impl<'a> WhittedIntegrator<'a> {
     }
 }
 
-/// Whether mirrored rays are coherent: all within some 26 degrees of the first.
+/// Whether mirrored rays are coherent: all within some 26 degrees of the first active ray.
 #[inline(always)]
 fn coherence(active: &Mask, rays: &Rays) -> Coherence {
     let axis = lane(&rays.dir, active.first());

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 
-/// Bytes of a point of a picture: x, y, the number of a 3D point.
+/// Bytes of a point of a picture: x, y, the id of a 3D point.
 const POINT_BYTES: u64 = 24;
 
 /// A file, read from front to back.

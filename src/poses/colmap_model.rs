@@ -5,8 +5,7 @@ use crate::{
     scene::did_you_mean,
 };
 
-/// A camera model that OpenCV's models cover: its number in binary files, its name, how many
-/// parameters it has.
+/// Camera models that OpenCV's models cover: number in binary files, name, number of parameters.
 pub(super) const MODELS: [(i32, &str, usize); 9] = [
     (0, "SIMPLE_PINHOLE", 3),
     (1, "PINHOLE", 4),

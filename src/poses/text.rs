@@ -8,7 +8,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 
-/// The lines of a file that hold data: number from 1, and text.
+/// The lines of a file that are no comments: number from 1, and text. `empty`: keeps empty lines.
 fn lines(text: &str, empty: bool) -> impl Iterator<Item = (usize, &str)> {
     let all = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     all.filter(move |(_, line)| !line.starts_with('#') && (empty || !line.is_empty()))
@@ -76,8 +76,8 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
     Ok(sensors)
 }
 
-/// Reads `images.txt`: two lines a picture, `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME` and the
-/// points in it, which are not used and may be none.
+/// Reads `images.txt`. A picture has two lines: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and
+/// the points in it. The points are not used, and there may be none.
 pub fn images(path: &Path) -> Result<Vec<Image>> {
     let text = read(path)?;
     let mut images = Vec::new();

@@ -12,11 +12,11 @@ use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::reserve;
 
-/// All hits of rays, in order of their rays and of t. Those of ray i have the indices from
+/// All hits of rays, in order of their rays and of t. The hits of ray i have the indices from
 /// `offsets[i]` to `offsets[i + 1]`, exclusive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AllHits {
-    /// An element for each ray, and the number of all hits.
+    /// Index of the first hit of each ray, then the number of all hits.
     pub offsets: Vec<i64>,
     /// Ray parameter in units of the direction.
     pub t: Vec<f64>,
@@ -33,9 +33,9 @@ impl RayScene {
     ///
     /// Where a ray passes through an edge or a vertex, each crossing of the surface is one hit, of
     /// one of the triangles there. Where it only touches the surface at an edge or a vertex, and
-    /// stays on one side, there are no hits or two with the same t. A triangle that contains the
-    /// direction of the ray has none; its neighbours have. So the number of hits of a ray from
-    /// outside with a closed mesh is even.
+    /// stays on one side, there are no hits or two with the same t. A triangle whose plane contains
+    /// the direction of the ray has no hits; its neighbours have. So a ray without end, from
+    /// outside a closed mesh, has an even number of hits.
     ///
     /// # Errors
     /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
@@ -86,7 +86,7 @@ impl RayScene {
     /// Returns the number of hits along each ray: see [`RayScene::all_hits`].
     ///
     /// # Errors
-    /// As [`RayScene::all_hits`].
+    /// The errors of [`RayScene::all_hits`].
     pub fn count(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<u32>> {
         let bvh = self.bvh();
         let mut counts = reserve::filled(0u32, rays.len(), "count")?;

@@ -71,7 +71,7 @@ impl Faces<'_> {
         self.len() == 0
     }
 
-    /// Vertex indices of a triangle; `None` for a negative one.
+    /// Vertex indices of a triangle; `None` for a negative index.
     #[inline(always)]
     pub(super) fn get(&self, i: usize) -> [Option<u64>; 3] {
         match self {

@@ -40,7 +40,7 @@ impl<'a> RayBatch<'a> {
     /// Rays without end, from t = 0. Directions may have any length > 0.
     ///
     /// # Errors
-    /// `Invalid` for arrays of different lengths, a number that is not finite, a coordinate beyond
+    /// `Invalid` for arrays of different lengths, a number that is not finite, an origin beyond
     /// 1e18, or a direction of length 0.
     pub fn new(origins: &'a [[f64; 3]], directions: &'a [[f64; 3]]) -> Result<Self> {
         let (count, others) = (origins.len(), directions.len());
@@ -139,8 +139,9 @@ impl Rounded {
         t * self.scale[lane] + self.shift[lane]
     }
 
-    /// Whether neighbouring lanes are similar enough to be traced together: directions within some
-    /// 6 degrees and origins within a thousandth of the scene's size, compared with lane 0.
+    /// Whether neighbouring lanes are similar enough to be traced together. Compared with lane 0,
+    /// directions must differ by less than 0.1 in each component (some 6 degrees), and origins by
+    /// less than a thousandth of the scene's size.
     pub fn coherence(&self, size: f32) -> Coherence {
         let rays = &self.packet.rays;
         let (mut turned, mut moved) = (0.0f32, 0.0f32);
@@ -171,7 +172,7 @@ impl RayScene {
         (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max)
     }
 
-    /// Rounds at most 16 rays from number `first` on to f32.
+    /// Rounds at most 16 rays to f32, from index `first` on.
     ///
     /// Directions are scaled by a power of two, so that their largest component lies in [1, 2).
     /// A ray that starts far away from the triangles starts nearer to them, so that its origin is
@@ -211,7 +212,7 @@ impl RayScene {
     }
 
     /// Computes the hit of ray `i` with a triangle in f64, from the caller's arrays. `t` and `uv`
-    /// are what the tree found. They remain where the ray runs in the plane of the triangle.
+    /// are what the tree found. They are kept where the ray runs in the plane of the triangle.
     pub(super) fn refine(
         &self,
         rays: &RayBatch,
@@ -229,7 +230,7 @@ impl RayScene {
     }
 }
 
-/// Where the line of a ray meets the plane of a triangle. Not finite if they are parallel.
+/// Where the line of a ray intersects the plane of a triangle. Not finite if they are parallel.
 struct PlaneHit {
     t: f64,
     /// Weights of the second and third corner.

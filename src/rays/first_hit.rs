@@ -29,8 +29,8 @@ pub struct Hits {
 
 impl RayScene {
     /// Finds the closest hit of each ray. Edges and vertices belong to all their triangles. Of
-    /// equally near hits, the lowest triangle counts. A triangle that contains the origin of a ray
-    /// is not hit at t = 0.
+    /// equally near hits, the lowest mesh and then the lowest face wins. A triangle that contains
+    /// the origin of a ray is not hit at t = 0, if f32 can represent the origin.
     ///
     /// # Errors
     /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
@@ -90,7 +90,7 @@ impl RayScene {
     /// Returns whether each ray hits anything. Faster than [`RayScene::closest`].
     ///
     /// # Errors
-    /// As [`RayScene::closest`].
+    /// The errors of [`RayScene::closest`].
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
         let (bvh, size) = (self.bvh(), self.size());
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;

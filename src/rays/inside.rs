@@ -33,11 +33,13 @@ impl RayScene {
     /// Returns whether each point lies inside a mesh or on its surface.
     ///
     /// For closed meshes the answer is exact: the crossings of a half-line are counted without
-    /// rounding, from the caller's coordinates. The meshes that are not closed are taken together.
-    /// A point is inside them if their winding number there, in magnitude, is at least 1/2.
+    /// rounding, from the caller's coordinates. This needs coordinates that are 0 or at least 1e-70
+    /// in magnitude. The meshes that are not closed are taken together. A point is inside them if
+    /// their winding number there, in magnitude, is at least 1/2.
     ///
     /// # Errors
-    /// `Invalid` for a point that is not finite or beyond 1e18; as [`RayScene::closest`].
+    /// `Invalid` for a point that is not finite or beyond 1e18. Also those of
+    /// [`RayScene::closest`].
     pub fn contains(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<bool>> {
         check_points(points)?;
         let (closed, mut inside) =
@@ -59,7 +61,7 @@ impl RayScene {
     /// whose normals point outward, 0 outside. Accurate to some 0.01.
     ///
     /// # Errors
-    /// As [`RayScene::contains`].
+    /// The errors of [`RayScene::contains`].
     pub fn winding_number(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<f64>> {
         check_points(points)?;
         let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
@@ -133,7 +135,7 @@ impl RayScene {
     }
 }
 
-/// Checks that all points are finite.
+/// Checks that all points are finite and their coordinates at most 1e18.
 pub(super) fn check_points(points: &[[f64; 3]]) -> Result<()> {
     match first(points, |v| !fits(v)) {
         None => Ok(()),

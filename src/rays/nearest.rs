@@ -16,7 +16,7 @@ pub struct ClosestPoints {
     pub point: Vec<[f64; 3]>,
     /// Its distance, >= 0.
     pub distance: Vec<f64>,
-    /// Its face. Of equally near ones, the lowest.
+    /// Its face in the mesh. Of equally near faces, the lowest mesh and then the lowest face wins.
     pub primitive: Vec<i64>,
     /// Index of the mesh.
     pub mesh: Vec<i32>,
@@ -33,7 +33,8 @@ impl RayScene {
     /// Finds the nearest point of the meshes to each point, in f64 from the caller's arrays.
     ///
     /// # Errors
-    /// `Invalid` for a point that is not finite or beyond 1e18; as [`RayScene::closest`].
+    /// `Invalid` for a point that is not finite or beyond 1e18. Also those of
+    /// [`RayScene::closest`].
     pub fn closest_point(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<ClosestPoints> {
         check_points(points)?;
         let bvh = self.bvh();

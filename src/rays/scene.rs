@@ -18,8 +18,8 @@ use crate::simd::Isa;
 ///
 /// Rays are traced by `bvh`, which is exactly watertight: no ray slips through an edge or a vertex.
 /// Rays and vertices are rounded to f32 for that, relative to an origin in or near the meshes. The
-/// values of a hit are computed in f64 from the caller's arrays. [`RayScene::contains`] and
-/// [`RayScene::visible`] do not round at all.
+/// values of a hit are computed in f64 from the caller's arrays. [`RayScene::contains`] for closed
+/// meshes, and [`RayScene::visible`], decide without rounding.
 ///
 /// Everything runs on the threads of the current rayon pool. A [`Monitor`] counts finished rays or
 /// points, and can stop a query, which then returns an error.
@@ -49,7 +49,7 @@ use crate::simd::Isa;
 /// ```
 pub struct RayScene {
     pub(super) meshes: Vec<Box<dyn MeshArrays>>,
-    /// Numbers of the triangles, and the origin.
+    /// The tree over all triangles, which also numbers them and has the origin.
     pub(super) tree: OwnedBvh,
     /// Lower and upper corner of all triangles in the caller's coordinates.
     pub(super) bounds: [DVec3; 2],
@@ -105,7 +105,8 @@ impl RayScene {
         self.bounds.map(|corner| corner.to_array())
     }
 
-    /// Bytes that the scene holds beside the arrays of the meshes.
+    /// Bytes of the tree, which the scene holds beside the arrays of the meshes. What queries about
+    /// points keep is not counted: dipoles, and which meshes are closed.
     pub fn bytes(&self) -> u64 {
         self.tree.info().bytes
     }

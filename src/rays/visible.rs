@@ -16,14 +16,15 @@ impl RayScene {
     /// Returns whether each of `points` is visible from the point of `from` with the same index, or
     /// from the only point of `from`.
     ///
-    /// The answer is exact: the segment between the points is tested without rounding. It is
-    /// blocked by a face that it passes through, edges and vertices included. A face whose plane
-    /// contains one of the two points does not block it. So vertices and other points of the
-    /// surface do not hide themselves.
+    /// The answer is exact: the segment between the points is tested without rounding. This needs
+    /// coordinates that are 0 or at least 1e-70 in magnitude. The segment is blocked by a face that
+    /// it passes through, edges and vertices included. A face whose plane contains one of the two
+    /// points does not block it. So vertices and other points of the surface do not hide
+    /// themselves. Points less than some 1e-38 apart always see each other.
     ///
     /// # Errors
     /// `Invalid` for a point that is not finite or beyond 1e18, or another number of points in
-    /// `from`; as [`RayScene::closest`].
+    /// `from`. Also those of [`RayScene::closest`].
     pub fn visible(
         &self,
         points: &[[f64; 3]],
@@ -58,7 +59,7 @@ impl RayScene {
         rays.tfar[0] = 1.0;
         let mut lane = Mask::NONE;
         lane.0[0] = -1;
-        // Two points that are equal, or too near to each other for f32.
+        // Two points that are equal, or too near to each other for f32, see each other.
         if !rays.possible(&lane).any() {
             return false;
         }

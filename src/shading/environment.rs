@@ -1,4 +1,4 @@
-//! Directions of an environment: light from all sides, of one radiance or of a map.
+//! Environment lights: directions to all sides, with one radiance or the radiance of a map.
 
 use std::sync::Arc;
 
@@ -12,8 +12,8 @@ use crate::geometry::Geometry;
 use crate::ray::LANES;
 use crate::sampler::disk;
 
-/// The radius of the disk whose points become directions. A direction in the horizon itself would
-/// be lost to rounding.
+/// Radius of the disk whose points become directions. Below 1, because rounding would lose a
+/// direction in the horizon itself.
 const RADIUS: f32 = 1.0 - f32::EPSILON;
 
 /// Share of the directions that follow the map. The others follow the cosine.
@@ -21,14 +21,16 @@ const MAP_SHARE: f32 = 0.5;
 
 /// Directions over the hemisphere of each shading point, with a density of cosine / pi.
 ///
-/// So a diffuse surface receives the same from every direction, and the mean over the visible ones
-/// has no error but that of their visibility: a white surface of a convex body returns exactly the
-/// radiance.
+/// So every direction brings the same light to a diffuse surface. The mean over the visible
+/// directions has no error except that of their visibility. A white surface of a convex body
+/// returns exactly the radiance.
 ///
-/// With a map, a half of the directions has a density that follows the map, over the whole sphere.
+/// With a map that is not flat, half of the directions have a density that follows the map, over
+/// the whole sphere.
 #[derive(Debug, Clone)]
 pub struct Environment {
-    /// Length of the shadow rays: they end outside of the scene.
+    /// Length of the shadow rays: they end outside of the scene, or at the distance of ambient
+    /// occlusion.
     reach: f32,
     map: Option<TurnedMap>,
 }
@@ -62,8 +64,8 @@ impl TurnedMap {
         Vec3::new(cos * x + sin * z, y, cos * z - sin * x)
     }
 
-    /// Radiance that camera rays and mirrors see in a direction of any length but 0, if they see
-    /// the map.
+    /// Radiance that camera rays and mirrors see in a direction of any length but 0, if the map is
+    /// visible to them.
     pub fn seen(&self, direction: Vec3) -> Vec3 {
         self.map.seen(self.in_map(direction.normalize()))
     }
@@ -71,8 +73,8 @@ impl TurnedMap {
     /// Radiance of the directions of the light points `q`. Divides their diffuse and specular
     /// weights by the density of [`Environment::points`], relative to 1 / pi.
     ///
-    /// The density is that of both kinds of directions together: the balance heuristic of Veach
-    /// 1997, "Robust Monte Carlo Methods for Light Transport Simulation", eq. 9.13.
+    /// The density is that of both kinds of directions together. This is the balance heuristic of
+    /// Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", eq. 9.13.
     #[inline(always)]
     pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) -> Lanes3 {
         let mut radiance = [[0.0; LANES]; 3];
@@ -94,7 +96,7 @@ impl TurnedMap {
 }
 
 impl Environment {
-    /// The environment of these primitives.
+    /// The environment around these primitives.
     pub fn new(geometry: &Geometry, map: Option<TurnedMap>) -> Self {
         Self { reach: reach(geometry) as f32, map }
     }

@@ -1,5 +1,5 @@
-//! Environment maps: an image of the radiance from all directions, and directions in proportion to
-//! it.
+//! Environment maps: an image of the radiance from all directions, and the choice of directions in
+//! proportion to it.
 //!
 //! The image is equirectangular (latlong). Its top row is straight up (+y), its middle column is
 //! the north (-z), and the columns go east (+x). For the light of surfaces, each texel is a patch
@@ -25,9 +25,9 @@ pub struct EnvironmentMap {
     texture: Texture,
     /// Cosines of the polar angle at the upper border of each row, and at the end of the last.
     cosines: Vec<f32>,
-    /// By row: the share of the importance of all rows up to it.
+    /// By row: the share of the importance of this row and all rows before.
     rows: Vec<f32>,
-    /// By texel: the share of the importance of its row up to it.
+    /// By texel: the share of its row's importance of this texel and all before.
     columns: Vec<f32>,
     /// Mean luminance of the sphere. Only what exceeds it is important.
     mean: f32,
@@ -39,7 +39,7 @@ pub struct EnvironmentMap {
 /// What a map sends from one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrival {
-    /// Radiance.
+    /// Radiance, in linear RGB.
     pub radiance: Vec3,
     /// Density of [`EnvironmentMap::direction`] by solid angle.
     pub density: f32,
@@ -97,12 +97,12 @@ impl EnvironmentMap {
         Ok(TextureSize { stored, decoding: decoding.max(stored) })
     }
 
-    /// The image.
+    /// The image of the map.
     pub fn texture(&self) -> &Texture {
         &self.texture
     }
 
-    /// Memory, in bytes.
+    /// Memory of the image and of the shares by texel, in bytes.
     pub fn bytes(&self) -> u64 {
         self.texture.bytes() + size_of_val(&self.columns[..]) as u64
     }

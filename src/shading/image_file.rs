@@ -186,7 +186,7 @@ fn truncated(path: &Path) -> Error {
     Error::invalid(name(path), "the image ends too early").help("the file may be cut off")
 }
 
-/// Translates an error of the decoder into a message of ours.
+/// Converts an error of the decoder into our own error.
 pub(super) fn explain(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),

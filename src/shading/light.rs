@@ -25,7 +25,7 @@ pub struct Light {
 pub enum Emitter {
     /// A point light and its position.
     Point(Vec3),
-    /// A light with an extent: a rectangle or a sun.
+    /// A light with an extent: a rectangle, a sun or an environment.
     Area(Area),
 }
 
@@ -47,14 +47,14 @@ pub struct Area {
     pub samples: u32,
     /// Unit normal of the rectangle, in f64.
     pub plane: DVec3,
-    /// Largest distance from the light's plane, along `plane`, of the surfaces that hold the light
-    /// and of the light's own rounded points. 0 if no surface holds the light.
+    /// Bound of the distance, along `plane`, between the light's rounded points and the surfaces
+    /// that hold the light. 0 if no surface holds the light.
     pub flush: f32,
 }
 
 impl Area {
     /// Four corners. The convex hull of these and the shading points holds all shadow rays. `None`
-    /// if there are no such corners.
+    /// for an environment, a wide sun, or a sun without shading points.
     #[inline(always)]
     pub fn corners(&self, points: &ShadowPoints) -> Option<[Vec3; 4]> {
         match &self.distant {
@@ -103,7 +103,7 @@ impl Area {
 pub enum Distant {
     /// A disc in the sky.
     Sun(Cone),
-    /// All directions.
+    /// Light from all directions.
     Environment(Environment),
 }
 
@@ -121,8 +121,9 @@ impl LightWeights {
     pub const EMPTY: Self = Self { diffuse: [0.0; LANES], specular: [0.0; LANES] };
 }
 
-/// Creates shadow rays from `points` to the light points `q`, and the light that arrives if nothing
-/// occludes them. Returns the lanes that can receive light (N.L > 0). `glossy`: whether any ks > 0.
+/// Creates shadow rays from `points` to the light points `q`, and the weights of the light that
+/// arrives if nothing occludes them. Returns the lanes that can receive light: N.L > 0, and the
+/// emitter shines towards the point. `glossy`: whether any ks > 0.
 ///
 /// docs/guide/scene-format.md defines the terms. A ray's parameter is 0 at its origin and 1 at the
 /// light. The ray ends before 1 by the relative rounding error of its end points. So a surface at

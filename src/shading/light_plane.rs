@@ -1,8 +1,8 @@
 //! Area lights that lie in a surface: a panel in a ceiling, a window in a wall.
 //!
 //! Such a surface cannot shadow its light, but rounding may put it in front of the light's points.
-//! So a shadow ray ends before the plane, by the distance between surface and light. At a small
-//! angle that is far along the ray.
+//! So a shadow ray ends before the plane, by the distance between surface and light. Where the ray
+//! has a small angle to the plane, that is far along the ray.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -18,11 +18,11 @@ const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 /// Tolerance of coplanarity; see [`Area::gap`].
 const COPLANAR: f64 = 4.0 * UNIT;
 
-/// Smallest ray end in front of the light's plane. A ray that would end earlier is traced to its
-/// own end instead.
+/// Smallest end of a ray in front of the light's plane; the light is at 1. A ray that would end
+/// earlier is grazing and keeps its own end.
 const GRAZING: f64 = 1.0 - 1.0 / 256.0;
 
-/// Largest N.L of a point that lies in a light's plane and sees the light beside it.
+/// Largest N.L of a ray along a light's plane that brings no light to a point in the plane.
 const ALONG: f64 = 1e-4;
 
 impl Area {
@@ -51,10 +51,11 @@ impl Area {
         }
     }
 
-    /// Largest distance from the light's plane of a wall or ceiling that holds the light: a
-    /// primitive that is coplanar with the light as far as f32 can tell. `None` if the primitive is
-    /// farther away than 4u of its largest coordinate (u = 2^-24). It then lies in front of the
-    /// light or behind it. Corners in the light's own plane are rounded by 1.8u.
+    /// Largest distance of a primitive from the light's plane, if the two are coplanar as far as
+    /// f32 can tell. The primitive may then be the wall or ceiling that holds the light. `None` for
+    /// a sphere, and for a primitive farther away than 4u of the largest coordinate (u = 2^-24).
+    /// Such a primitive lies in front of the light or behind it. Corners in the light's own plane
+    /// are rounded by 1.8u.
     pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
@@ -74,7 +75,7 @@ impl Area {
         }
     }
 
-    /// Whether a primitive lies in the light's plane, as far as f32 can tell.
+    /// Whether a triangle or quad lies in the light's plane, as far as f32 can tell.
     pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
         self.distant.is_none() && self.gap(geometry, primitive).is_some()
     }

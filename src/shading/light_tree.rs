@@ -1,10 +1,10 @@
-//! Draws one of many lights for a shading point, with a probability close to the light that the
-//! point receives from it if nothing occludes it.
+//! Draws one of many lights for a shading point. The probability is close to the light that the
+//! point receives if nothing occludes it.
 //!
 //! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"
 //! (HPG), without the splitting: a binary tree over the lights. A node bounds its lights by a
 //! sphere, by the cone of the directions that they face, and by the sum of their colours. From the
-//! root on, a child is chosen with probability in proportion to its bound, so the cost is in
+//! root on, a child is chosen with probability in proportion to its bound. So the cost is in
 //! proportion to the logarithm of the number of lights. Where a bound is 0, no light of the node
 //! can reach the point; all other lights may be drawn. So the estimator is unbiased.
 
@@ -16,46 +16,46 @@ use super::light::{Area, Emitter, Falloff, Light};
 use super::points::{Lanes, ShadowPoints, lane};
 use crate::ray::{LANES, Mask};
 
-/// Cosine below which a direction lies below the horizon, whatever was rounded.
+/// A cosine below this means below the horizon, even after rounding.
 const BELOW: f32 = -1e-4;
 
-/// Smallest factor of a direction above [`BELOW`].
+/// Smallest cosine factor of a light that may lie above the horizon, so that it may be drawn.
 const LEAST: f32 = 1e-3;
 
 /// The largest number below 1.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
-/// Marks the number of a light among the children of nodes.
+/// Bit that marks a child as the index of a light.
 const LEAF: u32 = 1 << 31;
 
-/// Largest angle of a cone of normals; wider ones hold all directions.
+/// Largest half angle of a cone of normals, in radians; a wider one becomes all directions.
 const WIDEST: f32 = 3.0;
 
-/// Depth from which on nodes are halved, so that the depth stays bounded.
+/// Depth from which on nodes are split in the middle, so that the depth stays bounded.
 const DEEP: u32 = 40;
 
-/// Lights with a position, of which shading points draw some. Other lights are gathered by every
-/// shading point.
+/// Lights with a position, of which shading points draw some. Each shading point gathers all other
+/// lights.
 #[derive(Debug, Clone)]
 pub struct LightTree {
-    /// Lights that every shading point draws.
+    /// Number of lights that each shading point draws.
     pub samples: u32,
-    /// Indices of the lights beyond the scene.
+    /// Indices of the lights that are gathered: those beyond the scene, without a position.
     pub gathered: Vec<u32>,
     nodes: Vec<Node>,
     falloff: Falloff,
-    /// Square of the distance below which a light comes no nearer.
+    /// Square of the least distance: a nearer light counts as at this distance.
     least_square: f32,
 }
 
 /// A drawn light in each lane.
 #[derive(Debug, Clone)]
 pub struct DrawnLights {
-    /// Lanes that have drawn one: a light may lie above the horizon of their point.
+    /// Lanes that drew a light. A lane draws none if the bounds of both children of a node are 0.
     pub lanes: Mask,
     /// Index of the light in the world.
     pub light: [u32; LANES],
-    /// Probability with which it is drawn, > 0.
+    /// Probability with which it is drawn; > 0 in `lanes`.
     pub probability: Lanes,
 }
 
@@ -69,9 +69,10 @@ struct Node {
 /// Number of values that bound some lights.
 const BOUNDS: usize = 10;
 
-/// Bounds of the light of some lights: middle and radius of a sphere that holds them; the sum of
-/// the largest channels of their colours, of which the whole tree has 1; the cone of their normals
-/// as axis, cosine and sine. The cosine is -1 if a light shines in all directions.
+/// Bounds of the light of some lights. First the middle and radius of a sphere that holds them.
+/// Then the sum of the largest channels of their colours, as a fraction of the whole tree's. Then
+/// the cone of their normals: axis, cosine and sine. The cosine is -1 if a light shines in all
+/// directions.
 #[derive(Debug, Clone, Copy)]
 struct LightBounds([f32; BOUNDS]);
 
@@ -93,7 +94,8 @@ impl Facing {
         self.sine.atan2(self.cosine)
     }
 
-    /// The smallest cone around both. A little wider, against rounding.
+    /// Returns a small cone around both, a little wider against rounding; all directions if it is
+    /// too wide.
     fn union(self, other: Self) -> Self {
         if self.cosine == -1.0 || other.cosine == -1.0 {
             return Self::ALL;
@@ -187,8 +189,8 @@ fn is_beyond(light: &Light) -> bool {
 }
 
 impl LightTree {
-    /// A tree over the lights with a position. `None` if no more than `samples` lights have one,
-    /// because all of them are gathered then.
+    /// A tree over the lights with a position. `None` if no more than `samples` (or 1) lights have
+    /// one, because all of them are gathered then.
     pub fn new(lights: &[Light], samples: u32, falloff: Falloff) -> Option<Self> {
         let mut items: Vec<Item> =
             lights.iter().zip(0..).filter_map(|(light, index)| Item::new(index, light)).collect();
@@ -211,7 +213,7 @@ impl LightTree {
         Some(tree)
     }
 
-    /// Adds the node of at least two items. Returns its index.
+    /// Adds the node of at least two items, and all nodes below it. Returns its index.
     fn build(&mut self, items: &mut [Item], (whole, least): (f32, f32), depth: u32) -> u32 {
         let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (low, high) = items
@@ -239,7 +241,8 @@ impl LightTree {
         index
     }
 
-    /// Draws a light for every point that hits a surface, by numbers in [0, 1).
+    /// Draws a light for every point that hits a surface. `uniform`: a number in [0, 1) for each
+    /// lane.
     #[inline(always)]
     pub fn draw(&self, mut uniform: [f64; LANES], from: &ShadowPoints) -> DrawnLights {
         let mut at = [0u32; LANES];
@@ -316,15 +319,15 @@ impl LightTree {
     }
 }
 
-/// Cosine of the angle that is left of the angle with cosine `c` after another angle was taken off
-/// it; 1 if none is left.
+/// Returns cos(max(0, a - b)). `c` is the cosine of a; `cosine` and `sine` are those of b.
 #[inline(always)]
 fn nearest(c: f32, cosine: f32, sine: f32) -> f32 {
     let left = c * cosine + (1.0 - c * c).max(0.0).sqrt() * sine;
     if c >= cosine { 1.0 } else { left }
 }
 
-/// Where to split sorted items so that the sum of the costs is least. `None` if all costs are 0.
+/// Returns where to split sorted items so that the sum of the costs is least. `None` if no cost is
+/// above 0.
 fn cheapest_split(items: &[Item], least: f32) -> Option<usize> {
     let mut right = vec![0.0; items.len()];
     let last = items.len() - 1;
@@ -458,7 +461,7 @@ mod tests {
                     None => missed += 1,
                 }
             }
-            // An even grid of numbers meets an interval in its share of them, but for its ends.
+            // In each interval an even grid has its share of the numbers, except at the ends.
             for (found, probability) in found.iter().zip(&all) {
                 let off = f64::from(*found) - probability * f64::from(draws);
                 prop_assert!(off.abs() <= 2.0, "{found} {probability}");

@@ -15,7 +15,7 @@ use crate::ray::{LANES, Mask, RayPacket};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Filter, Role, Wrap};
 
-/// Least cosine between a surface and a ray for the length of the ray's footprint.
+/// Smallest cosine between normal and ray; it limits the length of the ray's footprint.
 const MIN_COSINE: f64 = 1e-3;
 
 /// Blinn-Phong coefficients, and the source of the base colour.
@@ -46,9 +46,9 @@ pub struct Material {
 /// The texture of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextureChoice {
-    /// One for the whole shape: an index into [`Shapes::textures`].
+    /// One texture for the whole shape: an index into [`Shapes::textures`].
     One(u32),
-    /// That of each triangle, by [`Shape::textures`].
+    /// A texture for each triangle: [`Shape::textures`].
     ByFace,
 }
 
@@ -76,11 +76,11 @@ pub struct Shape {
     pub uv: UvSource,
     /// Unit normals of a smooth mesh.
     pub normals: Option<Normals>,
-    /// Colours that multiply the material's colour.
+    /// Colours that multiply the material's colour where there is no texture.
     pub colors: Option<MeshColors>,
     /// Textures of the triangles, if they have different ones.
     pub textures: Option<Box<FaceTextures>>,
-    /// What camera rays return that hit it.
+    /// What camera rays that hit the shape return.
     pub role: Role,
 }
 
@@ -337,9 +337,9 @@ struct Hit<'a> {
     i: usize,
 }
 
-/// The area of the texture that a cone of this width covers on the surface: longer in the direction
-/// of the ray, as the surface is seen at an angle. Akenine-Möller et al. 2021, "Improved Shader and
-/// Texture Level of Detail Using Ray Cones", JCGT 10(1), section 4.
+/// The area of the texture that a cone of this width covers on the surface. It is longer in the
+/// direction of the ray, because the surface is seen at an angle. Akenine-Möller et al. 2021,
+/// "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), section 4.
 fn footprint(hit: &Hit, shape: &Shape, material: &Material, width: f64) -> Footprint {
     let &Hit { geometry, packet, surfaces, i } = hit;
     let n = lane(&surfaces.ng, i).as_dvec3();

@@ -15,9 +15,9 @@ const SEGMENTS: usize = 256;
 pub struct MeshColors {
     /// What has a value: vertices or triangles.
     pub element: MeshElement,
-    /// The values.
+    /// The values, and how they become colours.
     pub source: ColorSource,
-    /// Number of the sphere that stands for the first vertex, if vertices are drawn as spheres.
+    /// Index of the sphere that stands for the first vertex, if vertices are drawn as spheres.
     pub first_sphere: u32,
 }
 

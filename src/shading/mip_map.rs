@@ -122,7 +122,7 @@ impl MipMap {
         Ok(Self { levels })
     }
 
-    /// Memory in bytes.
+    /// Memory of the smaller copies, in bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = self.levels.iter().map(|level| match &level.texels {
             LevelTexels::Words(words) => size_of_val(&words[..]),

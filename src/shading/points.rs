@@ -54,7 +54,7 @@ impl ShadowPoints {
         hit: Mask::NONE,
     };
 
-    /// Copies the points of `lanes`. Lanes from `count` on become inactive.
+    /// Copies the points of `lanes`. Lanes from `count` on lose their `hit`.
     #[inline(always)]
     pub fn gather(&mut self, from: &Self, lanes: &[usize; LANES], count: usize) {
         let pick3 = |to: &mut Lanes3, from: &Lanes3, i: usize, j: usize| {
@@ -106,7 +106,7 @@ impl Points {
 /// Smallest R.Ng of a mirrored ray: twice the largest effect of rounding.
 const MIN_RISE: f32 = 8.0 * f32::EPSILON;
 
-/// Turns `rays` into the mirrored rays of the points with kr > 0. Returns these lanes.
+/// Sets `rays` to the mirrored rays in all lanes. Returns the lanes that have a point with kr > 0.
 ///
 /// R = reflect(D, N). If R points below the surface (R.Ng <= 0), it is mirrored at the plane of Ng.
 /// R then rises by at least `MIN_RISE`, so that rounding does not send it into its own surface.

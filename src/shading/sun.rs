@@ -19,7 +19,7 @@ pub struct Cone {
     across: [Vec3; 2],
     /// 1 - cos of half the angular diameter.
     versine: f32,
-    /// Tangent of that angle.
+    /// Tangent of half the angular diameter.
     tangent: f32,
     /// Length of the shadow rays: they end outside of the scene.
     pub reach: f32,
@@ -86,7 +86,8 @@ impl Cone {
     }
 }
 
-/// A length that leaves the bounding box of all primitives from every point in it.
+/// A length above the diagonal of the bounding box of all primitives; 1 if the box is empty or a
+/// point.
 pub(super) fn reach(geometry: &Geometry) -> f64 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut add = |lower: DVec3, upper: DVec3| (low, high) = (low.min(lower), high.max(upper));

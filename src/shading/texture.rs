@@ -8,9 +8,12 @@
 //! alpha is dropped. The texture of an OpenEXR is its display window; memory is allocated only for
 //! the pixels in the file.
 //!
-//! Rejected are images above a given number of bytes (known from the header, before decoding),
-//! truncated files, and float images with texels that are not finite. Negative texels are kept and
-//! counted.
+//! Negative texels are kept and counted. Rejected are:
+//!
+//! - images above a given number of bytes, which the header tells before decoding
+//! - truncated files
+//! - Netpbm samples above the white level
+//! - float images with texels that are not finite
 
 use std::{ops::Range, path::Path};
 
@@ -208,7 +211,7 @@ impl Texture {
         }
     }
 
-    /// Makes the smaller copies for [`Texture::lookup_area`]. `what` names the texture.
+    /// Makes the smaller copies for [`Texture::lookup_area`]. `what` names the texture in errors.
     ///
     /// # Errors
     /// `Retry` if the system refuses the memory.
@@ -219,7 +222,7 @@ impl Texture {
         Ok(())
     }
 
-    /// Whether every value is in [0, 1].
+    /// Whether the texels are stored as bytes. Then every value is in [0, 1].
     pub(super) fn is_integer(&self) -> bool {
         matches!(self.texels, Texels::Bytes(..))
     }
@@ -260,8 +263,8 @@ pub(super) fn bilinear(
 }
 
 impl Texels {
-    /// The float values, which may be anything, with their first column and row and their number of
-    /// columns, in an image of `width`. `None` for bytes.
+    /// The stored floats, which may have any values; column and row of the first; number of
+    /// columns. `width` is that of the image. `None` for bytes.
     fn floats(&self, width: u32) -> Option<(&[f32], [u32; 2], u32)> {
         match self {
             Texels::Bytes(..) => None,
@@ -280,7 +283,7 @@ impl Texels {
         Some(place(at / 3, first, width))
     }
 
-    /// Counts the texels with a negative value.
+    /// Counts the texels with a negative value. `None` if there are none.
     fn negative(&self, width: u32) -> Option<Negative> {
         let (values, first, width) = self.floats(width)?;
         let negative = |rgb: &[f32]| rgb.iter().any(|&value| value < 0.0);
@@ -290,7 +293,8 @@ impl Texels {
     }
 }
 
-/// Column and row of texel number `texel`, in rows of `width` that begin at (`left`, `top`).
+/// Column and row of the texel with index `texel`, in rows of `width` that begin at (`left`,
+/// `top`).
 fn place(texel: usize, [left, top]: [u32; 2], width: u32) -> [u32; 2] {
     let (texel, width) = (texel as u64, u64::from(width));
     [left + (texel % width) as u32, top + (texel / width) as u32]
