@@ -34,7 +34,7 @@ fn main() {
     }
 }
 
-/// An environment variable as text, empty when it is not set.
+/// Returns an environment variable as text: empty if it is not set or not UTF-8.
 fn variable(name: &str) -> String {
     env::var(name).unwrap_or_default()
 }
@@ -149,7 +149,8 @@ fn embree(root: &Path) {
         folders.push("$ORIGIN/../lib/lightpath".into());
         folders.push("$ORIGIN/../../vendor/embree".into());
         folders.push("$ORIGIN/../../../vendor/embree".into());
-        // Packages that must not depend on where they were built set this (reproducible-builds.org).
+        // Packages that must not depend on where they were built set this
+        // (reproducible-builds.org).
         println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
         if env::var_os("SOURCE_DATE_EPOCH").is_none() {
             folders.push(vendor);

@@ -6,8 +6,8 @@ usage: cycles.py [--lightpath PROGRAM] [--size N] [--sky IMAGE] [--rounds N] STE
 
 The scene of plain_scene.py, direct light only. Cycles renders on the CPU with its adaptive sampling and without a denoiser.
   check   both at many samples, 128 x 128: relmse must be below 1e-3, else exit 1
-  error   time and RMSE against a reference of 4096 spp by lightpath (of a sky, by each program), in turns: Cycles at
-          several thresholds of noise, lightpath at several numbers of samples. Prints the time to the same RMSE.
+  error   time and RMSE, in turns: Cycles at several noise thresholds, lightpath at several numbers of samples. The reference
+          is by lightpath at 4096 spp; with --sky, each program has its own. Prints the time to the same RMSE.
 Times of lightpath are of the whole process. Times of Cycles are of the whole process without the start of Python and the
 import of bpy: from the empty scene to the written file. relmse: mean d^2 / (r^2 + 0.01).
 """
@@ -28,6 +28,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path = [path for path in sys.path if os.path.abspath(path) != HERE]
 THRESHOLDS = [0.2, 0.1, 0.05, 0.02]
 CURVE = [1, 2, 4, 8, 16, 32, 64, 128, 256]
+# Required ratios lightpath / Cycles of the time to the same RMSE.
 BAR, GOAL = 0.2, 0.1
 
 
@@ -144,7 +145,7 @@ class Bench:
         return path
 
     def pixels(self, name):
-        """The RGB of an EXR file, as Blender reads it."""
+        """Returns the RGB of an EXR file, as Blender reads it."""
         import bpy
         import numpy as np
         image = bpy.data.images.load(os.path.join(self.folder, name + '.exr'))
@@ -183,7 +184,7 @@ class Bench:
         self.lightpath('reference', size, 4096, seed=777)
         reference = theirs = self.pixels('reference')
         if self.args.sky:
-            # The two place texels differently, so each is compared with a picture of its own.
+            # The programs place texels differently, so each has its own reference.
             self.cycles('reference', size, 0, 1024, seed=777)
             theirs = self.pixels('reference')
         runs = [('Cycles', t) for t in THRESHOLDS] + [('lightpath', n) for n in CURVE]
@@ -217,7 +218,8 @@ class Bench:
 
     @staticmethod
     def to_reach(rmse, ours):
-        """Seconds of lightpath at an RMSE, interpolated with both axes logarithmic; None beyond the points."""
+        """Returns the seconds of lightpath at an RMSE, interpolated on logarithmic axes. Returns None below the measured errors.
+        A larger error than at 1 spp costs as much as 1 spp."""
         if rmse >= ours[0][1]:
             return ours[0][0]
         for (t0, e0), (t1, e1) in zip(ours, ours[1:]):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares how fast lightpath and OpenEXR's own library write an EXR of the same channels, in turns.
+"""Compares how fast lightpath and OpenEXR's own library write the same channels to an EXR, in turns.
 
     pip install OpenEXR numpy
     cargo bench --bench exr_write --no-run

@@ -1,4 +1,4 @@
-//! Times how long a film takes to become an EXR.
+//! Times writing a film to an EXR.
 //!
 //! `exr_write IN.exr OUT.exr THREADS REPEATS` reads the channels of a file, writes them again with
 //! ZIP, and prints the seconds of every run. `benches/exr_write.py` compares it with OpenEXR's own

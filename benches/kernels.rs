@@ -134,7 +134,7 @@ fn bvh(geometry: &Geometry, isa: Isa) -> Bvh<'_> {
     Bvh::build(geometry, isa, &options, &Monitor::default()).expect("a tree")
 }
 
-/// Returns 16 rays from one point to points of the terrain that are `spread` apart.
+/// Returns 16 rays from one point down to the terrain. Neighbouring directions differ by `spread`.
 fn down(spread: f32) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     packet.rays.org = [[0.3; LANES], [-0.2; LANES], [2.0; LANES]];
@@ -168,7 +168,7 @@ fn bvh_exact(bencher: Bencher, isa: Isa) {
     kernel(bencher, isa, Which::Exact);
 }
 
-/// Builds a tree over 100 thousand triangles, on all threads.
+/// Builds a tree over 100 thousand triangles, on the threads of the global rayon pool.
 #[divan::bench(args = TIERS)]
 fn bvh_build_100k(bencher: Bencher, isa: Isa) {
     let geometry = terrain(224);

@@ -11,9 +11,9 @@ and one light sample. `--sky` replaces the light by an equirectangular image, wh
 renders with one BSDF sample (`mis`). Each step adds to the state file, so the steps can be run one by one:
   check   both at 4096 spp, 128 x 128: relmse must be below 1e-4 (of a sky: 1e-3), else exit 1
   wall    wall time of the whole process at 1, 16, 64 spp, in turns A B B A (--rounds)
-  refer   a reference of 1024 spp by lightpath at full size, with another seed; of a sky, one by Mitsuba, too
-  error   render phase alone, in turns, and RMSE at 1, 4, 16, 64 spp for both samplers of Mitsuba, and, beside the last two,
-          of lightpath with `--noise-of picture`, for which Mitsuba has no counterpart
+  refer   a reference of 1024 spp by lightpath at full size, with another seed; with --sky, also one by Mitsuba
+  error   time of the render phase, in turns, and RMSE at 1, 4, 16, 64 spp, for lightpath and both series of Mitsuba; at
+          16 and 64 spp also lightpath with `--noise-of picture`, for which Mitsuba has no counterpart (not with --sky)
   table   prints everything as Markdown; --into FILE replaces the text between the marks of the backend
 relmse: mean d^2 / (r^2 + 0.01). Both programs use all threads that this process may use.
 """
@@ -54,7 +54,7 @@ def for_mitsuba(d, size, sampler, bsdf_samples=0):
     t = mi.ScalarTransform4f()
     plain = {'type': 'twosided', 'bsdf': {'type': 'diffuse',
              'reflectance': {'type': 'rgb', 'value': [d['albedo']] * 3}}}
-    # Its middle column lies along +z, lightpath's along -z.
+    # Mitsuba's middle column lies along +z, lightpath's along -z.
     sky = {'type': 'envmap', 'filename': d['sky'], 'to_world': t.rotate([0, 1, 0], 180)}
     return {
         'type': 'scene',
@@ -186,7 +186,7 @@ class Bench:
         self.lightpath(self.scene, prefix, 1024, '--float', '--seed', '777')
         self.state['reference'] = prefix + '.exr'
         if self.args.sky:
-            # The two place texels differently, so each is compared with a picture of its own.
+            # The programs place texels differently, so each has its own reference.
             mi = mitsuba()
             scene = mi.load_dict(for_mitsuba(self.description, self.args.size, 'multijitter'))
             parts = (mi.render(scene, spp=36, seed=1000 + seed) for seed in range(28))
@@ -239,8 +239,8 @@ class Bench:
                       for point, e in entries)
 
     def ours_at(self, rmse, which):
-        """Returns the seconds of lightpath at an RMSE, interpolated with both axes logarithmic; None beyond the points.
-        Below 1 spp there is no picture, so a larger error than at 1 spp costs as much as 1 spp."""
+        """Returns the seconds of lightpath at an RMSE, interpolated on logarithmic axes; None beyond the measured errors.
+        A larger error than at 1 spp costs as much as 1 spp, because there is no picture below 1 spp."""
         points = self.points(which)
         if which == 'lightpath' and rmse >= points[-1][0]:
             return points[-1][1]

@@ -1,13 +1,13 @@
-"""The scene with which lightpath and other renderers are compared: a diffuse mesh on a ground plane, under a square area
-light or a sky, with a black background."""
+"""The scene for comparisons of lightpath with other renderers: a diffuse mesh on a ground plane, under a square area light
+or a sky, with a black background."""
 import math
 import os
 import sys
 
 
 def describe(mesh, sky=None):
-    """Returns the scene from which all files are written: lengths in world units, y up. `sky`: an equirectangular image
-    that lights the scene instead of the area light."""
+    """Returns the description from which each program's scene is made: lengths in world units, y up. `sky` is an
+    equirectangular image that lights the scene instead of the area light."""
     import numpy as np
     with open(mesh, 'rb') as file:
         count = 0

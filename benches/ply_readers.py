@@ -8,8 +8,8 @@ faces with three to eight corners (N as 70k or 10M).
 
 Each reader is its own process, which reads the file on request and times itself. Readers take turns, forwards and
 backwards (A B C C B A), so that other load on the machine affects all of them. The output has median and minimum,
-the ratio of the medians to lightpath's, MB/s, and the memory that a first read takes beyond the arrays. Readers that
-are not installed are left out and named.
+the ratio of each median to lightpath's, MB/s, and the peak memory of the process after its first read, without
+mapped files. Readers that are not installed are left out and named.
   lightpath          src/mesh/ply, with a mapped file: also checks, drops and counts (docs/guide/meshes.md)
   lightpath-no-mmap  the same through a window
   floor              mapped records copied into typed arrays by all threads; binary triangles only
@@ -65,7 +65,7 @@ def memory():
 
 
 def serve(name, path):
-    """Does for Python readers what ply-readers does for Rust readers."""
+    """Reads the file for each line on stdin, and prints seconds and triangles, as ply-readers does for Rust readers."""
     read = reader(name)
     for _ in sys.stdin:
         begun = time.perf_counter()
@@ -81,7 +81,7 @@ class Worker:
                                         stderr=subprocess.PIPE, text=True)
 
     def read(self):
-        """Returns the seconds, or None if the reader fails."""
+        """Reads the file once. Returns the seconds and the number of triangles, or None if the reader fails."""
         try:
             self.process.stdin.write('go\n')
             self.process.stdin.flush()
@@ -95,7 +95,7 @@ class Worker:
             return next(int(l.split()[1]) * 1024 for l in status if l.startswith(field))
 
     def end(self):
-        """Returns the last line of its messages."""
+        """Ends the process. Returns the last line that it wrote to stderr."""
         self.process.stdin.close()
         said = self.process.stderr.read().strip().splitlines()
         self.process.wait()

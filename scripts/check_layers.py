@@ -27,13 +27,13 @@ def read(path):
 
 
 def rgb(channels, layer=""):
-    """Returns a colour layer and the largest rounding error of its 16-bit floats."""
+    """Returns the R, G, B of a layer, or of the beauty, as one array of 64-bit floats."""
     prefix = layer + "." if layer else ""
     return np.stack([channels[prefix + c].astype(np.float64) for c in "RGB"], -1)
 
 
 def compare(what, found, expected, size):
-    """Compares within half a unit in the last place of each 16-bit float; `size` is the sum of absolute values."""
+    """Compares with a tolerance of half a unit in the last place of each 16-bit float; `size` is the sum of absolute values."""
     off = np.abs(found - expected) - size / 2048 - 1e-6
     print(f"{what}: off by {np.abs(found - expected).max():.2e} at most")
     if off.max() > 0:

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Checks PREFIX.exr and PREFIX.png without any code of lightpath: the EXR is decoded by OpenEXR's own
-exrmaketiled, the PNG by Python's zlib, and both must show the same picture of something.
+"""Checks PREFIX.exr and PREFIX.png without any code of lightpath. OpenEXR's exrmaketiled decodes the EXR,
+Python's zlib the PNG. Both must show the same picture, with at least 256 colours.
 
     scripts/check_picture.py PREFIX
 """
@@ -121,8 +121,8 @@ def check(prefix):
     if colours < 256:
         raise Wrong(f"{prefix}.png has only {colours} colours: that is no rendered still life")
 
-    # The PNG is the EXR through one increasing curve per channel, so both order the pixels in the
-    # same way.
+    # Tone mapping is an increasing curve per channel, so the values of two pixels have the same order
+    # in the EXR and in the PNG.
     ups = downs = 0
     for place in range(0, width * height - 997, 997):
         for channel, name in enumerate("RGB"):

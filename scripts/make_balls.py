@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes assets/ball.ply and assets/ball-inward.ply: an icosphere of 80 faces, plain, and with
-normals that point inward and every other face reversed."""
+"""Writes assets/ball.ply, an icosphere of 80 faces, and assets/ball-inward.ply, the same with normals
+that point inward and every other face reversed."""
 
 import math
 from pathlib import Path

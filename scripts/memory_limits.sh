@@ -1,6 +1,6 @@
 #!/bin/sh
-# Renders a mesh under real control groups of many sizes. Each run must end with exit code 0 or 3;
-# none may be killed.
+# Renders a mesh in control groups with memory limits of many sizes. Each run must end with exit
+# code 0 or 3; none may be killed.
 # usage (root): scripts/memory_limits.sh LIGHTPATH MESH.ply [MIB...]
 # Run it by hand before a release: CI has no control groups of its own.
 set -eu

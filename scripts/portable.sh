@@ -1,5 +1,5 @@
 #!/bin/bash
-# Builds programs for other machines into target/dist/, beside what `make dist` makes:
+# Builds programs for other machines into target/dist/, in addition to the packages of `make dist`:
 #
 #   lightpath-VERSION-x86_64-linux-glibc2.28.tar.xz   with the Embree of vendor/embree, if it is there
 #   lightpath-VERSION-x86_64-linux-static.tar.xz      needs nothing; `bvh` is inside, Embree is not
@@ -29,7 +29,7 @@ scripts/setup.sh python
 }
 PATH=$tools/bin:$PATH
 
-# No path of this machine in the programs.
+# The programs must not contain paths of this machine.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
 sysroot=$(rustc --print sysroot)
 maps="-ffile-prefix-map=$PWD=. -ffile-prefix-map=$registry=registry -ffile-prefix-map=$target=target"

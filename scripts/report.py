@@ -191,7 +191,7 @@ def machine():
 
 
 def date():
-    """When `bench` ran; without it, today."""
+    """Returns the date of `bench`; without `bench`, today."""
     seconds = load_or('bench.json', {'run': {}})['run'].get('unix_seconds')
     now = datetime.datetime.now(datetime.timezone.utc)
     return (datetime.datetime.fromtimestamp(seconds, now.tzinfo) if seconds else now).date().isoformat()

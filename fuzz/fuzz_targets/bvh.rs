@@ -1,5 +1,5 @@
-//! Turns bytes into a scene and rays. Checks `bvh` in every instruction set with the reference of
-//! its own tests.
+//! Converts bytes to a scene and rays. Checks `bvh` on every instruction set against the reference
+//! of its tests.
 #![no_main]
 
 #[path = "../../tests/library/bvh/case.rs"]

@@ -1,6 +1,7 @@
 //! Reads bytes as a list of cameras. The first byte selects the format: a COLMAP model, binary or
-//! text, or JSON. The second says which part of the rest is `cameras`; what is left is `images`. The
-//! result must be an error with a message, or a list of pictures that stay in their folder.
+//! text, or JSON. For a COLMAP model, the second byte says how much of the rest is the file
+//! `cameras`; the remainder is `images`. The result must be an error with a message, or a list of
+//! pictures whose paths do not leave their folder.
 #![no_main]
 
 use std::fs;

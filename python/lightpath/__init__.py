@@ -1,7 +1,7 @@
 """Exact rays and pictures on numpy arrays.
 
 `RayScene` answers queries about triangle meshes: closest hits, occlusion, all hits along rays,
-inside or outside, distances and visibility. `render` makes pictures.
+points inside or outside, distances and visibility. `render` makes pictures.
 
 Examples
 --------

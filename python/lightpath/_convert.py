@@ -1,13 +1,13 @@
-"""Arrays as the module needs them: shapes, dtypes and memory order."""
+"""Converts arguments to the shapes, dtypes and memory order that `_lightpath` needs."""
 
 import numpy as np
 
-# A call takes fewer rays or points than this.
+# A call takes fewer rays, points, vertices or faces than this.
 MAX_COUNT = 2**32
 
 
 def _numbers(name, value, kinds, expected):
-    """Return an array whose dtype is of one of the kinds."""
+    """Return the value as an array of one of the dtype kinds. An empty array may have any dtype."""
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -32,7 +32,7 @@ def points(name, value):
 
 
 def limits(name, value, count):
-    """Return an array of one or `count` float64."""
+    """Return an array of 1 or `count` float64."""
     array = _numbers(name, value, "fiu", "real numbers")
     if array.ndim == 0:
         array = array[np.newaxis]
@@ -42,7 +42,7 @@ def limits(name, value, count):
 
 
 def rays(origins, directions, tnear, tfar):
-    """Return origins, directions, tnear and tfar. One origin or direction serves all rays."""
+    """Return origins, directions, tnear, tfar. A single origin or direction is repeated for all."""
     origins, directions = points("origins", origins), points("directions", directions)
     if len(origins) == 1 and len(directions) != 1:
         origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape))
@@ -55,12 +55,12 @@ def rays(origins, directions, tnear, tfar):
 
 
 def _native(array, dtype):
-    """Return the array in C order and native byte order, without a copy where it is so."""
+    """Return the array with this dtype, aligned and in C order. Copies only if it must."""
     return np.require(array, dtype=dtype, requirements=["C", "A"])
 
 
 def mesh(vertices, faces):
-    """Return vertices as float32 or float64 and faces as 32 or 64-bit integers, in C order."""
+    """Return vertices as float32 or float64, faces as 32-bit or 64-bit integers, in C order."""
     vertices = _numbers("vertices", vertices, "fiu", "real numbers")
     faces = _numbers("faces", faces, "iu", "integers")
     for name, array in (("vertices", vertices), ("faces", faces)):

@@ -15,13 +15,13 @@ class Picture(dict):
     """The layers of a picture, by name.
 
     ``picture["RGBA"]`` is (height, width, 4) float32: linear BT.709 radiance, premultiplied by
-    alpha. Other layers, if the scene asks for any, are (height, width) or (height, width, channels)
-    of float32 or uint32. In a notebook a picture shows itself.
+    alpha. Other layers that the scene selects are (height, width) or (height, width, channels), of
+    float32 or uint32. A notebook displays the PNG.
 
     Attributes
     ----------
     warnings : list of str
-        Problems of the scene that did not prevent the picture.
+        Problems of the scene that did not prevent the render.
     """
 
     def __init__(self, picture):
@@ -47,7 +47,7 @@ class Picture(dict):
         return [Path(path) for path in self._picture.write(os.fspath(prefix))]
 
     def write_exr(self, path):
-        """Write an EXR with all layers. The file is complete or not there.
+        """Write an EXR with all layers. The file appears only when it is complete.
 
         Parameters
         ----------
@@ -57,7 +57,7 @@ class Picture(dict):
         self._write_one(path, 0)
 
     def write_png(self, path):
-        """Write a PNG (sRGB). The file is complete or not there."""
+        """Write a tone-mapped PNG. The file appears only when it is complete."""
         self._write_one(path, 1)
 
     def _write_one(self, path, which):
@@ -77,24 +77,24 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     Parameters
     ----------
     scene : str, path-like, dict, RayScene, (vertices, faces), or a mesh of trimesh or Open3D
-        A scene file (.json) or a scene as a dict, of the scene format; or a mesh or mesh file
-        (.ply), which is shown in the built-in studio.
+        A scene: a file (.json), or a dict with the members of the scene format. Or a mesh or mesh
+        file (.ply), which is shown in the built-in studio.
     meshes : dict, optional
-        For a scene as a dict: name -> (material, vertices, faces), meshes in world space.
+        Meshes in world space for a scene as a dict: name -> (material, vertices, faces).
     camera : dict, optional
         Members of ``/camera`` to set, e.g. ``{"width": 640, "fov": 30}``.
     spp : int, optional
         Samples per pixel.
     layers : list of str, optional
-        Layers of the picture beside RGBA, e.g. ``["Z", "N"]``.
+        Layers of the picture in addition to RGBA, e.g. ``["Z", "N"]``.
     backend : str, optional
         ``"bvh"`` or ``"embree"``, which needs an Embree 4 on the system.
     settings : dict, optional
-        Other values, by JSON pointer, e.g. ``{"/scene/nbounces": 4}``.
+        Other values of the scene by JSON pointer, e.g. ``{"/scene/nbounces": 4}``.
     threads : int, optional
-        Threads; all processors by default.
+        Number of threads; by default one per processor.
     progress : callable, optional
-        Called with (done, total) every 50 ms. Their unit differs by phase.
+        Called with (done, total) every 50 ms, and once at the end. Their unit depends on the phase.
 
     Returns
     -------
@@ -104,8 +104,8 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     Raises
     ------
     lightpath.Error
-        An invalid scene. The message and the attribute `problems` list all problems. It is a
-        ValueError.
+        An invalid scene. The message and the attribute `problems` list all problems.
+        `lightpath.Error` is a ValueError.
 
     Examples
     --------
@@ -133,14 +133,14 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
 
 
 def render_views(scene, cameras, **options):
-    """Render one picture for each camera.
+    """Render one picture for each camera, one after the other.
 
     Parameters
     ----------
     scene
         As for `render`.
     cameras : iterable of dict
-        A camera for each picture, as for `render`.
+        For each picture, the `camera` of `render`.
     **options
         Other parameters of `render`.
 
@@ -166,7 +166,7 @@ def thumbnail(scene):
 
 
 def _subject(scene, meshes):
-    """Return what `_lightpath.render` takes."""
+    """Return the subject of `_lightpath.render`: (text, meshes), (vertices, faces) or a path."""
     if isinstance(scene, dict):
         ready = []
         for name, (material, vertices, faces) in (meshes or {}).items():
@@ -194,7 +194,7 @@ def _subject(scene, meshes):
 
 
 def _plain(value):
-    """Return a value of numpy as one that JSON can hold."""
+    """Return a value with numpy values and paths replaced by values that JSON can hold."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Queries of meshes: `RayScene` and its answers."""
+"""Queries about meshes: `RayScene` and the tuples that it returns."""
 
 from typing import NamedTuple
 
@@ -16,13 +16,14 @@ class Hits(NamedTuple):
     t : (n,) float64
         Ray parameter, in units of the direction; inf for a miss.
     primitive : (n,) int64
-        Face of its mesh; -1 for a miss.
+        Index of the face in its mesh; -1 for a miss.
     mesh : (n,) int32
         Index of the mesh; -1 for a miss.
     barycentrics : (n, 2) float64
         Weights of the second and third corner, in [0, 1]; nan for a miss.
     normal : (n, 3) float64
-        Unit normal ``(v1 - v0) x (v2 - v0)`` of the face; 0 for a miss.
+        Unit normal ``(v1 - v0) x (v2 - v0)`` of the face; 0 for a miss, nan for a face without
+        area.
     """
 
     t: np.ndarray
@@ -33,18 +34,18 @@ class Hits(NamedTuple):
 
 
 class AllHits(NamedTuple):
-    """All m hits along n rays, in order of the rays and of t.
+    """All m hits along n rays, sorted by ray, then by t.
 
-    The hits of ray i are ``t[offsets[i]:offsets[i + 1]]``, and so on.
+    The hits of ray i have the indices ``offsets[i]:offsets[i + 1]`` in all arrays.
 
     Attributes
     ----------
     offsets : (n + 1,) int64
-        First hit of each ray, then the number of all hits.
+        Index of the first hit of each ray, then the number of all hits.
     t : (m,) float64
         Ray parameter, in units of the direction.
     primitive : (m,) int64
-        Face of its mesh.
+        Index of the face in its mesh.
     mesh : (m,) int32
         Index of the mesh.
     barycentrics : (m, 2) float64
@@ -64,11 +65,11 @@ class ClosestPoints(NamedTuple):
     Attributes
     ----------
     point : (n, 3) float64
-        The nearest point of all faces.
+        The nearest point on all faces.
     distance : (n,) float64
-        Its distance, >= 0, in units of the meshes.
+        Distance to it, >= 0, in units of the meshes.
     primitive : (n,) int64
-        Face of its mesh.
+        Index of its face in its mesh.
     mesh : (n,) int32
         Index of the mesh.
     """
@@ -80,38 +81,39 @@ class ClosestPoints(NamedTuple):
 
 
 class RayScene:
-    """Triangle meshes that are ready for rays and points.
+    """Triangle meshes with an acceleration structure, for queries with rays and points.
 
     Parameters
     ----------
     vertices : (v, 3) array_like of float32 or float64
-        Positions. Arrays in C order are not copied: they must not change while the scene is used.
+        Positions. Arrays in C order and native byte order are not copied: they must not change
+        while the scene is used.
     faces : (f, 3) array_like of int
-        Indices of vertices. Not copied if they have 32 or 64 bits and are in C order.
+        Indices of vertices. Not copied either, if they have 32 or 64 bits.
     threads : int, optional
-        Threads of the build and of all queries. All processors by default.
+        Number of threads of the build and of all queries. By default one per processor.
     progress : callable, optional
-        Called with (done, total) every 50 ms during the build.
+        Called with (done, total) every 50 ms during the build, and once at its end.
 
     Raises
     ------
     ValueError
-        A wrong shape; an index out of range; a vertex that is not finite or beyond 1e18; no face.
-        The message names the place. `lightpath.Error` is a ValueError.
+        A wrong shape; an index out of range; no face; a vertex of a face that is not finite or
+        beyond 1e18. The message names the place. `lightpath.Error` is a ValueError.
     TypeError
-        A dtype that does not hold real numbers or integers.
+        Vertices that are not real numbers, or faces that are not integers.
     MemoryError
         Too little memory.
 
     Notes
     -----
-    Rays and vertices are rounded to float32 to find a hit, relative to the middle of the meshes (or
-    to 0, if that is near). The search is exact for the rounded values: no ray slips through an edge
-    or a vertex. The values of a hit are computed in float64 from the arrays themselves.
+    To find a hit, rays and vertices are rounded to float32, relative to the middle of the meshes
+    (or to 0, if 0 is near). The search is exact for the rounded values: no ray slips through an
+    edge or a vertex. The values of a hit are computed in float64 from the original arrays.
 
-    The GIL is released. Ctrl-C stops the build and every query.
+    The GIL is released. Ctrl-C stops a long build or query.
 
-    A scene can be pickled: the arrays are stored, and the tree is built again.
+    A scene can be pickled: the arrays are stored. Unpickling builds the tree again.
 
     Examples
     --------
@@ -136,7 +138,7 @@ class RayScene:
         Parameters
         ----------
         meshes : sequence of (vertices, faces)
-            Arrays as for `RayScene`. The index in the sequence is the mesh of a hit.
+            Arrays as for `RayScene`. The index in the sequence is the `mesh` of a hit.
         threads, progress
             As for `RayScene`.
 
@@ -202,7 +204,7 @@ class RayScene:
 
     @property
     def meshes(self):
-        """List of the (vertices, faces) that the scene uses."""
+        """List of the (vertices, faces) of the meshes: the arrays that the scene uses."""
         return list(self._meshes)
 
     @property
@@ -217,14 +219,14 @@ class RayScene:
 
     @property
     def nbytes(self):
-        """Bytes that the scene holds beside the arrays of its meshes."""
+        """Number of bytes that the scene holds, without the arrays of its meshes."""
         return self._scene.bytes[0]
 
     @property
     def is_closed(self):
-        """List of bool: for each mesh, whether an even number of faces meets at every edge.
+        """List of bool: for each mesh, whether an even number of faces shares every edge.
 
-        Vertices with equal coordinates count as one.
+        Vertices with equal coordinates count as one vertex.
         """
         return self._scene.closed()
 
@@ -234,23 +236,23 @@ class RayScene:
         Parameters
         ----------
         origins, directions : (n, 3) or (3,) array_like
-            Rays ``origin + t * direction``. Directions may have any length but 0. One origin or
-            direction serves all rays.
+            Rays ``origin + t * direction``. Directions may have any length but 0. A single origin
+            or direction is used for all rays.
         tnear, tfar : float or (n,) array_like
-            Hits have ``tnear < t < tfar``, both >= 0.
+            Only hits with ``tnear < t < tfar`` count. Both must be >= 0.
         progress : callable, optional
-            Called with (done, total) every 50 ms.
+            Called with (done, total) every 50 ms, and once at the end.
 
         Returns
         -------
         Hits
-            Of equally near hits, the lowest face counts.
+            Of equally near hits, the lowest mesh and then the lowest face wins.
 
         Raises
         ------
         ValueError, TypeError
-            Wrong shapes or dtypes; numbers that are not finite (tfar may be inf); a direction of
-            length 0; a negative tnear or tfar; 2**32 rays or more.
+            Wrong shapes or dtypes; numbers that are not finite (tfar may be inf); an origin beyond
+            1e18; a direction of length 0; a negative tnear or tfar; 2**32 rays or more.
 
         Examples
         --------
@@ -265,7 +267,7 @@ class RayScene:
         return Hits(*self._scene.closest(_convert.rays(origins, directions, tnear, tfar), progress))
 
     def occluded(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
-        """Return whether each ray hits anything. Faster than `closest`.
+        """Return whether each ray hits any face. Faster than `closest`.
 
         Parameters and exceptions are those of `closest`.
 
@@ -283,7 +285,7 @@ class RayScene:
         return self._scene.occluded(_convert.rays(origins, directions, tnear, tfar), progress)
 
     def count(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
-        """Return the number of hits along each ray: see `all_hits`.
+        """Return the number of hits along each ray, counted as in `all_hits`.
 
         Parameters and exceptions are those of `closest`.
 
@@ -311,11 +313,10 @@ class RayScene:
 
         Notes
         -----
-        Where a ray passes through an edge or a vertex, each crossing of the surface is one hit, of
-        one of the faces there. Where it only touches the surface at an edge or a vertex, and stays
-        on one side, there are no hits or two with the same t. A face that contains the direction of
-        the ray has none; its neighbours have. So a ray from outside hits a closed mesh an even
-        number of times.
+        Where a ray crosses the surface at an edge or a vertex, there is one hit, on one of the
+        faces there. Where it only touches the surface at an edge or a vertex, there are no hits, or
+        two with the same t. A face that is parallel to the ray has no hits, but its neighbours may.
+        So a ray from outside hits a closed mesh an even number of times.
 
         Examples
         --------
@@ -352,9 +353,10 @@ class RayScene:
 
         Notes
         -----
-        For closed meshes (`is_closed`) the answer is exact: the crossings of a half-line are counted
-        without any rounding. A point on a vertex, edge or face is inside. Meshes that are not closed
-        are taken together: a point is inside where their winding number is at least 1/2.
+        For closed meshes (`is_closed`) the result is exact: the crossings of a half-line are
+        counted without rounding. A point on a vertex, edge or face is inside. Meshes that are not
+        closed are taken together: a point is inside if the absolute value of their winding number
+        is at least 1/2.
 
         Examples
         --------
@@ -369,9 +371,9 @@ class RayScene:
     def winding_number(self, points, *, progress=None):
         """Return the winding number of each point in all meshes together.
 
-        It is 1 inside a closed mesh whose normals point outward, 0 outside, and between at the
-        holes of an open mesh. Accurate to some 0.01. Parameters and exceptions are those of
-        `contains`.
+        It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
+        an open mesh, it is between 0 and 1. The error is at most some 0.01. Parameters and
+        exceptions are those of `contains`.
 
         Returns
         -------
@@ -395,7 +397,7 @@ class RayScene:
         Returns
         -------
         ClosestPoints
-            Of equally near faces, the lowest counts.
+            Of equally near faces, the face of the lowest mesh, then the lowest face wins.
 
         Examples
         --------
@@ -408,6 +410,8 @@ class RayScene:
 
     def distance(self, points, *, signed=False, progress=None):
         """Return the distance of each point from the meshes.
+
+        Exceptions are those of `contains`.
 
         Parameters
         ----------
@@ -438,14 +442,16 @@ class RayScene:
         return distance
 
     def visible(self, points, from_, *, progress=None):
-        """Return whether each point is visible from another one.
+        """Return whether each point is visible from another point.
+
+        Exceptions are those of `contains`.
 
         Parameters
         ----------
         points : (n, 3) or (3,) array_like
             Points, often vertices of a mesh.
         from_ : (3,) or (n, 3) array_like
-            Where they are seen from.
+            The other points: one for all `points`, or one for each.
         progress : callable, optional
             Called with (done, total) every 50 ms.
 
@@ -455,9 +461,9 @@ class RayScene:
 
         Notes
         -----
-        The answer is exact. A face blocks the segment between the points that passes through it,
-        edges and vertices included. A face whose plane contains one of the two points does not, so
-        that points of a surface do not hide themselves.
+        The result is exact. A face blocks the segment between two points if the segment passes
+        through the face, its edges and vertices included. A face whose plane contains one of the
+        two points does not block it. So points of a surface do not hide themselves.
 
         Examples
         --------

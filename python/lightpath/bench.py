@@ -1,12 +1,13 @@
-"""Speed and wrong answers beside trimesh with embreex and Open3D, on the same rays.
+"""Compare speed and wrong answers with trimesh (with embreex) and Open3D, on the same rays.
 
     python -m lightpath.bench                 # a bumpy ball of 98,304 faces
     python -m lightpath.bench scan.ply        # your mesh
     python -m lightpath.bench --help
 
-What is not installed is left out. Times are whole calls, from numpy arrays to numpy arrays, after
-the build; the smallest of several rounds, in which all contestants take turns. Open3D gets its rays
-as one float32 array, ours are two float64 arrays.
+Packages that are not installed are left out. Times are of whole calls, from numpy arrays to numpy
+arrays, after the build. The smallest time of several rounds counts (one round for `contains`). In
+each round, all packages take turns. Open3D gets its rays as one float32 array, the others as two
+float64 arrays.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from ._rays import RayScene
 
 
 def ball(n=128):
-    """Return a closed bumpy ball: a cube whose faces are grids, moved to a sphere."""
+    """Return a closed bumpy ball of 12 n^2 faces: a cube whose sides are grids, moved to a sphere."""
     side = np.linspace(-1, 1, n + 1)
     x, y = np.meshgrid(side, side, indexing="ij")
     one = np.ones_like(x)
@@ -44,7 +45,7 @@ def ball(n=128):
 
 
 def camera_rays(bounds, count):
-    """Rays of a pinhole camera that sees the mesh, row by row."""
+    """Return about `count` rays of a pinhole camera that sees the mesh, row by row."""
     side = int(np.sqrt(count))
     middle, size = bounds.mean(axis=0), np.linalg.norm(np.ptp(bounds, axis=0))
     x, y = np.meshgrid(np.linspace(-0.35, 0.35, side), np.linspace(0.35, -0.35, side))
@@ -54,7 +55,7 @@ def camera_rays(bounds, count):
 
 
 def random_rays(bounds, count, rng):
-    """Rays between random points of a box that is twice as large as that of the mesh."""
+    """Return rays between random points of a box twice as large as the box of the mesh."""
     middle, half = bounds.mean(axis=0), np.ptp(bounds, axis=0)
     origins = middle + half * rng.uniform(-1, 1, (count, 3))
     return origins, middle + half * rng.uniform(-1, 1, (count, 3)) - origins
@@ -148,7 +149,7 @@ class Open3D:
 
 
 class Rays:
-    """The same rays for all: float32 values in the form that each takes."""
+    """The same rays for all packages: float32 values, as float32 and as float64 arrays."""
 
     def __init__(self, origins, directions):
         self.single = np.concatenate([origins, directions], axis=1).astype(np.float32)
@@ -157,7 +158,7 @@ class Rays:
 
 
 def aimed_rays(vertices, faces, count, rng):
-    """Rays from the middle to vertices and points of edges of a mesh around it."""
+    """Return rays from the middle of a mesh to its vertices and to points on its edges."""
     middle = vertices.mean(axis=0).astype(np.float32).astype(np.float64)
     face, corner = rng.integers(len(faces), size=count), rng.integers(3, size=count)
     a, b = vertices[faces[face, corner]], vertices[faces[face, (corner + 1) % 3]]
@@ -167,7 +168,7 @@ def aimed_rays(vertices, faces, count, rng):
 
 
 def points_of_a_box(count, rng):
-    """Points in, on and around the box from -1 to 1, and whether they are inside: 1, 0, or 2 on it."""
+    """Return points around the box from -1 to 1, with 1 for inside, 0 for outside, 2 for on it."""
     points = rng.uniform(-1.5, 1.5, (count, 3))
     kind = rng.integers(4, size=count)
     for k in range(3):
@@ -184,7 +185,7 @@ def box(n=16):
 
 
 def measure(contestants, work, rounds):
-    """Return the smallest seconds of each, and the last answers. They take turns."""
+    """Return the smallest time of each contestant in seconds, and the last answers."""
     best, answers = dict.fromkeys(contestants, np.inf), {}
     for _ in range(rounds):
         for name, contestant in contestants.items():
@@ -255,7 +256,7 @@ def main():
 
 
 def wrong_answers(options, rng, rows):
-    """Count misses of closed meshes from inside, crossings other than one, and wrong insides."""
+    """Count wrong answers: rays from inside that miss or do not cross once, and wrong insides."""
 
     def report(what, name, wrong, count):
         rows.append({"query": what, "name": name, "wrong": int(wrong), "of": int(count)})

@@ -1,4 +1,4 @@
-"""The methods of Open3D's `RaycastingScene`, on numpy arrays in place of tensors.
+"""The methods of Open3D's `RaycastingScene`, on numpy arrays instead of tensors.
 
 Open3D itself is not needed.
 """
@@ -11,12 +11,13 @@ from ._rays import RayScene
 class RaycastingScene:
     """Triangle meshes and queries, with the method names of `open3d.t.geometry.RaycastingScene`.
 
-    Rays are (..., 6) arrays of origin and direction. Answers are dicts of arrays of shape (...).
+    Rays are (..., 6) arrays of origin and direction. Results have the shape (...), except those of
+    `list_intersections`. The methods ignore `nthreads` and `nsamples`.
 
     Parameters
     ----------
     nthreads : int, optional
-        Threads; 0 for all processors.
+        Number of threads; 0 for one per processor.
 
     Examples
     --------
@@ -36,7 +37,7 @@ class RaycastingScene:
         self._scene = None
 
     def add_triangles(self, vertices, triangles=None):
-        """Add a mesh: arrays of vertices and faces, or a mesh of Open3D. Returns its id."""
+        """Add a mesh: arrays of vertices and faces, or a mesh of Open3D. Return its id."""
         if triangles is None:
             vertices, triangles = RayScene.from_open3d(vertices).meshes[0]
         self._meshes.append((np.array(vertices), np.array(triangles)))
@@ -71,7 +72,8 @@ class RaycastingScene:
     def cast_rays(self, rays, nthreads=0):
         """Find the closest hit of each ray.
 
-        Returns a dict of t_hit, geometry_ids, primitive_ids, primitive_uvs and primitive_normals.
+        Returns a dict of t_hit, geometry_ids, primitive_ids, primitive_uvs and primitive_normals. A
+        miss has t_hit inf and ids `INVALID_ID`.
         """
         shape, origins, directions = self._split(rays)
         hits = self.scene.closest(origins, directions)
@@ -85,7 +87,7 @@ class RaycastingScene:
         }
 
     def test_occlusions(self, rays, tnear=0.0, tfar=np.inf, nthreads=0):
-        """Return whether each ray hits anything."""
+        """Return whether each ray hits any face."""
         shape, origins, directions = self._split(rays)
         return self.scene.occluded(origins, directions, tnear, tfar).reshape(shape)
 
@@ -98,8 +100,7 @@ class RaycastingScene:
         """Find all hits along each ray.
 
         Returns a dict of ray_splits, ray_ids, t_hit, geometry_ids, primitive_ids and
-        primitive_uvs. The hits of ray i have the indices from ``ray_splits[i]`` to
-        ``ray_splits[i + 1]``.
+        primitive_uvs. The hits of ray i have the indices ``ray_splits[i]:ray_splits[i + 1]``.
         """
         _, origins, directions = self._split(rays)
         hits = self.scene.all_hits(origins, directions)
@@ -114,7 +115,7 @@ class RaycastingScene:
         }
 
     def compute_closest_points(self, query_points, nthreads=0):
-        """Find the nearest points: a dict of points, geometry_ids and primitive_ids."""
+        """Return the nearest points: a dict of points, geometry_ids and primitive_ids."""
         shape, points = self._points(query_points)
         nearest = self.scene.closest_point(points)
         return {
@@ -129,11 +130,11 @@ class RaycastingScene:
         return self.scene.distance(points).astype(np.float32).reshape(shape)
 
     def compute_signed_distance(self, query_points, nthreads=0, nsamples=1):
-        """Return the distance of each point, negative inside. One sample is exact."""
+        """Return the distance of each point, negative inside: see `RayScene.contains`."""
         shape, points = self._points(query_points)
         return self.scene.distance(points, signed=True).astype(np.float32).reshape(shape)
 
     def compute_occupancy(self, query_points, nthreads=0, nsamples=1):
-        """Return 1 for points inside, else 0. One sample is exact."""
+        """Return 1 for points inside, else 0: see `RayScene.contains`."""
         shape, points = self._points(query_points)
         return self.scene.contains(points).astype(np.float32).reshape(shape)

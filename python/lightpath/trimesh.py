@@ -1,4 +1,4 @@
-"""Rays for trimesh: a `RayMeshIntersector` with the methods of those of `trimesh.ray`.
+"""Rays for trimesh: a `RayMeshIntersector` with the methods of the classes in `trimesh.ray`.
 
 Examples
 --------
@@ -9,8 +9,8 @@ import numpy as np
 
 from ._rays import RayScene
 
-# Rays start this fraction of the mesh's size before their origins, so that an origin on the surface
-# is a hit. It exceeds the rounding of an origin to float32.
+# Rays start before their origins, so that an origin on the surface is a hit: by this fraction of
+# `mesh.scale`. It exceeds the rounding of an origin to float32.
 _START = 2.5e-7
 
 
@@ -26,8 +26,9 @@ class RayMeshIntersector:
 
     Notes
     -----
-    A ray without direction, or with a number that is not finite, hits nothing. Hits at the origin of
-    a ray count, up to 2.5e-7 of the size of the mesh before it: trimesh's own classes count them, too.
+    A ray with a direction of length 0, or with a number that is not finite, hits nothing. Hits at
+    the origin of a ray count, as in trimesh's own classes. So do hits up to 2.5e-7 of `mesh.scale`
+    before the origin.
     """
 
     def __init__(self, geometry, scale_to_box=True):
@@ -67,16 +68,16 @@ class RayMeshIntersector:
         ray_origins, ray_directions : (n, 3) float
             The rays.
         multiple_hits : bool
-            Whether to return all hits of a ray or the first.
+            Whether to return all hits of a ray or only the first.
         max_hits : int
-            Most hits of a ray.
+            Maximum number of hits of a ray.
         return_locations : bool
-            Whether to return the points, too.
+            Whether to return the points of the hits, too.
 
         Returns
         -------
         index_tri, index_ray : (m,) int
-            Indices of faces and rays, in order of the rays and of their hits.
+            Indices of faces and rays, sorted by ray, then by distance.
         locations : (m, 3) float
             Only if `return_locations`.
         """
@@ -97,7 +98,7 @@ class RayMeshIntersector:
         return index_tri, index_ray, origins[index_ray] + t[:, None] * directions[index_ray]
 
     def intersects_location(self, ray_origins, ray_directions, multiple_hits=True):
-        """Find the points where rays hit the surface.
+        """Find the points where rays hit the surface, at most 100 per ray.
 
         Returns
         -------
@@ -110,7 +111,7 @@ class RayMeshIntersector:
         return locations, index_ray, index_tri
 
     def intersects_first(self, ray_origins, ray_directions):
-        """Return the first triangle of each ray; -1 for a miss."""
+        """Return the index of the first triangle that each ray hits; -1 for a miss."""
         origins, directions, valid = self._rays(ray_origins, ray_directions)
         return np.where(valid, self.scene.closest(origins, directions).primitive, -1)
 

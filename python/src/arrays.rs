@@ -1,13 +1,13 @@
-//! numpy arrays as slices of vectors, and vectors as numpy arrays.
+//! Converts numpy arrays to slices, and `Vec`s to numpy arrays.
 
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// An (n, 3) array in C order.
+/// A borrowed array of f64 with two dimensions. [`rows`] checks that it is (n, 3) in C order.
 pub type Triples<'py> = PyReadonlyArray2<'py, f64>;
 
-/// Returns the rows of an array.
+/// Returns the rows of an (n, 3) array, without a copy.
 ///
 /// # Errors
 /// `ValueError` for another number of columns, or an array that is not in C order.
@@ -19,11 +19,11 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<&'a 
     if columns != 3 || flat.len() != rows * 3 {
         return Err(PyValueError::new_err(format!("found {columns} columns, expected 3")));
     }
-    // SAFETY: the slice has 3 `rows` elements, and [T; 3] has the layout of three of them.
+    // SAFETY: the slice has 3 * `rows` elements, and [T; 3] has the layout of three elements.
     Ok(unsafe { std::slice::from_raw_parts(flat.as_ptr().cast(), rows) })
 }
 
-/// Returns an (n, N) array that takes over the memory of a vector.
+/// Returns an (n, N) array that takes over the memory of `rows`.
 pub fn table<'py, T: Element, const N: usize>(
     py: Python<'py>,
     rows: Vec<[T; N]>,
@@ -32,7 +32,7 @@ pub fn table<'py, T: Element, const N: usize>(
     Ok(PyArray1::from_vec(py, rows.into_flattened()).reshape(shape)?.into_any())
 }
 
-/// Returns an array that takes over the memory of a vector.
+/// Returns an array of one dimension that takes over the memory of `values`.
 pub fn column<T: Element>(py: Python<'_>, values: Vec<T>) -> Bound<'_, PyAny> {
     PyArray1::from_vec(py, values).into_any()
 }

@@ -12,7 +12,8 @@ create_exception!(
     "Invalid input. The attribute `problems` lists all problems as tuples (place, message, help)."
 );
 
-/// Converts an error. Invalid input becomes `lightpath.Error`, a `ValueError`.
+/// Converts an error. `Interrupted` becomes `KeyboardInterrupt`. `Retry` becomes `MemoryError` if
+/// its text says "memory", else `OSError`. All others become `lightpath.Error`, a `ValueError`.
 pub fn to_python(py: Python<'_>, error: lightpath::Error) -> PyErr {
     let lines: Vec<String> = error.problems.iter().map(|problem| problem.to_string()).collect();
     let text = lines.join("\n");

@@ -1,5 +1,6 @@
-//! `lightpath._lightpath`: what the Python package `lightpath` calls. The package converts arrays
-//! and checks their shapes; this module releases the GIL, calls the library and maps its errors.
+//! `lightpath._lightpath`: the native module of the Python package `lightpath`. The package
+//! converts arrays and checks their shapes. This module releases the GIL, calls the library and
+//! converts its errors to exceptions.
 
 mod arrays;
 mod errors;

@@ -1,4 +1,4 @@
-//! Meshes whose memory belongs to numpy.
+//! Meshes whose vertices and faces stay in the memory of numpy arrays.
 
 use lightpath::{Faces, Mesh, MeshArrays, Positions, Vertices};
 use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::{arrays, errors};
 
-/// Rows of a numpy array.
+/// The rows of a numpy array, and a reference that keeps the array alive.
 struct Rows<T> {
     start: *const [T; 3],
     len: usize,
@@ -32,8 +32,8 @@ impl<T: Element> Rows<T> {
     }
 
     fn get(&self) -> &[[T; 3]] {
-        // SAFETY: `_array` owns the memory. The documentation forbids to resize it or to write to
-        // it while a scene uses it; indices are checked at every use.
+        // SAFETY: `_array` owns the memory. The documentation forbids resizing the array or writing
+        // to it while a scene uses it. Indices are checked at every use.
         unsafe { std::slice::from_raw_parts(self.start, self.len) }
     }
 }
@@ -50,15 +50,18 @@ enum FaceRows {
     I64(Rows<i64>),
 }
 
-/// The arrays of a mesh.
+/// A mesh in two numpy arrays: vertices and faces.
 pub struct NumpyMesh {
     vertices: VertexRows,
     faces: FaceRows,
 }
 
 impl NumpyMesh {
-    /// Takes an (n, 3) array of f32 or f64 and an (m, 3) array of 32 or 64-bit integers, both in C
-    /// order, without a copy.
+    /// Takes an (n, 3) array of f32 or f64 and an (m, 3) array of 32-bit or 64-bit integers, both
+    /// in C order, without a copy.
+    ///
+    /// # Errors
+    /// `TypeError` for another dtype, `ValueError` for another shape or order.
     pub fn new(vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>) -> PyResult<Self> {
         let other = |name: &str| PyTypeError::new_err(format!("{name}: not an array of its type"));
         let vertices = if let Some(rows) = Rows::new(vertices) {
@@ -78,13 +81,16 @@ impl NumpyMesh {
         Ok(Self { vertices, faces })
     }
 
-    /// Copies the arrays.
+    /// Copies the arrays to a mesh of the library.
+    ///
+    /// # Errors
+    /// The errors of [`Mesh::new`].
     pub fn to_mesh(&self) -> lightpath::Result<Mesh> {
         let positions = match self.vertices() {
             Vertices::F32(all) => Positions::F32(all.to_vec()),
             Vertices::F64(all) => Positions::F64(all.to_vec()),
         };
-        // An index that does not fit is reported by `Mesh::new`, as is one beyond the vertices.
+        // An index that does not fit becomes `u32::MAX`, which `Mesh::new` reports as out of range.
         let narrow = |v: i128| u32::try_from(v).unwrap_or(u32::MAX);
         let triangles = match self.faces() {
             Faces::U32(all) => all.to_vec(),
@@ -114,7 +120,7 @@ impl MeshArrays for NumpyMesh {
     }
 }
 
-/// Reads the vertices and faces of a PLY file.
+/// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32.
 #[pyfunction]
 pub fn read_mesh<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Pictures: a scene, mesh or file -> film -> arrays and files.
+//! Renders a scene, mesh or file to a film, and converts the film to arrays and files.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::arrays::column;
 use crate::mesh::NumpyMesh;
 use crate::{errors, pools, watch};
 
-/// A rendered film and what is needed to write it.
+/// A rendered film, with the scene and the settings that are needed to write it to files.
 #[pyclass(frozen, module = "lightpath._lightpath")]
 pub struct Picture {
     loaded: Arc<LoadedScene>,
@@ -21,15 +21,15 @@ pub struct Picture {
 /// What to render.
 #[derive(FromPyObject)]
 pub enum Subject<'py> {
-    /// A JSON text, and meshes with their names and materials.
+    /// A scene as JSON text, and meshes: name, material, vertices, faces.
     Text(String, Vec<(String, String, Bound<'py, PyAny>, Bound<'py, PyAny>)>),
-    /// A mesh in the studio.
+    /// Vertices and faces of a mesh, to show in the studio.
     Mesh(Bound<'py, PyAny>, Bound<'py, PyAny>),
-    /// A scene file or a mesh file.
+    /// A scene file (`.json`), or a mesh file to show in the studio.
     File(PathBuf),
 }
 
-/// Renders a subject. `overrides` are `/json/pointer=VALUE`.
+/// Renders a subject. `overrides` have the form `/json/pointer=VALUE`.
 #[pyfunction]
 pub fn render(
     py: Python<'_>,
@@ -110,13 +110,13 @@ impl Picture {
         (self.film.window.height(), self.film.window.width())
     }
 
-    /// Warnings of the scene.
+    /// Warnings of the scene, as texts.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.loaded.warnings().iter().map(|warning| warning.to_string()).collect()
     }
 
-    /// R, G, B, A of all pixels, in one row.
+    /// R, G, B, A of all pixels, row by row, as an array of one dimension.
     fn pixels<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         column(py, self.film.pixels.as_flattened().to_vec())
     }
@@ -128,12 +128,12 @@ impl Picture {
         channels.map(|c| (c.name.clone(), c.kind == ChannelKind::Uint)).collect()
     }
 
-    /// The words of the layer channels, pixel by pixel.
+    /// The words of the layer channels, pixel by pixel, as an array of one dimension.
     fn words<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         column(py, self.film.planes.words.clone())
     }
 
-    /// Writes PREFIX.exr and PREFIX.png.
+    /// Writes PREFIX.exr and PREFIX.png. Returns their paths.
     fn write(&self, py: Python<'_>, prefix: PathBuf) -> PyResult<Vec<PathBuf>> {
         let pool = pools::pool(py, None)?;
         let files =

@@ -1,4 +1,4 @@
-//! Pools of worker threads, by number of threads.
+//! Pools of worker threads: one for each number of threads in use.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,21 +10,25 @@ use crate::errors;
 
 /// The pools of a process.
 struct Pools {
-    /// The process that started the threads. They do not exist in a forked child.
+    /// Id of the process that started the threads. A forked child does not have them.
     process: u32,
     by_threads: HashMap<usize, Arc<ThreadPool>>,
 }
 
 static POOLS: Mutex<Option<Pools>> = Mutex::new(None);
 
-/// Returns the pool of `threads` threads; of all processors if `None`. Started at the first use.
+/// Returns the pool of `threads` threads, or one thread per processor if `None`. The threads start
+/// at the first use.
+///
+/// # Errors
+/// `lightpath.Error` if the threads cannot be started.
 pub fn pool(py: Python<'_>, threads: Option<usize>) -> PyResult<Arc<ThreadPool>> {
     let available = || std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = threads.unwrap_or_else(available);
     let process = std::process::id();
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(old) = pools.take_if(|pools| pools.process != process) {
-        // To drop them would wait for threads of the parent.
+        // Dropping the pools would wait for threads that only the parent process has.
         std::mem::forget(old);
     }
     let pools = pools.get_or_insert_with(|| Pools { process, by_threads: HashMap::new() });

@@ -3,7 +3,8 @@
 use clap::Parser;
 use pyo3::prelude::*;
 
-/// Runs the program `lightpath` with the arguments of the process, and returns its exit code.
+/// Runs the program `lightpath` and returns its exit code. `arguments` begin with the program's
+/// name.
 #[pyfunction]
 pub fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
     py.detach(|| match lightpath::cli::Arguments::try_parse_from(arguments) {

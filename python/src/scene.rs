@@ -15,15 +15,15 @@ type Any<'py> = Bound<'py, PyAny>;
 type Progress<'a, 'py> = Option<&'a Any<'py>>;
 type Answer<T> = lightpath::Result<T>;
 
-/// A scene and the threads that its queries use.
+/// A scene, and the number of threads of its queries.
 #[pyclass(frozen, module = "lightpath._lightpath")]
 pub struct Scene {
     scene: RayScene,
     threads: Option<usize>,
 }
 
-/// Rays in the form in which Python passes them: origins, directions, and for tnear and tfar an
-/// array of one or all values.
+/// Rays as Python passes them: origins, directions, tnear and tfar. The last two are arrays of one
+/// value for all rays, or of one value per ray.
 #[derive(FromPyObject)]
 pub struct PyRays<'py>(
     Triples<'py>,
@@ -71,7 +71,7 @@ impl Scene {
         query: impl FnOnce(&RayScene, &[[f64; 3]], &Monitor) -> Answer<T> + Send,
     ) -> PyResult<T> {
         let (points, pool, scene) = (rows(points)?, self.pool(py)?, &self.scene);
-        // A point costs more than a ray.
+        // A point costs more than a ray, so fewer points need watching.
         let items = points.len().saturating_mul(16);
         watch::run(py, &pool, items, progress, move |monitor| query(scene, points, monitor))
     }

@@ -1,4 +1,4 @@
-//! Runs work without the GIL, while Ctrl-C stops it and a callback gets its progress.
+//! Runs work without the GIL. Meanwhile, Ctrl-C can stop it, and a callback receives its progress.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -10,16 +10,19 @@ use rayon::ThreadPool;
 
 use crate::errors;
 
-/// How often signals are looked for.
+/// Period of the checks for signals and of the calls of `progress`.
 const PERIOD: Duration = Duration::from_millis(50);
 
-/// Work of fewer items runs at once, without a thread that watches it.
+/// Work of fewer items is not watched, if there is no callback: it ends before a check would
+/// matter.
 const FEW: usize = 1 << 14;
 
-/// Runs `work`, of some `items` items, in `pool`. Calls `progress(done, total)` every 50 ms.
+/// Runs `work`, which has about `items` items, in `pool`. Calls `progress(done, total)` every
+/// [`PERIOD`], and once more after success.
 ///
 /// # Errors
-/// What `work` returns; what the callback or a signal handler raises, after the work has stopped.
+/// The error of `work`, or the exception that the callback or a signal handler raises. The
+/// exception stops the work first.
 pub fn run<T: Send>(
     py: Python<'_>,
     pool: &ThreadPool,

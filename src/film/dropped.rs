@@ -1,9 +1,10 @@
-//! Matte coverage that was lost because more things cover a pixel than its mattes have ranks.
+//! Matte coverage that is lost because more things (shapes or materials) cover a pixel than its
+//! mattes have ranks.
 
-/// Coverage of one pixel or several that no rank holds.
+/// Coverage that no rank holds, of one or more pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Dropped {
-    /// Number of pixels covered by more things than they have ranks.
+    /// Number of pixels that are covered by more things than there are ranks.
     pub pixels: u64,
     /// Largest lost share of one pixel, in [0, 1].
     pub share: f32,
@@ -17,7 +18,7 @@ impl Dropped {
         Self { pixels: self.pixels + other.pixels, ..self.or(other) }
     }
 
-    /// Combines the losses of the same pixels, in different mattes.
+    /// Combines the losses of the same pixel in different mattes.
     pub fn or(self, other: Self) -> Self {
         Self {
             pixels: self.pixels.max(other.pixels),

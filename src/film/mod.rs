@@ -26,7 +26,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window of a whole frame.
+    /// Returns the window of a whole frame.
     pub fn full(width: u32, height: u32) -> Self {
         Self { x0: 0, y0: 0, x1: width, y1: height }
     }
@@ -47,8 +47,8 @@ impl Window {
 pub struct Film {
     /// Width and height of the full frame (the display window).
     pub frame: [u32; 2],
-    /// Pixels of overscan on every side of the frame. The frame's top left is at (`overscan`,
-    /// `overscan`) in the window's coordinates.
+    /// Width in pixels of the overscan on each side of the frame. In the coordinates of `window`,
+    /// the frame's top left is at (`overscan`, `overscan`).
     pub overscan: u32,
     /// The rendered window (the data window).
     pub window: Window,
@@ -67,18 +67,18 @@ impl Film {
         [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.overscan) as i32)
     }
 
-    /// A black, transparent film whose memory is allocated and touched. So a lack of memory shows
-    /// now, not in the middle of a render.
+    /// Makes a black, transparent film without layers. Its memory is allocated and touched, so a
+    /// lack of memory shows now, not in the middle of a render.
     ///
     /// # Errors
-    /// `Retry` if memory is short.
+    /// The same as [`ReservedFilm::new`].
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
         Ok(ReservedFilm::new(frame, window, Vec::new())?.film())
     }
 }
 
-/// A film with reserved addresses but without memory behind them. So the picture takes no memory
-/// while the accelerator is built.
+/// A film whose addresses are reserved, but whose memory is not touched yet. So the picture takes
+/// no memory while the accelerator is built.
 #[derive(Debug)]
 pub struct ReservedFilm {
     frame: [u32; 2],
@@ -88,7 +88,7 @@ pub struct ReservedFilm {
 }
 
 impl ReservedFilm {
-    /// Reserves addresses for R, G, B, A and `channels`.
+    /// Reserves addresses for R, G, B, A and the layers' `channels`.
     ///
     /// # Errors
     /// `Retry` if the system refuses to reserve that much.
@@ -107,8 +107,8 @@ impl ReservedFilm {
         Ok(Self { frame, window, pixels, planes })
     }
 
-    /// Touches all memory of the film, on the threads of the current rayon pool. So the render has
-    /// no page faults.
+    /// Makes the film. Fills all its memory with zeros, on the threads of the current rayon pool,
+    /// so that the render has no page faults.
     pub fn film(self) -> Film {
         let Self { frame, window, mut pixels, mut planes } = self;
         let count = window.width() as usize * window.height() as usize;
@@ -119,11 +119,11 @@ impl ReservedFilm {
     }
 }
 
-/// Fewest elements for a task of its own.
+/// Minimum number of elements of a rayon task.
 const GRAIN: usize = 1 << 16;
 
-/// Fills a reserved array with `count` times `value`. Where the system maps pages one by one, this
-/// takes as long as tracing a ray for every pixel.
+/// Fills a reserved array with `count` times `value`, in parallel. Where the system maps pages one
+/// by one, this takes as long as tracing a ray for every pixel.
 fn touch<T: Copy + Send + Sync>(array: &mut Vec<T>, count: usize, value: T) {
     (0..count).into_par_iter().with_min_len(GRAIN).map(|_| value).collect_into_vec(array);
 }

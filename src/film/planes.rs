@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ChannelKind {
-    /// 16-bit float: colours and normals.
+    /// 16-bit float: colours, normals, cosines, fractions.
     Half,
-    /// 32-bit float: depth, positions, mattes.
+    /// 32-bit float: depths, positions, texture coordinates, variances, sample counts, mattes.
     Float,
     /// 32-bit unsigned integer: ids.
     Uint,
@@ -23,27 +23,28 @@ pub struct Channel {
     pub kind: ChannelKind,
 }
 
-/// The layer channels of all pixels. In memory each channel has 32 bits.
+/// The layer channels of all pixels. In memory, each channel of a pixel is a word of 32 bits.
 #[derive(Debug, Default)]
 pub struct Planes {
     /// Names and types of the channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
-    /// One word per channel, pixel by pixel: the bits of an f32, or a u32.
+    /// One word per channel, pixel by pixel, row by row: the bits of an f32, or a u32.
     pub words: Vec<u32>,
 }
 
 impl Planes {
-    /// Index of the channel with this name.
+    /// Returns the index of the channel with this name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.channels.iter().position(|channel| channel.name == name)
     }
 
-    /// Value of a float channel at a pixel. `pixel` is the index in the window, row by row.
+    /// Returns the value of a `Half` or `Float` channel. `pixel` is the index in the window, row by
+    /// row.
     pub fn float(&self, channel: usize, pixel: usize) -> f32 {
         f32::from_bits(self.words[pixel * self.channels.len() + channel])
     }
 
-    /// Value of an unsigned integer channel at a pixel.
+    /// Returns the value of a `Uint` channel. `pixel` is the index in the window, row by row.
     pub fn uint(&self, channel: usize, pixel: usize) -> u32 {
         self.words[pixel * self.channels.len() + channel]
     }

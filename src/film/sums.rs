@@ -1,20 +1,20 @@
-//! Sums over the samples of a pixel, in an order that gives the same bits for every split of the
-//! samples.
+//! Sums over the samples of a pixel. The order of additions is fixed, so every split of the samples
+//! into parts gives the same bits.
 
 use std::ops::Range;
 
-/// A node of the binary tree over all sample numbers: samples `first .. first + 2^level`, where
+/// A node of the binary tree over all sample indices: samples `first .. first + 2^level`, where
 /// `first` is a multiple of `2^level`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SumNode {
-    /// First sample number of the node.
+    /// Index of the node's first sample.
     pub first: u32,
     /// Binary logarithm of the number of samples.
     pub level: u32,
 }
 
 impl SumNode {
-    /// Splits a run of samples into as few nodes as possible, from first to last.
+    /// Splits a range of samples into as few nodes as possible, from first to last.
     pub fn cover(samples: Range<u32>) -> Vec<Self> {
         let mut nodes = Vec::new();
         let mut first = samples.start;
@@ -27,15 +27,16 @@ impl SumNode {
         nodes
     }
 
-    /// Whether this node and `next` are the two halves of one node.
+    /// Returns true if this node and `next` are the two halves of one node. `next` must begin where
+    /// this node ends.
     fn precedes(self, next: Self) -> bool {
         self.level == next.level && self.first & (1 << self.level) == 0
     }
 }
 
-/// Sums of several quantities at once. Addition rounds, so its order is fixed. Each node of the
-/// tree is the sum of its two halves; the nodes that remain at the end are added from first to
-/// last.
+/// Sums of several quantities over the same samples. Addition rounds, so its order is fixed. The
+/// value of a node of the tree is the sum of its two halves. The nodes that remain at the end are
+/// added from first to last.
 ///
 /// So renders of the samples `a..b` and `b..c`, merged node by node, give the bits of the render of
 /// `a..c`, for every `b`.
@@ -48,7 +49,7 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Sums of `width` quantities, without samples.
+    /// Makes sums of `width` quantities, without samples.
     pub fn new(width: usize) -> Self {
         Self { width, values: Vec::new(), nodes: Vec::new() }
     }
@@ -60,7 +61,7 @@ impl Sums {
         self.nodes.clear();
     }
 
-    /// Adds a node, which must begin where the last one ends.
+    /// Adds a node, which must begin where the last node ends. Merges halves as far as possible.
     #[inline]
     pub fn push(&mut self, mut node: SumNode, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);
@@ -78,18 +79,19 @@ impl Sums {
         self.nodes.push(node);
     }
 
-    /// Number of nodes that remain.
+    /// Returns the number of nodes that remain after merging halves.
     pub fn nodes(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Value of a quantity in a node.
+    /// Returns the sum of a quantity over the samples of a node, by the node's index.
     #[inline]
     pub fn value(&self, node: usize, quantity: usize) -> f64 {
         self.values[node * self.width + quantity]
     }
 
-    /// Sums of a range of quantities over all samples.
+    /// Writes the sums of a range of quantities over all samples to `totals`. Panics if there are
+    /// quantities but no samples.
     #[inline(always)]
     pub fn totals(&self, quantities: Range<usize>, totals: &mut Vec<f64>) {
         totals.clear();
@@ -103,7 +105,7 @@ impl Sums {
         }
     }
 
-    /// Sum of a quantity over all samples.
+    /// Returns the sum of a quantity over all samples. Panics without samples.
     #[inline]
     pub fn total(&self, quantity: usize) -> f64 {
         let rest = self.values.get(self.width..).unwrap_or_default();

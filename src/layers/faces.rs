@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use crate::error::Result;
 use crate::reserve;
 
-/// Samples and pixels that see each primitive, by scene-wide number.
+/// For each primitive, by its scene-wide index, the number of samples and of pixels that see it.
 #[derive(Debug, Default)]
 pub struct FaceCounts {
     samples: Vec<AtomicU64>,
@@ -13,10 +13,10 @@ pub struct FaceCounts {
 }
 
 impl FaceCounts {
-    /// Bytes for each primitive.
+    /// Number of bytes for each primitive.
     pub const BYTES: u64 = 12;
 
-    /// Counts of 0 for `primitives` primitives.
+    /// Makes counts of 0 for `primitives` primitives.
     ///
     /// # Errors
     /// `Retry` if there is too little memory.
@@ -30,7 +30,8 @@ impl FaceCounts {
         Ok(counts)
     }
 
-    /// Adds the samples of one pixel, which see these primitives. Sorts them.
+    /// Adds all samples of one pixel: `seen` holds the primitive of each sample that hits. Sorts
+    /// `seen`. Ignores primitives out of range.
     pub fn add(&self, seen: &mut [u32]) {
         seen.sort_unstable();
         for same in seen.chunk_by(|a, b| a == b) {
@@ -44,7 +45,8 @@ impl FaceCounts {
         }
     }
 
-    /// Primitives that were seen, with their numbers of samples and of pixels.
+    /// Returns the primitives that are seen, with their numbers of samples and of pixels. Sorted by
+    /// primitive.
     pub fn seen(&self) -> impl Iterator<Item = (u32, u64, u32)> {
         let counts = (0..).zip(self.samples.iter().zip(&self.pixels));
         let counts = counts.map(|(primitive, (samples, pixels))| {

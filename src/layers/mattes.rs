@@ -1,5 +1,6 @@
 //! Cryptomatte 1.2.0 (Friedman and Jones, "Fully automatic ID mattes with support for motion blur
-//! and transparency", 2015): ids and coverages per pixel. An id is the hash of a name.
+//! and transparency", 2015): the ids that cover a pixel, and their coverages. An id is the hash of
+//! a name.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -12,22 +13,23 @@ use super::names;
 /// The mattes of one kind: shapes or materials.
 #[derive(Debug, Clone)]
 pub struct Mattes {
-    /// Name of the kind in channels and attributes.
+    /// Name of the kind in channels and attributes: `CryptoObject` or `CryptoMaterial`.
     pub kind: &'static str,
-    /// The id for each shape.
+    /// The id of each shape, by the shape's index.
     ids: Vec<u32>,
-    /// Names with their ids, sorted by name. So the order of shapes does not affect the manifest.
+    /// Used names with their ids. Sorted by name, so that the order of shapes does not affect the
+    /// manifest.
     named: Vec<(String, u32)>,
 }
 
 impl Mattes {
-    /// Makes `CryptoObject`: one matte per shape.
+    /// Makes `CryptoObject`: one matte per name of a shape.
     pub fn objects(scene: &Scene) -> Self {
         let names = names::shapes(scene);
         Self::new("CryptoObject", names.clone(), &names)
     }
 
-    /// Makes `CryptoMaterial`: one matte per material.
+    /// Makes `CryptoMaterial`: one matte per name of a material.
     pub fn materials(scene: &Scene) -> Self {
         let names = names::materials(scene);
         let of_shapes = scene.shapes.iter().map(|shape| names[shape.material].clone()).collect();
@@ -43,7 +45,8 @@ impl Mattes {
         Self { kind, ids, named }
     }
 
-    /// Returns its channels: id and coverage alternate, two ranks per layer, all 32-bit floats.
+    /// Returns the channels of `ranks` ranks: id and coverage alternate, two ranks per layer, all
+    /// 32-bit floats.
     pub fn channels(&self, ranks: usize) -> impl Iterator<Item = Channel> + use<> {
         let kind = self.kind;
         (0..2 * ranks).map(move |i| {
@@ -57,12 +60,13 @@ impl Mattes {
         self.ids[shape as usize]
     }
 
-    /// Returns the number of different ids that a pixel can contain.
+    /// Returns the number of different ids: the most that can cover a pixel.
     pub fn ids(&self) -> usize {
         self.ids.iter().collect::<HashSet<_>>().len()
     }
 
-    /// Returns the header attributes by which a reader finds mattes by name.
+    /// Returns the header attributes with which a reader finds a matte by name: conversion, hash,
+    /// manifest, name.
     pub fn attributes(&self) -> Vec<(String, String)> {
         // The key is the first 7 digits of the hash of the kind itself.
         let key = format!("{:08x}", id(self.kind));
@@ -75,7 +79,7 @@ impl Mattes {
         ]
     }
 
-    /// Returns names and ids as a JSON object.
+    /// Returns the manifest, a JSON object: the hexadecimal id of each name.
     pub(super) fn manifest(&self) -> String {
         let pairs = self.named.iter().map(|(name, id)| {
             let name = serde_json::Value::from(name.as_str());
@@ -85,8 +89,8 @@ impl Mattes {
     }
 }
 
-/// Returns the id of a name: MurmurHash3_x86_32 of its UTF-8 with seed 0. If these bits would be a
-/// denormal, infinite or NaN float, one bit of the exponent is flipped.
+/// Returns the id of a name: MurmurHash3_x86_32 of its UTF-8 with seed 0. If these bits are a zero,
+/// denormal, infinite or NaN float, one bit of the exponent is flipped, as Cryptomatte requires.
 pub fn id(name: &str) -> u32 {
     let mut bytes = name.as_bytes();
     // Reading from memory cannot fail.
@@ -97,9 +101,9 @@ pub fn id(name: &str) -> u32 {
     }
 }
 
-/// Fills the words of one kind of mattes. `ids` holds the number of a pixel's `samples` that hit
-/// each id. The ids are sorted by coverage; equal ones keep the order in which they were hit.
-/// Returns the coverage of the ids beyond the last rank.
+/// Fills the words of one kind of mattes. `ids` holds how many of a pixel's `samples` hit each id,
+/// in the order of first hits. Ranks are sorted by coverage, the largest first. Ids of equal
+/// coverage keep their order. Returns the coverage of the ids beyond the last rank.
 pub fn rank(ids: &[(u32, u32)], samples: u32, words: &mut [u32]) -> Dropped {
     words.fill(0);
     let mut ids = Cow::Borrowed(ids);

@@ -1,5 +1,5 @@
-//! The layers of a scene: their channels in addition to the beauty, and their positions in the
-//! words of a pixel.
+//! The layers of a scene: the channels that they add to the beauty (R, G, B, A), and the positions
+//! of these channels in the words of a pixel.
 
 mod faces;
 mod mattes;
@@ -17,13 +17,14 @@ use std::sync::Arc;
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
 
-/// Depth of a camera ray that misses.
+/// Depth and distance of a camera ray that misses.
 pub const MISS_DEPTH: f32 = 1e30;
 
 /// The position of each layer among the words of a pixel: the index of its first channel.
 ///
-/// The first [`PixelLayout::filtered`] words are means over the camera samples (box filter, as the
-/// beauty). The others are never blended.
+/// The first [`PixelLayout::filtered`] words are means over the camera samples (box filter, as for
+/// the beauty). The other words are not filtered: they come from the nearest hit, or are counts of
+/// samples, variances or mattes.
 #[derive(Debug, Clone, Default)]
 pub struct LayerPlan {
     /// All channels, and the positions of those that need no scene.
@@ -38,7 +39,7 @@ pub struct LayerPlan {
     pub facing: Option<usize>,
     /// Base colour: 3 channels.
     pub albedo: Option<usize>,
-    /// Texture coordinates, and whether there are any: 3 channels.
+    /// Texture coordinates, and the share of samples that have them: 3 channels.
     pub uv: Option<usize>,
     /// Ambient occlusion: 1 channel.
     pub occlusion: Option<usize>,
@@ -52,19 +53,21 @@ pub struct LayerPlan {
     pub reflection: Option<usize>,
     /// Background of camera rays: 3 channels.
     pub background: Option<usize>,
-    /// For each light, the 3 channels of its group.
+    /// For each light, the light of its group: 3 channels.
     pub lights: Vec<Option<usize>>,
-    /// All ambient light: 3 channels.
+    /// Ambient light, also in mirrors: 3 channels.
     pub light_ambient: Option<usize>,
-    /// All background: 3 channels.
+    /// Background, also in mirrors: 3 channels.
     pub light_background: Option<usize>,
-    /// For each light, the channel of its group's visibility and the light's share of the group.
+    /// For each light, the visibility of its group (1 channel), and the weight of the light in it:
+    /// one over the number of lights in the group.
     pub shadows: Vec<Option<(usize, f32)>>,
-    /// For each light, the channel of what its group's shadows take from catchers.
+    /// For each light, the alpha of its group's shadows on shadow catchers: 1 channel. Empty if the
+    /// scene has no shadow catchers.
     pub caught: Vec<Option<usize>>,
     /// Mattes of shapes and of materials.
     pub mattes: Vec<Mattes>,
-    /// Counts of the faces that the camera sees. They are no channels.
+    /// Counts of the primitives that the camera sees. They are no channels.
     pub faces: Option<Arc<FaceCounts>>,
 }
 
@@ -75,7 +78,7 @@ impl LayerPlan {
         let mut plan = Self::default();
         let mut light = vec![None; groups.names.len()];
         let mut shadow = vec![None; groups.names.len()];
-        // Means come first.
+        // `PixelLayout::filtered` requires that means come first.
         let (means, others): (Vec<Layer>, Vec<Layer>) =
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
@@ -156,7 +159,8 @@ impl LayerPlan {
     }
 }
 
-/// Returns true if a layer is the mean over a pixel's camera samples.
+/// Returns true if a layer is the mean over a pixel's camera samples. The order of the variants of
+/// [`Layer`] puts these between `Normal` and `Shadow`.
 fn is_mean(layer: Layer) -> bool {
     (Layer::Normal..=Layer::Shadow(usize::MAX)).contains(&layer)
 }

@@ -1,13 +1,13 @@
-//! Names of shapes and materials that have no name in the scene file.
+//! Names of all shapes and materials, also of those without a name in the scene file.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 
 use crate::scene::{Scene, ShapeKind};
 
-/// Returns a name for every shape: its own name, or else its kind (for a mesh with the file's
-/// name). Kinds that repeat are numbered from the second on. Shapes that have the same own name
-/// share it.
+/// Returns a name for every shape: its own name, or else its kind (for a mesh, `trimesh.` and the
+/// file's stem). If that name is in use, `.2`, `.3`... is appended. Shapes with the same own name
+/// keep it.
 pub fn shapes(scene: &Scene) -> Vec<String> {
     let mut used = UsedNames::new(scene.shapes.iter().filter_map(|shape| shape.name.as_ref()));
     let names = scene.shapes.iter().map(|shape| match &shape.name {
@@ -17,8 +17,8 @@ pub fn shapes(scene: &Scene) -> Vec<String> {
     names.collect()
 }
 
-/// Returns a name for every material: its key, or else `material.` and the name of the first shape
-/// that uses it.
+/// Returns a name for every material: its own name, or else `material.` and the name of the first
+/// shape that uses it. If that name is in use, `.2`, `.3`... is appended.
 pub fn materials(scene: &Scene) -> Vec<String> {
     let shapes = shapes(scene);
     let mut users = vec![""; scene.materials.len()];
@@ -45,7 +45,7 @@ fn kind(kind: &ShapeKind) -> String {
     }
 }
 
-/// The names in use, each with the next number to append.
+/// The names in use. The value is the next number to append to the name.
 struct UsedNames<'a>(HashMap<Cow<'a, str>, u32>);
 
 impl<'a> UsedNames<'a> {

@@ -1,4 +1,4 @@
-//! A pixel of a range of samples as words, with everything that an exact merge needs.
+//! The sums of some of a pixel's samples as words of an EXR: all that an exact merge needs.
 
 use std::ops::Range;
 
@@ -10,17 +10,18 @@ use super::recipe::{NearestHit, PixelLayout, count};
 /// Number of beauty channels: R, G, B, A.
 pub const BEAUTY: usize = 4;
 
-/// The layout of the sums of a range of samples in the words of a pixel. First, node by node, R, G,
-/// B, A and the quantities of [`PixelLayout::summed`], each an f64 in two words. Then the nearest
-/// hit, then ids and counts.
+/// The layout of the sums of a range of samples in the words of a pixel.
+///
+/// First come, node by node, R, G, B, A and the quantities of [`PixelLayout::summed`]. Each is an
+/// f64 in two words, the low word first. Then come the nearest hit, and the mattes' ids and counts.
 #[derive(Debug, Clone)]
 pub struct RawLayout {
     samples: Range<u32>,
     nodes: Vec<SumNode>,
     summed: usize,
-    /// Number of words of the nearest hit: 0 without, 6, or 7 with its distance.
+    /// Number of words of the nearest hit: 0 if no layer needs the hit, 6, or 7 with its distance.
     nearest: usize,
-    /// Number of ids of each kind of mattes.
+    /// For each kind of mattes, the maximum number of ids in a pixel.
     mattes: Vec<usize>,
 }
 
@@ -31,7 +32,7 @@ pub struct Pixel {
     pub sums: Sums,
     /// The nearest hit so far.
     pub nearest: NearestHit,
-    /// For each kind of mattes, the ids with their numbers of hits.
+    /// For each kind of mattes, the ids with their numbers of samples, in the order of first hits.
     pub mattes: Vec<Vec<(u32, u32)>>,
 }
 
@@ -52,8 +53,8 @@ impl Pixel {
         self.mattes.iter_mut().for_each(Vec::clear);
     }
 
-    /// Returns R, G, B, A of `n` samples and writes the other channels to `words`. Also returns the
-    /// coverage that the mattes cannot hold.
+    /// Writes the layers' channels to `words`. Returns R, G, B, A, and the coverage that the mattes
+    /// cannot hold. `n` is the number of samples in the state.
     pub fn finish(&self, recipe: &PixelLayout, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
         let mut totals = Vec::new();
         self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
@@ -64,7 +65,7 @@ impl Pixel {
 }
 
 impl RawLayout {
-    /// Makes the layout of the samples `samples` for a recipe.
+    /// Makes the layout of a range of samples for the channels of `recipe`.
     pub fn new(recipe: &PixelLayout, samples: Range<u32>) -> Self {
         let capacity = samples.len();
         Self {
@@ -85,7 +86,8 @@ impl RawLayout {
         self.samples.clone()
     }
 
-    /// Returns the number of words in a pixel.
+    /// Returns the number of words in a pixel. Saturates, because a damaged file may state any
+    /// number of ids.
     pub fn words(&self) -> usize {
         let nearest = self.nearest;
         let sums = self.nodes.len() * (BEAUTY + self.summed);
@@ -99,8 +101,8 @@ impl RawLayout {
         (0..self.words()).map(name).collect()
     }
 
-    /// Fills the words of a pixel. `sum` returns a sum by node and by quantity: R, G, B, A, then
-    /// the others.
+    /// Fills the words of a pixel. `sum` returns a sum, given the index of the node and of the
+    /// quantity: R, G, B, A, then those of [`PixelLayout::summed`].
     pub fn encode(
         &self,
         sum: impl Fn(usize, usize) -> f64,
@@ -131,7 +133,8 @@ impl RawLayout {
         }
     }
 
-    /// Adds the words of a pixel to the state after all samples before these.
+    /// Adds the words of a pixel to `pixel`, which must hold all samples before these. Of equally
+    /// near hits, the hit of the lowest sample index wins, as in a render.
     pub fn add(&self, words: &[u32], pixel: &mut Pixel) {
         let quantities = BEAUTY + self.summed;
         let (sums, rest) = words.split_at(2 * self.nodes.len() * quantities);

@@ -8,18 +8,19 @@ use crate::film::{Channel, Dropped};
 use super::MISS_DEPTH;
 use super::mattes::rank;
 
-/// The nearest hit of all camera samples. Of equally near samples, the first wins.
+/// The nearest hit of all camera samples of a pixel. Of equally near hits, the hit of the lowest
+/// sample index wins, so every split of the samples gives the same hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestHit {
-    /// Depth in camera space.
+    /// Depth, as in the layer `Z`.
     pub depth: f32,
-    /// Distance from the origin of the camera ray; only for the layer of that name.
+    /// Distance from the origin of the camera ray, for the layer `distance`.
     pub distance: f32,
     /// Position in world space.
     pub position: [f32; 3],
-    /// Number of the primitive, from 1; 0 for none.
+    /// Index of the primitive + 1; 0 without a hit.
     pub primitive: u32,
-    /// Number of the shape, from 1; 0 for none.
+    /// Index of the shape + 1; 0 without a hit.
     pub object: u32,
 }
 
@@ -34,14 +35,14 @@ impl NearestHit {
     };
 }
 
-/// The position of each channel of a [`super::LayerPlan`] among the words of a pixel, without the
-/// scene.
+/// The position of each channel of a [`super::LayerPlan`] among the words of a pixel. Needs no
+/// scene, so a part of a picture can hold it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PixelLayout {
     /// All channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
-    /// Number of channels, from the first on, that are means over samples.
+    /// Number of channels that are means over samples. They are the first channels.
     pub filtered: usize,
     /// Position of the depth: 1 word.
     pub depth: Option<usize>,
@@ -50,9 +51,9 @@ pub struct PixelLayout {
     pub distance: Option<usize>,
     /// Position of the world position: 3 words.
     pub position: Option<usize>,
-    /// Position of the primitive number: 1 word.
+    /// Position of the primitive's id: 1 word.
     pub primitive: Option<usize>,
-    /// Position of the shape number: 1 word.
+    /// Position of the shape's id: 1 word.
     pub object: Option<usize>,
     /// Position of the variance: 3 words.
     pub variance: Option<usize>,
@@ -68,20 +69,20 @@ pub struct PixelLayout {
 pub struct MatteLayout {
     /// Index of the first of `2 * ranks` words.
     pub first: usize,
-    /// Number of ids that a pixel can hold.
+    /// Number of ids that a pixel can hold in the file.
     pub ranks: usize,
-    /// Number of ids in the scene: the most that a pixel can contain.
+    /// Number of ids in the scene: the most that can cover a pixel.
     pub ids: usize,
 }
 
 impl PixelLayout {
     /// Returns the number of quantities that are summed over samples, in addition to R, G, B, A.
-    /// These are the filtered channels and, for the variance, R, G, B and their squares.
+    /// These are the filtered channels. For the variance, R, G, B and their squares follow.
     pub fn summed(&self) -> usize {
         self.filtered + if self.variance.is_some() { 6 } else { 0 }
     }
 
-    /// Returns true if any channel needs the nearest sample.
+    /// Returns true if any channel needs the nearest hit.
     pub fn has_nearest(&self) -> bool {
         [self.depth, self.distance, self.position, self.primitive, self.object]
             .iter()
@@ -101,8 +102,8 @@ impl PixelLayout {
     }
 
     /// Fills the words of a pixel from its `n` samples. `sums` holds the sum of each quantity of
-    /// [`PixelLayout::summed`]. For each kind, `mattes` holds the number of samples that hit each
-    /// id, in the order of the hits. Returns the coverage that the mattes cannot hold.
+    /// [`PixelLayout::summed`]. For each kind of mattes, `mattes` holds the ids with their numbers
+    /// of samples, in the order of first hits. Returns the coverage that the mattes cannot hold.
     #[inline(always)]
     pub fn fill(
         &self,
@@ -115,7 +116,7 @@ impl PixelLayout {
         let count = f64::from(n);
         let means = words[..self.filtered].iter_mut().zip(sums);
         if n.is_power_of_two() {
-            // The same bits as by division, and faster.
+            // Multiplication by a power of two is exact: the same bits as by division, and faster.
             let share = 1.0 / count;
             means.for_each(|(word, sum)| *word = ((sum * share) as f32).to_bits());
         } else {
@@ -149,13 +150,14 @@ impl PixelLayout {
     }
 }
 
-/// Returns the variance of samples from their sum and the sum of their squares, divided by n - 1.
+/// Returns the sample variance (divisor n - 1) from the sum of `n` samples and of their squares. 0
+/// for less than two samples, or if rounding makes it negative.
 #[inline(always)]
 fn variance(sum: f64, squares: f64, n: f64) -> f32 {
     if n < 2.0 { 0.0 } else { ((squares - sum * sum / n) / (n - 1.0)).max(0.0) as f32 }
 }
 
-/// Adds `times` to the count of an id.
+/// Adds `times` to the count of an id. A new id goes to the end.
 #[inline]
 pub fn count(counts: &mut Vec<(u32, u32)>, id: u32, times: u32) {
     match counts.iter_mut().find(|(known, _)| *known == id) {

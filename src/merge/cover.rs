@@ -1,4 +1,4 @@
-//! Checks that parts cover a picture exactly once: every sample of every pixel.
+//! Checks that parts cover every sample of every pixel of a picture exactly once.
 
 use std::ops::Range;
 
@@ -11,18 +11,18 @@ pub struct CoveredRegion {
     pub samples: Range<u32>,
 }
 
-/// A region that is not covered exactly once.
+/// A region that is not covered, or that two parts cover.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CoverFault {
     pub window: Window,
-    /// Samples concerned, in each of these pixels.
+    /// Range of samples in each pixel of the window.
     pub samples: Range<u32>,
-    /// Indices of two pieces that both contain them; `None` if they are missing.
+    /// Indices of two pieces that both contain the region; `None` if the region is missing.
     pub twice: Option<[usize; 2]>,
 }
 
-/// Returns everything in `whole` and `0..of` that the pieces do not cover exactly once, from top to
-/// bottom.
+/// Returns all regions of `whole` and of the samples `0..of` that the pieces do not cover exactly
+/// once, from top to bottom.
 pub fn faults(pieces: &[CoveredRegion], whole: Window, of: u32) -> Vec<CoverFault> {
     let mut rows: Vec<u32> = pieces.iter().flat_map(|p| [p.window.y0, p.window.y1]).collect();
     rows.extend([whole.y0, whole.y1]);
@@ -72,7 +72,7 @@ fn cuts(mut at: Vec<u32>, from: u32, to: u32) -> Vec<u32> {
     at
 }
 
-/// Adds a fault, or extends one that is equal and adjacent to it.
+/// Adds a fault. If an adjacent fault has the same samples and pieces, extends it instead.
 fn add(faults: &mut Vec<CoverFault>, new: CoverFault) {
     let same = |old: &&mut CoverFault| old.samples == new.samples && old.twice == new.twice;
     for old in faults.iter_mut().rev().filter(same) {

@@ -1,8 +1,8 @@
 //! Merges the parts of a picture into the [`Film`] that one render would have made, bit for bit.
 //!
-//! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples holds its
-//! channels as they are. A part with some of the samples holds sums (see
-//! [`crate::layers::RawLayout`]).
+//! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples of its pixels
+//! holds the channels of the picture. A part with some of the samples holds sums (see
+//! [`RawLayout`]).
 
 mod cover;
 pub mod part;
@@ -21,24 +21,24 @@ use crate::output::exr_read::{ExrReader, Rows};
 use self::cover::{CoverFault, CoveredRegion};
 pub use self::part::{PictureFormat, PictureTile};
 
-/// Approximate number of bytes of the parts' rows that are held at a time.
+/// Approximate number of bytes of the parts' rows in memory at a time. A band has at least 16 rows.
 const BAND_BYTES: usize = 128 << 20;
-/// Name of the fact that parts by Embree must have in common.
+/// Name of a fact that parts rendered with Embree must have in common.
 const INSTRUCTIONS: &str = "instruction set of Embree";
 /// Attribute of a render whose pixels differ from run to run.
 const UNREPRODUCIBLE: &str = "lightpath:reproducible";
-/// Maximum number of faults in a message.
+/// Maximum number of faults that an error lists.
 const MAX_NAMED_FAULTS: usize = 20;
 
 /// The parts of one picture, which cover it exactly once.
 #[derive(Debug)]
 pub struct Parts {
     open: Vec<Open>,
-    /// Description that all parts share.
+    /// Description of the first part. All parts share the fields about the whole picture.
     pub part: PictureTile,
 }
 
-/// A part whose file is open.
+/// A part whose header has been read and checked.
 #[derive(Debug)]
 struct Open {
     name: String,
@@ -47,8 +47,8 @@ struct Open {
     raw: Option<RawLayout>,
     /// Indices of R, G, B, A among the file's channels.
     beauty: [usize; 4],
-    /// Indices of the words of [`RawLayout`], or of the recipe's channels, among the file's
-    /// channels.
+    /// Indices among the file's channels: of the words of `raw`, or of the recipe's channels if
+    /// `raw` is `None`.
     words: Vec<usize>,
 }
 
@@ -57,7 +57,7 @@ impl Parts {
     ///
     /// # Errors
     /// `Invalid` for files that are not parts, for parts of different pictures, and for samples
-    /// that are missing or duplicated.
+    /// that are missing or duplicated. The errors of [`ExrReader::open`].
     pub fn open(paths: &[PathBuf]) -> Result<Self> {
         let mut failures = Failures::default();
         let open: Vec<Open> =
@@ -83,13 +83,13 @@ impl Parts {
         Ok(Self { open, part })
     }
 
-    /// Returns true if all parts hold the renders' full precision, so that the PNG will be the
-    /// same, too.
+    /// Returns true if all parts hold full precision. Then the PNG has the same pixels as that of
+    /// one render.
     pub fn exact(&self) -> bool {
         self.open.iter().all(|open| open.part.exact)
     }
 
-    /// Returns the attributes of the merged picture.
+    /// Returns the text attributes of the merged picture.
     pub fn attributes(&self) -> Vec<(String, String)> {
         let all = self.open.iter().take(1).flat_map(|open| open.reader.attributes.clone());
         all.filter(|(name, _)| name != part::ATTRIBUTE).collect()
@@ -100,7 +100,7 @@ impl Parts {
         self.open.first()?.reader.view
     }
 
-    /// Returns frame number and frame rate for the EXR header.
+    /// Returns frame number and frame rate of the merged picture.
     pub fn sequence(&self) -> Sequence {
         self.open.first().map(|open| open.reader.sequence).unwrap_or_default()
     }
@@ -108,7 +108,8 @@ impl Parts {
     /// Reads and merges the parts. Works on bands of rows, on the caller's rayon pool.
     ///
     /// # Errors
-    /// Damaged files; no memory for the picture; `Interrupted` after a signal.
+    /// `Invalid` for damaged files. `Retry` if a file has changed since [`Parts::open`], or if
+    /// there is no memory for the picture. `Interrupted` after a signal.
     pub fn film(&self, monitor: &Monitor) -> Result<Film> {
         let (part, whole) = (&self.part, self.part.whole());
         let frame = self.open.first().map_or([0; 2], |open| open.reader.frame);
@@ -150,15 +151,15 @@ impl Parts {
         Ok(film)
     }
 
-    /// Reads the rows of a band from every part that reaches into it.
+    /// Reads the rows `y0..y1` from every part that overlaps them.
     fn rows(&self, y0: u32, y1: u32) -> Result<Vec<(&Open, Rows)>> {
         let reaches = |w: Window| w.y0 < y1 && w.y1 > y0;
         let here = self.open.iter().filter(|open| reaches(open.reader.window));
         here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
     }
 
-    /// Makes one row of the picture from parts sorted by their samples. Returns the weights that
-    /// its mattes had no room for.
+    /// Makes one row of the picture. `parts` must be sorted by their samples. Returns the coverage
+    /// that the mattes cannot hold, of pixels that are merged from sums.
     fn line(
         &self,
         parts: &[(&Open, Rows)],
@@ -244,7 +245,7 @@ impl Open {
             Error::invalid(&name, "found a damaged part: its channels are not those of its layers")
         };
         let expected: Vec<Channel> = match &raw {
-            // Count before building the list: the file's numbers cannot be trusted.
+            // Compare the count before building the list: a damaged file may state any count.
             Some(raw) if raw.words().checked_add(BEAUTY) != Some(reader.channels.len()) => {
                 return Err(damaged());
             }
@@ -267,7 +268,7 @@ impl Open {
         Ok(Self { name, reader, part, raw, beauty, words })
     }
 
-    /// Returns why `other` is not a part of the same picture.
+    /// Returns why `other` is not a part of the same picture, or `None` if it is.
     fn difference(&self, other: &Self) -> Option<Problem> {
         let texts = |open: &Self| -> Vec<(String, String)> {
             let own = open.reader.attributes.iter().filter(|(name, _)| name != part::ATTRIBUTE);

@@ -1,4 +1,4 @@
-//! Description of a part: everything that a merge needs besides its pixels.
+//! Description of a part of a picture: all that a merge needs in addition to its pixels.
 
 use std::ops::Range;
 
@@ -17,19 +17,19 @@ pub const ATTRIBUTE: &str = "lightpath:part";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureTile {
-    /// SHA-256 of scene and files; `None` if a mesh came through a pipe.
+    /// SHA-256 of the scene and its files; `None` if a mesh is read from a pipe.
     pub fingerprint: Option<String>,
-    /// Instruction set of Embree, whose last bits may depend on it. `None` for a backend with the
-    /// same bits on all of them.
+    /// Instruction set of Embree: the last bits of its results may depend on it. `None` for
+    /// backends that give the same bits on every instruction set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub isa: Option<String>,
-    /// Pixels of the merged picture: x0, y0, x1, y1, the last two excluded.
+    /// Window of the merged picture: x0, y0, x1, y1, the last two exclusive.
     pub whole: [u32; 4],
     /// `[I, N]` of `--tile I/N`.
     pub tile: Option<[u32; 2]>,
-    /// First sample, and one past the last.
+    /// Index of the first sample, and one past the last.
     pub samples: [u32; 2],
-    /// Number of samples of the merged picture.
+    /// Number of samples per pixel of the merged picture.
     pub of: u32,
     /// True if the file holds full precision, false if it is rounded to 16-bit floats.
     pub exact: bool,
@@ -62,7 +62,7 @@ pub struct PictureFormat {
 }
 
 impl PictureFormat {
-    /// Returns the default format with this tone curve.
+    /// Returns the default format with the given tone mapping.
     pub fn new(tonemap: &Tonemap) -> Self {
         Self {
             float: false,
@@ -76,7 +76,7 @@ impl PictureFormat {
         }
     }
 
-    /// Returns the tone curve, or `None` if its name is unknown.
+    /// Returns the tone mapping of the PNG, or `None` if the name of its operator is unknown.
     pub fn curve(&self) -> Option<Tonemap> {
         let operator = serde_json::from_value(self.tonemap.as_str().into()).ok()?;
         Some(Tonemap { operator, exposure: self.exposure, srgb: self.srgb })
@@ -101,7 +101,8 @@ impl PictureTile {
         Window { x0, y0, x1, y1 }
     }
 
-    /// Returns what is wrong with the description, given the frame and the window of its file.
+    /// Returns what is wrong with the description, or `None`. `frame` and `window` are the display
+    /// and the data window of its file.
     pub fn problem(&self, frame: [u32; 2], window: Window) -> Option<&'static str> {
         let (whole, [first, end]) = (self.whole(), self.samples);
         let within = |inner: Window, outer: Window| {
@@ -132,8 +133,8 @@ impl PictureTile {
     }
 }
 
-/// Returns the rows of tile `i` (from 1) of `n`. The bands are cut at multiples of 16 rows if there
-/// are enough rows.
+/// Returns tile `i` (from 1) of `n`: a band of rows. `n` must be at most the height. If the tiles
+/// have at least 32 rows on average, all but the last have a multiple of 16 rows.
 pub fn band(window: Window, i: u32, n: u32) -> Window {
     let height = u64::from(window.height());
     let unit = if height / u64::from(n) >= 32 { 16 } else { 1 };

@@ -1,10 +1,10 @@
-//! Writes files atomically: a file is complete, or it is not there.
+//! Writes files atomically: under its final name, a file is complete or absent.
 //!
-//! A [`Part`] is `NAME.<unique>.part` in the target's folder. A rename within one folder is atomic;
-//! across file systems it is a copy. The part file is removed when it is dropped, so an error or a
-//! signal that stops the work leaves nothing. After `kill -9` a `.part` may remain, but never a
-//! broken target. The data is on the disk before the rename. So after a power cut the name still
-//! refers to a complete file.
+//! A [`Part`] is the file `NAME.<unique>.part` in the target's folder. A rename within one folder
+//! is atomic; across file systems it is a copy. Dropping a [`Part`] removes the file, so an error
+//! or a signal that stops the work leaves no file. `kill -9` may leave a `.part`, but never a
+//! broken target. The data is on the disk before the rename. So after a power cut the final name
+//! still refers to a complete file.
 
 use std::{
     collections::HashMap,
@@ -28,9 +28,9 @@ const SUFFIX: &str = ".part";
 /// The part files of this process.
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the part files of this process, which is about to end without cleaning up. It allocates
-/// no memory and does not wait. If another thread opens or closes a part file at this moment, the
-/// part files stay.
+/// Removes the part files of this process. For a process that ends without running destructors.
+/// Waits for no lock: if another thread is creating or dropping a [`Part`], all part files stay.
+/// Allocates no memory, except for a path too long for the standard library's stack buffer.
 pub fn remove_parts() {
     let live = LIVE.try_lock();
     live.iter().flat_map(|live| live.iter()).for_each(|path| {
@@ -46,7 +46,7 @@ pub struct Part {
     live: Live,
 }
 
-/// A path in [`LIVE`].
+/// Keeps a path in [`LIVE`] until it is dropped.
 #[derive(Debug)]
 struct Live(PathBuf);
 
@@ -71,8 +71,9 @@ impl Part {
     /// files.
     ///
     /// # Errors
-    /// `Invalid` if the folder is missing, is not a folder or is not writable, or if `target` is a
-    /// folder or a device. `Retry` if the disk is full.
+    /// `Invalid` if the folder is missing, is not a folder or is not writable. `Invalid` if
+    /// `target` is a folder or a device, has no file name, or contains a control character. `Retry`
+    /// if the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
         paths::printable(target)?;
@@ -91,10 +92,11 @@ impl Part {
         }
         let mut prefix = name.to_owned();
         prefix.push(".");
-        // Not opened by `tempfile`, which adds the name of the part file to every error.
+        // `tempfile` would add the name of the part file to every error.
         let create =
             |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
-        // Try again if a sweep removed the file before it was locked: it looked abandoned.
+        // Another process may sweep the file before it is locked, because it looks abandoned. Then
+        // try again.
         for _ in 0..8 {
             let file = tempfile::Builder::new()
                 .prefix(&prefix)
@@ -133,7 +135,7 @@ impl Part {
     /// Writes the whole text and gives the file its final name.
     ///
     /// # Errors
-    /// `Retry` if the disk is full. The target is unchanged then.
+    /// `Retry` if the disk is full, or the error of a failed rename. The target is unchanged then.
     pub fn finish(mut self, text: &str) -> Result<PathBuf> {
         self.fill(text.as_bytes())?;
         self.commit()
@@ -168,13 +170,14 @@ impl Part {
     }
 }
 
-/// Removes part files of writers that have died. Every folder is listed once.
+/// Removes part files whose writers have died. Each folder is listed only once.
 #[derive(Debug, Default)]
 pub struct Sweep(Mutex<HashMap<PathBuf, HashMap<OsString, Vec<PathBuf>>>>);
 
 impl Sweep {
-    /// Removes part files of `target` that existed when its folder was listed, if their writers
-    /// have died. Files that another process is writing stay. Returns the number removed.
+    /// Removes the abandoned part files of `target` that existed when its folder was listed. Part
+    /// files with a living writer stay. Returns the number of removed files, 0 from the second call
+    /// on.
     pub fn target(&self, target: &Path) -> usize {
         let mut folders = threads::lock(&self.0);
         let folder = folder_of(target);
@@ -186,11 +189,11 @@ impl Sweep {
     }
 }
 
-/// Returns the part files in a folder by the names of their targets.
+/// Returns the part files in a folder, grouped by the file name of their target.
 fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     let mut parts: HashMap<OsString, Vec<PathBuf>> = HashMap::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        // To open a pipe of this name would wait for its writer.
+        // Opening a pipe would wait for its writer.
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         if let Some(target) = target_of(&entry.file_name()).filter(|_| is_file) {
             parts.entry(target.to_owned()).or_default().push(entry.path());
@@ -199,7 +202,7 @@ fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     parts
 }
 
-/// Returns the target's name of a part file: `x.exr` for `x.exr.Ab12Cd.part`.
+/// Returns the target's name for the name of a part file: `x.exr` for `x.exr.Ab12Cd.part`.
 fn target_of(part: &OsStr) -> Option<&OsStr> {
     let part = Path::new(part);
     part.extension().filter(|end| *end == "part")?;
@@ -214,14 +217,14 @@ mod lock {
 
     use rustix::fs::{FlockOperation, flock};
 
-    /// Locks a new file. Returns false if the file has lost its name meanwhile. If the file system
-    /// has no locks, no file is ever swept.
+    /// Locks a new file. Returns false if another process has removed the file in the meantime. A
+    /// failed lock is ignored: on a file system without locks, no file is ever swept.
     pub fn lock_new(file: &File) -> bool {
         let _ = flock(file, FlockOperation::NonBlockingLockExclusive);
         file.metadata().map_or(true, |data| data.nlink() > 0)
     }
 
-    /// Returns true if no process holds the lock.
+    /// Returns true if the file can be locked, so that no process holds its lock.
     pub fn is_abandoned(path: &Path) -> bool {
         File::open(path)
             .is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
@@ -240,21 +243,22 @@ mod lock {
     }
 }
 
-/// A small text file that is written atomically, or a device (`/dev/stdout`) that is written
-/// directly.
+/// A small text file that is written atomically, or a device or pipe (`/dev/stdout` on a terminal)
+/// that is written directly.
 #[derive(Debug)]
 pub enum TextFile {
     /// A file that is renamed when it is complete.
     Part(Part),
-    /// A device, which is not renamed.
+    /// A device or pipe, which is not renamed.
     Device(PathBuf, File),
 }
 
 impl TextFile {
-    /// Opens `target` for writing: creates a part file, or opens the device.
+    /// Opens `target` for writing: creates a part file, or opens the device or pipe.
     ///
     /// # Errors
-    /// The same as [`Part::create`].
+    /// The same as [`Part::create`] for a file. A control character in the name of a device, or a
+    /// device that cannot be opened.
     pub fn create(target: &Path) -> Result<Self> {
         match std::fs::metadata(target) {
             Ok(data) if !data.is_file() && !data.is_dir() => {
@@ -267,10 +271,10 @@ impl TextFile {
         }
     }
 
-    /// Writes the whole text and gives the file its final name.
+    /// Writes the whole text. A part file gets its final name.
     ///
     /// # Errors
-    /// `Retry` if the disk is full. The target is unchanged then.
+    /// The same as [`Part::finish`]. A device may have received some of the text.
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
             Self::Part(part) => part.finish(text),
@@ -283,7 +287,7 @@ impl TextFile {
     }
 }
 
-/// Returns the folder of a file: the working folder for a bare name.
+/// Returns the folder of a file: `.` for a bare name.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -1,5 +1,5 @@
-//! Checks an EXR before it is decoded. The `exr` crate trusts some values that a damaged file can
-//! state.
+//! Checks an EXR before it is decoded. The `exr` crate trusts some values that may be wrong in a
+//! damaged file.
 
 use std::{
     fs::File,
@@ -20,18 +20,18 @@ use exr::{
 use crate::error::{Error, Kind, Problem, Result};
 
 /// Number of 64-bit integers at the start of a DWAA or DWAB chunk (OpenEXR,
-/// `internal_dwa_compressor.h`). They hold the version, then size, count and packing of each
-/// section.
+/// `internal_dwa_compressor.h`). They hold the version, then sizes and counts of the sections, then
+/// the packing of the AC coefficients.
 const COUNTERS: usize = 11;
 
-/// The integers that state sizes.
+/// Indices of the integers that are sizes or counts.
 const SIZES: std::ops::Range<usize> = 1..10;
 
-/// Checks for values that make the `exr` crate divide by zero, or allocate more memory than the
-/// file justifies.
+/// Checks for values that make the `exr` crate divide by zero, or allocate far more memory than the
+/// pixels need.
 ///
 /// # Errors
-/// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that states
+/// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that announces
 /// more than its pixels need. `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
@@ -71,16 +71,16 @@ fn is_dwa(header: &Header) -> bool {
     matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
 }
 
-/// Returns the size in bytes of a chunk's pixels. A chunk of this size is not compressed: no
-/// compression made it smaller.
+/// Returns the size in bytes of a chunk's pixels. A chunk of this size is stored uncompressed,
+/// because compression did not make it smaller.
 fn stored_bytes(header: &Header, chunk: &Chunk) -> ExrResult<usize> {
     let indices = header.get_block_data_indices(&chunk.compressed_block)?;
     let bounds = header.get_absolute_block_pixel_coordinates(indices)?;
     Ok(bounds.size.area().saturating_mul(header.channels.bytes_per_pixel))
 }
 
-/// Returns the largest size that a DWAA or DWAB chunk states. Returns 0 if the chunk is too short
-/// for any size, or if its pixels are `stored` uncompressed.
+/// Returns the largest size or count that a DWAA or DWAB chunk announces. Returns 0 if the chunk is
+/// too short for the integers, or if it has `stored` bytes and so is uncompressed.
 fn announced(chunk: &Chunk, stored: usize) -> u64 {
     let bytes = match &chunk.compressed_block {
         CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
@@ -97,8 +97,8 @@ fn announced(chunk: &Chunk, stored: usize) -> u64 {
     values.enumerate().filter(|(i, _)| SIZES.contains(i)).map(|(_, value)| value).max().unwrap_or(0)
 }
 
-/// Returns an upper bound for every size in a valid chunk: four times its pixels, rounded up to
-/// blocks of 8 x 8, and a little more.
+/// Returns an upper bound for every size and count in a valid chunk: four times the bytes of its
+/// pixels, with 8 more pixels on each axis for incomplete blocks of 8 x 8, plus 4 KiB.
 fn max_announced(header: &Header) -> u64 {
     let (width, height) = match header.blocks {
         BlockDescription::ScanLines => {
@@ -110,13 +110,14 @@ fn max_announced(header: &Header) -> u64 {
     pixels.saturating_mul(4 * header.channels.bytes_per_pixel as u64).saturating_add(1 << 12)
 }
 
-/// The bytes of the compression attribute in a header; the number of the compression follows.
+/// The bytes of the compression attribute in a header. The number of the compression follows them.
 const COMPRESSION: &[u8] = b"compression\0compression\0\x01\0\0\0";
 
 /// The highest number of a compression that can be read: DWAB.
 const LAST_COMPRESSION: u8 = 9;
 
-/// Checks whether an EXR has a compression that the `exr` crate does not support.
+/// Checks whether an EXR has a compression that the `exr` crate does not support. Searches the
+/// first 64 KiB. Returns `Ok` for a file that is not EXR or cannot be read.
 ///
 /// # Errors
 /// `Unsupported`, with the name of the compression.
@@ -144,7 +145,8 @@ pub fn check_compression(path: &Path) -> Result<()> {
         .help("save the file with ZIP: nothing is lost"))
 }
 
-/// Converts an error of the `exr` crate to an error about the file.
+/// Converts an error of the `exr` crate to an error about the file. An unsupported compression
+/// takes precedence.
 pub fn exr_error(path: &Path, error: ExrError) -> Error {
     if let Err(unknown) = check_compression(path) {
         return unknown;

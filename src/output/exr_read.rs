@@ -29,10 +29,12 @@ use crate::{
 use super::exr::{CameraMatrices, Sequence, text::decode};
 use super::exr_check::{self, exr_error};
 
-/// Upper bound of the ratio that a lossless compression of the format can reach.
+/// Upper bound of the ratio that a lossless compression of the format can reach. zlib, the highest,
+/// reaches 1032.
 const MAX_RATIO: usize = 1100;
 
-/// An open EXR with one part, in scanlines, whose data window is inside its display window.
+/// The header of an EXR with one part, in scanlines. Its display window begins at (0, 0) and
+/// contains its data window. [`ExrReader::rows`] opens the file again.
 #[derive(Debug)]
 pub struct ExrReader {
     path: PathBuf,
@@ -47,26 +49,26 @@ pub struct ExrReader {
     pub attributes: Vec<(String, String)>,
     /// The attribute `software`: the program that wrote the file.
     pub software: String,
-    /// The camera, if the file has it.
+    /// The camera; `None` if the file has no `worldToCamera`.
     pub view: Option<CameraMatrices>,
     /// The position of the picture in a sequence.
     pub sequence: Sequence,
 }
 
-/// Some rows of all channels.
+/// The values of all channels in some rows.
 #[derive(Debug)]
 pub struct Rows {
     /// Number of channels in a pixel.
     stride: usize,
     width: usize,
     y0: u32,
-    /// Row by row, pixel by pixel, the channels: the bits of an f32, or a u32.
+    /// A word for each channel, pixel by pixel, row by row: the bits of an f32, or a u32.
     words: Vec<u32>,
 }
 
 impl Rows {
-    /// Returns the channels of a pixel: `x` from the left of the data window, `y` from the top of
-    /// the frame.
+    /// Returns the channels of a pixel. `x` counts from the left of the data window, `y` from the
+    /// top of the frame. Panics outside the rows that were read.
     pub fn pixel(&self, x: usize, y: u32) -> &[u32] {
         let index = ((y - self.y0) as usize * self.width + x) * self.stride;
         &self.words[index..index + self.stride]
@@ -77,7 +79,8 @@ impl ExrReader {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// `Invalid` for a file that is not EXR, is truncated, or is not of this kind.
+    /// `Invalid` for a file that is not EXR, is truncated, or is not of the kind of [`ExrReader`].
+    /// `Unsupported` for a compression that cannot be read.
     pub fn open(path: &Path) -> Result<Self> {
         let failed = |error| exr_error(path, error);
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -166,17 +169,19 @@ impl ExrReader {
         found.map(|(_, value)| value.as_str())
     }
 
-    /// Reads those of the frame's `rows` that the file contains, on the caller's rayon pool.
+    /// Reads the rows that are in `rows` (rows of the frame) and in the data window. The two must
+    /// overlap. Decompresses on the caller's rayon pool.
     ///
     /// # Errors
-    /// `Invalid` for damaged or missing pixels.
+    /// `Invalid` for damaged or missing pixels. `Retry` if the file has changed since
+    /// [`ExrReader::open`].
     pub fn rows(&self, rows: Range<u32>) -> Result<Rows> {
         let failed = |error| exr_error(&self.path, error);
         let window = self.window;
         let (y0, y1) = (rows.start.max(window.y0), rows.end.min(window.y1));
         let read = |error: std::io::Error| Error::io(&self.path, "read", &error);
         let file = File::open(&self.path).map_err(read)?;
-        // The header must belong to the same file contents.
+        // The header was read earlier. The file must not have changed since.
         if Stamp::of(&file.metadata().map_err(read)?) != self.stamp {
             return Err(changed(&self.path));
         }
@@ -208,7 +213,8 @@ impl ExrReader {
         Ok(Rows { stride, width, y0, words })
     }
 
-    /// Copies the lines of a block to `words`.
+    /// Copies the lines of a block to `words`, whose first row is row `first` of the data window.
+    /// Sets `seen` for each row that was copied.
     fn unpack(
         &self,
         block: &UncompressedBlock,

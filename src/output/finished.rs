@@ -1,4 +1,4 @@
-//! Checks existing pictures: whether they are complete, and which fingerprint they have.
+//! Checks existing pictures: whether they are complete, and which fingerprint they hold.
 
 use std::{
     fs::File,
@@ -10,8 +10,8 @@ use ::exr::meta::{MetaData, attribute::AttributeValue};
 
 use super::exr::read_sorted;
 
-/// Name of the EXR attribute and PNG text that hold the fingerprint: a line that identifies the
-/// inputs of the render.
+/// Name of the EXR attribute and of the PNG text with the fingerprint: a line of hashes that
+/// identifies the inputs of the render.
 pub const FINGERPRINT: &str = "lightpath:fingerprint";
 
 /// The state of an output file.
@@ -19,13 +19,14 @@ pub const FINGERPRINT: &str = "lightpath:fingerprint";
 pub enum FileState {
     /// There is no file.
     Missing,
-    /// The file is truncated, it has another format, or it is no regular file.
+    /// The file is truncated, has another format, is no regular file, or cannot be read.
     Broken,
-    /// The file is complete. The fingerprint states the inputs of the render, if the file has one.
+    /// The file is complete. It holds the fingerprint, or `None` if the file has none.
     Whole(Option<String>),
 }
 
-/// Checks an EXR file: every block in its table must be there.
+/// Checks an EXR file. It is complete if its table of blocks is, and if the block with the highest
+/// offset ends where the file ends. Blocks are not decoded.
 pub fn exr(path: &Path) -> FileState {
     inspect(path, |file| {
         let meta = MetaData::read_from_buffered(BufReader::new(&mut *file), false).ok()?;
@@ -63,7 +64,7 @@ pub fn exr(path: &Path) -> FileState {
     })
 }
 
-/// Checks a PNG file: it must have its last chunk.
+/// Checks a PNG file. It is complete if it ends with the chunk `IEND`. Pixels are not decoded.
 pub fn png(path: &Path) -> FileState {
     /// Length, name and checksum of the last chunk of a PNG.
     const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
@@ -81,7 +82,7 @@ pub fn png(path: &Path) -> FileState {
 }
 
 fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> FileState {
-    // To open a pipe waits for its writer.
+    // Opening a pipe would wait for its writer.
     if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
         return FileState::Broken;
     }

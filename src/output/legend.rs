@@ -14,29 +14,29 @@ use crate::colormap::ColorMap;
 
 use super::tonemap::{Depth, PixelFormat};
 
-/// Sides of a picture in pixels from which the large font is used.
+/// The large font is used if both sides of the picture have at least this many pixels.
 const LARGE: u32 = 500;
-/// Most ticks on a bar.
+/// Maximum number of ticks on a bar.
 const MAX_TICKS: f64 = 7.0;
-/// Most characters of a property's name.
+/// Maximum number of characters of a property's name; the rest is not drawn.
 const MAX_NAME: usize = 24;
 const PAPER: [u8; 3] = [244, 245, 247];
 const INK: [u8; 3] = [28, 33, 38];
 
-/// The colour map of a property, as a picture shows it.
+/// The colour map of a property and the range of values that it shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Legend {
     /// Name of the property.
     pub name: String,
     /// Colour map.
     pub map: ColorMap,
-    /// Values at the two ends of the map; they differ.
+    /// Values at the low and the high end of the map. They must differ; either may be the larger.
     pub range: [f64; 2],
-    /// Colour of values that are not finite, as 8-bit sRGB, if there are any.
+    /// Colour of values that are not finite, as 8-bit sRGB; `None` if there are no such values.
     pub nan: Option<[u8; 3]>,
 }
 
-/// The pixels of a PNG.
+/// The pixels of a PNG, to draw into.
 pub struct Canvas<'a> {
     /// Samples, row by row.
     pub bytes: &'a mut [u8],
@@ -47,7 +47,7 @@ pub struct Canvas<'a> {
 }
 
 impl Legend {
-    /// Draws the legend at the right border, on an opaque panel. What does not fit is cut off.
+    /// Draws the legend at the right border, on an opaque panel. Whatever does not fit is cut off.
     pub fn draw(&self, canvas: &mut Canvas) {
         let [width, height] = canvas.size;
         let large = width.min(height) >= LARGE;
@@ -88,13 +88,14 @@ impl Legend {
         }
     }
 
-    /// Position of a value on the map: 0 at the first end of the range, 1 at the other.
+    /// Position of a value on the map: 0 at `range[0]`, 1 at `range[1]`.
     fn position(&self, value: f64) -> f64 {
         let [low, high] = self.range;
         (value - low) / (high - low)
     }
 
-    /// Values of the ticks and their texts: multiples of 1, 2 or 5 times a power of ten.
+    /// Values and texts of the ticks: multiples of 1, 2 or 5 times a power of ten. If an f64 is too
+    /// coarse for such steps, the two ends of the range.
     fn ticks(&self) -> Vec<(f64, String)> {
         let [a, b] = self.range;
         let (low, high) = (a.min(b), a.max(b));
@@ -103,7 +104,7 @@ impl Legend {
         let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * 10f64.powf(power));
         let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
         let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
-        // A range far from zero may have no digits for a step.
+        // Far from zero, `first` and `first + 1` may round to the same f64.
         if !(last - first <= MAX_TICKS) || !(first + 1.0 > first) {
             return self.range.map(|end| (end, format!("{end:e}"))).into();
         }
@@ -140,7 +141,7 @@ impl Canvas<'_> {
         let _ = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
     }
 
-    /// Sets a pixel inside the picture to an 8-bit sRGB colour, opaque.
+    /// Sets a pixel to an opaque 8-bit sRGB colour. `x` must be less than the width.
     fn put(&mut self, x: u32, y: u32, color: [u8; 3]) {
         let PixelFormat { alpha, srgb, depth } = self.color;
         let sample = usize::from(depth.bits() / 8);

@@ -32,7 +32,7 @@ pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};
 
 use atomic::Part;
 
-/// The files `PREFIX.exr` and `PREFIX.png` while they are written.
+/// The part files of `PREFIX.exr`, `PREFIX.png` and further files of the same picture.
 #[derive(Debug)]
 pub struct Outputs {
     exr: Part,
@@ -47,14 +47,13 @@ pub struct WriteOptions<'a> {
     pub tonemap: &'a Tonemap,
     /// True if the PNG has an alpha channel.
     pub transparent: bool,
-    /// Colours behind the PNG's pixels, row by row. The PNG then has no alpha.
+    /// Colours behind the PNG's pixels: one for each pixel of the film. The PNG then has no alpha.
     pub over: Option<&'a [[f32; 3]]>,
     /// Number of bits of the PNG's channels.
     pub depth: tonemap::Depth,
     /// Legend to draw into the PNG.
     pub legend: Option<&'a legend::Legend>,
-    /// Fingerprint of the render's inputs, for both files: an attribute of the EXR, a text of the
-    /// PNG.
+    /// Fingerprint of the render's inputs: an attribute of the EXR and a text of the PNG.
     pub fingerprint: Option<&'a str>,
     /// Metadata and encoding of the EXR.
     pub exr: exr::Options<'a>,
@@ -66,28 +65,30 @@ impl Outputs {
         [".exr", ".png"].map(|ending| paths::with_ending(prefix, ending))
     }
 
-    /// Creates both part files.
+    /// Creates the part files of the EXR and the PNG.
     ///
     /// # Errors
-    /// `Invalid` if the folder is missing, is not a folder or is not writable.
+    /// The same as [`Part::create`].
     pub fn create(prefix: &Path) -> Result<Self> {
         let [exr, png] = Self::names(prefix);
         Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)?, beside: Vec::new() })
     }
 
-    /// Adds a further file of the same picture. It must be written and synced. It gets its final
-    /// name together with the other two. Returns that name.
+    /// Adds a further file of the same picture, which must be written and synced.
+    /// [`Outputs::write`] gives it its final name. Returns that name.
     pub fn add(&mut self, part: Part) -> PathBuf {
         let target = part.target().to_owned();
         self.beside.push(part);
         target
     }
 
-    /// Writes both files, then renames all. Uses the caller's rayon pool.
+    /// Writes the EXR and the PNG, then renames all files. Uses the caller's rayon pool. Returns
+    /// the names of the EXR and the PNG, and counts of the values that they cannot hold.
     ///
     /// # Errors
-    /// `Retry` if the disk is full, `Interrupted` if a signal arrives before the renames. No file
-    /// has its final name then.
+    /// `Retry` if the disk is full, `Limit` for a size that a format cannot hold, `Interrupted` if
+    /// a signal arrives before the renames. No file has its final name then. If a rename fails, the
+    /// files that were renamed before it stay.
     pub fn write(
         mut self,
         film: &Film,
@@ -113,7 +114,7 @@ impl Outputs {
         exr?;
         png?;
         monitor.check()?;
-        // Renamed before the EXR, which may refer to them.
+        // The EXR may refer to the further files, so they are renamed first.
         self.beside.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         Ok((paths, ValueCounts::count(film, options.exr.float)))

@@ -1,8 +1,9 @@
-//! Puts a picture over a plate, for the PNG.
+//! Composites a picture over a plate (a background image), for the PNG.
 
 use rayon::prelude::*;
 
-/// Returns premultiplied pixels over opaque ones by the over operator, with alpha 1.
+/// Composites premultiplied `pixels` over the opaque `plate` with the over operator. The result has
+/// alpha 1.
 pub fn over(pixels: &[[f32; 4]], plate: &[[f32; 3]]) -> Vec<[f32; 4]> {
     let pairs = pixels.par_iter().zip(plate).with_min_len(1024);
     let composed = pairs.map(|(&[r, g, b, alpha], &[x, y, z])| {

@@ -1,5 +1,5 @@
-//! Writes the PNG, the picture for viewing: 8 or 16 bits, tone mapped, straight alpha if there is
-//! any.
+//! Writes the PNG, the picture for viewing: 8 or 16 bits, tone mapped. An alpha channel is
+//! straight.
 //!
 //! The file states its encoding, so that viewers need not guess: an `sRGB` chunk for the sRGB
 //! curve, `gAMA` 1.0 for linear values.
@@ -25,7 +25,8 @@ use super::{
     tonemap::{self, Depth, PixelFormat},
 };
 
-/// Writes the film's data window. `path` is for messages.
+/// Writes the film's data window: over the plate if there is one, tone mapped, with the legend.
+/// `path` is for messages.
 ///
 /// # Errors
 /// `Retry` if the disk is full, `Limit` for a size that PNG cannot hold.
@@ -48,7 +49,7 @@ pub fn write(
     encode(film, &bytes, color, fingerprint, file, path)
 }
 
-/// Writes one number for each pixel, 16 bits grey, without a tone curve.
+/// Writes one id for each pixel of the film's data window: 16 bits grey, without a tone curve.
 ///
 /// # Errors
 /// The same as [`write()`].
@@ -66,7 +67,7 @@ pub fn write_ids(film: &Film, ids: &[u16], file: &mut impl Write, path: &Path) -
     buffered.flush().map_err(|error| Error::io(path, "write", &error))
 }
 
-/// Writes the pixels of the film's data window.
+/// Writes `bytes`, the encoded pixels of the film's data window. `path` is for messages.
 ///
 /// # Errors
 /// The same as [`write()`].
@@ -81,8 +82,8 @@ pub fn encode(
     let mut buffered = BufWriter::new(file);
     let (width, height) = (film.window.width(), film.window.height());
     let mut encoder = Encoder::new(&mut buffered, width, height);
-    // The PNG is for viewing only. Fast compression writes both files in less than half of the
-    // time; the PNG has 1.2 to 2.1 times the bytes.
+    // The PNG is for viewing only. Fast compression more than halves the time to write EXR and PNG
+    // together. The PNG has 1.2 to 2.1 times the bytes.
     encoder.set_compression(Compression::Fast);
     encoder.set_depth(match color.depth {
         Depth::Eight => BitDepth::Eight,

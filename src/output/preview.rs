@@ -1,4 +1,4 @@
-//! Converts layers to 8-bit pictures for viewing. Values are mapped to a visible range.
+//! Converts layers to 8-bit pictures for viewing (`--png-layer`). Values are mapped to [0, 255].
 
 use rayon::prelude::*;
 
@@ -9,24 +9,24 @@ use super::srgb;
 /// How the values of a layer are mapped.
 #[derive(Debug, Clone, Copy)]
 enum Mapping {
-    /// From the smallest (white) to the largest (dark) depth of a hit; misses are black.
+    /// The smallest depth of a hit is white, the largest is dark grey; misses are black.
     Depth,
     /// From [-1, 1] to [0, 1]; zero vectors are black.
     Direction,
     /// Each axis from its smallest to its largest value; zero vectors are black.
     Range,
-    /// An arbitrary colour for each number; 0 is black.
+    /// A pseudo-random colour for each id; 0 is black.
     Number,
     /// The fractional parts of u and v in red and green.
     Coordinates,
     /// Clamped to [0, 1], with the sRGB curve.
     Colour,
-    /// Divided by the largest value, with the sRGB curve.
+    /// Divided by the largest value of the layer, with the sRGB curve.
     Relative,
 }
 
-/// Returns R, G, B of every pixel, or `None` if the film has no such layer. Mattes show the id with
-/// the most coverage in a pixel.
+/// Returns R, G, B of every pixel as bytes, or `None` if the film has no such layer. A matte layer
+/// shows the id with the most coverage in each pixel.
 pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     let channels = channels(film, layer)?;
     let mapping = match layer {
@@ -64,8 +64,8 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
     Some(picture.collect::<Vec<[u8; 3]>>().into_flattened())
 }
 
-/// Returns the first three channels of the layer, without `A`. If there are fewer, the last one is
-/// repeated.
+/// Returns the indices of the layer's first three channels, without `A`. If there are fewer, the
+/// last index is repeated.
 fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     let all = film.planes.channels.iter().enumerate();
     let belongs = |name: &str| match name.strip_prefix(layer) {
@@ -80,8 +80,8 @@ fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     Some(std::array::from_fn(|axis| found.get(axis).copied().unwrap_or(last)))
 }
 
-/// Returns the smallest and the largest value of a channel, without the values of misses (0 or
-/// 1e30).
+/// Returns the smallest and the largest value of a channel. Ignores NaN and the values of misses:
+/// 0, and absolute values of 1e30 or more.
 fn range(film: &Film, channel: usize) -> [f32; 2] {
     let values = (0..film.pixels.len()).into_par_iter().with_min_len(4096);
     let values = values.map(|pixel| film.planes.float(channel, pixel));
@@ -91,7 +91,8 @@ fn range(film: &Film, channel: usize) -> [f32; 2] {
     values.map(|value| [value; 2]).reduce(none, wider)
 }
 
-/// Returns a bright colour for every number but 0, by the last mixing step of MurmurHash3.
+/// Returns a bright colour for every id but 0: a hash by MurmurHash3's finaliser without its last
+/// shift.
 fn colour(number: u32) -> [u8; 3] {
     if number == 0 {
         return [0; 3];

@@ -12,20 +12,20 @@ pub fn to_linear(x: f64) -> f64 {
     if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Returns `from_linear(x)` as a byte, rounded half up, for x in [0, 1].
+/// Returns `from_linear(x)` as a byte, rounded half up, for x in [0, 1]. Returns 0 for NaN.
 pub fn byte(x: f64) -> u8 {
     BYTES.lookup(x)
 }
 
 static BYTES: LazyLock<Bytes> = LazyLock::new(Bytes::new);
 
-/// Number of bins. The curve rises by at most 12.92 * 255 = 3295 bytes per unit, so no bin contains
-/// two steps.
+/// Number of bins of [0, 1] in the table. The curve rises by at most 12.92 * 255 = 3295 bytes per
+/// unit of x, less than one byte per bin. So the byte increases at most once in a bin.
 const BINS: usize = 4096;
 
 /// Table of the values at which the byte increases.
 struct Bytes {
-    /// Minimum x of each byte; infinity after the last one.
+    /// Minimum x of each byte; infinity after the last byte.
     min_x: [f64; 257],
     /// The byte at the lower end of each bin.
     first: [u8; BINS + 1],
@@ -56,14 +56,14 @@ fn rounded(x: f64) -> u8 {
     (255.0 * from_linear(x) + 0.5) as u8
 }
 
-/// Returns the minimum x of a byte.
+/// Returns the minimum x for which [`rounded`] returns `byte`.
 fn step(byte: u8) -> f64 {
     if byte == 0 {
         return 0.0;
     }
     let y = (f64::from(byte) - 0.5) / 255.0;
     let mut x = if y <= 0.040_45 { y / 12.92 } else { ((y + 0.055) / 1.055).powf(2.4) };
-    // The inverse may be off by some ulp.
+    // The inverse may be off by some ulp. Step from below to the first x of the byte.
     while rounded(x) >= byte {
         x = f64::from_bits(x.to_bits() - 1);
     }

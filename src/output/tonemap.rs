@@ -1,8 +1,8 @@
-//! Converts radiance to 8-bit or 16-bit values, for the PNG only. docs/guide/scene-format.md,
-//! `tonemap`, specifies it.
+//! Converts radiance to 8-bit or 16-bit values for viewing: the PNG, and pictures in reports. The
+//! EXR is not tone mapped. docs/guide/scene-format.md, `tonemap`, specifies the conversion.
 //!
-//! A transparent picture has straight alpha: colour is divided by alpha first, also for the maximum
-//! of the operator `max`. NaN and infinities are replaced as by `finite`.
+//! A transparent picture has straight alpha: colour is first divided by alpha, also to find the
+//! maximum for the operator `max`. `finite` replaces NaN and infinite values.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use crate::scene::{ToneOperator, Tonemap};
 
 use super::{srgb, value_counts::finite};
 
-/// The format of a pixel of a PNG.
+/// The format of a PNG's pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct PixelFormat {
     /// True for R, G, B, A; false for R, G, B.
@@ -29,7 +29,7 @@ pub enum Depth {
     #[default]
     #[serde(rename = "8")]
     Eight,
-    /// Two bytes per channel, big-endian.
+    /// Two bytes per channel, big-endian as in a PNG.
     #[serde(rename = "16")]
     Sixteen,
 }
@@ -49,7 +49,8 @@ pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Ve
     to_samples(pixels, tonemap, transparent, Depth::Eight)
 }
 
-/// Returns pixels, row-major: 4 values each with `transparent`, else 3.
+/// Returns the bytes of the pixels, row-major: 4 channels with `transparent`, else 3. Each channel
+/// has the bytes of `depth`.
 pub fn to_samples(
     pixels: &[[f32; 4]],
     tonemap: &Tonemap,
@@ -80,17 +81,17 @@ pub fn to_samples(
     bytes
 }
 
-/// A tone curve with its scale computed.
+/// A tone curve, with its scale computed for a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Curve {
     operator: ToneOperator,
-    /// 2^exposure, for `max` divided by the maximum.
+    /// 2^exposure. For `max`, divided by the maximum.
     scale: f64,
     srgb: bool,
 }
 
 impl Curve {
-    /// Makes the curve for these pixels. Only `max` depends on them.
+    /// Makes the curve for a picture. Only the operator `max` depends on its pixels.
     pub fn new(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Self {
         let gain = f64::from(tonemap.exposure).exp2();
         let scale = match tonemap.operator {
@@ -103,12 +104,12 @@ impl Curve {
         Self { operator: tonemap.operator, scale, srgb: tonemap.srgb }
     }
 
-    /// Maps the value of one channel to a byte.
+    /// Maps the value of one channel, in radiance and divided by alpha, to a byte.
     pub fn to_byte(&self, value: f64) -> u8 {
         self.byte(self.exposed(value))
     }
 
-    /// Maps the value of one channel to [0, 1], linear.
+    /// Maps the value of one channel to [0, 1]: exposure and operator, without the sRGB curve.
     #[inline(always)]
     fn exposed(&self, value: f64) -> f64 {
         let x = (value * self.scale).max(0.0);
@@ -116,11 +117,11 @@ impl Curve {
             ToneOperator::Max | ToneOperator::Clamp => x,
             ToneOperator::Reinhard => x / (1.0 + x),
         };
-        // The transfer curve keeps [0, 1], so clamping before it gives the same result.
+        // The transfer curve maps [0, 1] to [0, 1], so clamping before it gives the same result.
         x.min(1.0)
     }
 
-    /// Encodes a value in [0, 1] with the transfer curve of the file.
+    /// Encodes a value in [0, 1] with the transfer curve: sRGB or linear.
     fn encode(&self, x: f64) -> f64 {
         if self.srgb { srgb::from_linear(x) } else { x }
     }
@@ -137,7 +138,8 @@ fn quantise(x: f64) -> u8 {
     (255.0 * x + 0.5) as u8
 }
 
-/// Returns the colour to tone map: divided by alpha if the picture is transparent.
+/// Returns the colour to tone map: divided by alpha if the picture is transparent; black where
+/// alpha is not positive.
 fn straight(pixel: &[f32; 4], transparent: bool) -> [f64; 3] {
     let [r, g, b, a] = pixel.map(|c| f64::from(finite(c)));
     match transparent {

@@ -1,4 +1,4 @@
-//! Values that the files cannot hold: how they are replaced, and how many there are.
+//! Values that the files cannot hold: replaces and counts them.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::film::{ChannelKind, Dropped, Film};
 /// Largest finite value of a half-float.
 pub const HALF_MAX: f32 = 65504.0;
 
-/// The location of a value in a film.
+/// The pixel and the channel of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ValueLocation {
     /// Pixel of the frame, `[x, y]` from the top left.
@@ -26,22 +26,23 @@ impl std::fmt::Display for ValueLocation {
 /// Counts of values that the files cannot hold.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ValueCounts {
-    /// Number of pixels with a NaN or infinite channel. NaN becomes 0, infinities the largest half.
+    /// Number of pixels with a NaN or infinite channel. In the file, NaN becomes 0, and an infinity
+    /// becomes the largest half of the same sign.
     pub non_finite: u64,
-    /// Location of the first such value.
+    /// Location of the first such value, row by row.
     pub first_non_finite: Option<ValueLocation>,
-    /// Number of pixels whose values are all finite, but some beyond the range of the half that is
-    /// written.
+    /// Number of pixels whose values are all finite, but at least one is clamped to the range of a
+    /// half.
     pub clamped: u64,
-    /// Location of the first such value.
+    /// Location of the first clamped value in these pixels, row by row.
     pub first_clamped: Option<ValueLocation>,
-    /// Coverage that the mattes cannot hold.
+    /// Coverage that the mattes cannot hold, as recorded in the film.
     pub dropped: Dropped,
 }
 
 impl ValueCounts {
-    /// Counts the values in all pixels of a film, on the threads of the caller's rayon pool. With
-    /// `float`, no value is written as half.
+    /// Counts the pixels of a film with such values, on the threads of the caller's rayon pool.
+    /// With `float`, no value is written as a half, so none is clamped.
     pub fn count(film: &Film, float: bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
@@ -79,7 +80,8 @@ impl ValueCounts {
         Self { dropped: film.dropped, ..found.reduce(Self::default, Self::then) }
     }
 
-    /// Counts one pixel. Each value has a channel name and a maximum absolute value.
+    /// Counts one pixel. Each item is a channel's name, its value, and the largest absolute value
+    /// that the file can hold.
     fn add<'a>(
         &mut self,
         pixel: [i32; 2],
@@ -96,7 +98,7 @@ impl ValueCounts {
         }
     }
 
-    /// Combines the counts of these pixels and of later ones.
+    /// Combines the counts of these pixels with those of later pixels.
     fn then(self, next: Self) -> Self {
         Self {
             non_finite: self.non_finite + next.non_finite,
@@ -108,7 +110,8 @@ impl ValueCounts {
     }
 }
 
-/// Returns a value that every format can hold: NaN becomes 0, infinities the largest half.
+/// Replaces values that are not finite: NaN becomes 0, an infinity becomes the largest half of the
+/// same sign. Finite values stay, even beyond the range of a half.
 #[inline(always)]
 pub fn finite(value: f32) -> f32 {
     if value.is_nan() {

@@ -34,7 +34,7 @@ fn main() {
     }
 }
 
-/// The arrays that a reader made, kept alive until the time is taken.
+/// The arrays that a reader makes. Kept alive until the clock stops, so that freeing is not timed.
 enum Arrays {
     Plain(Vec<[f32; 3]>, Vec<[u32; 3]>),
     Mesh(Box<lightpath::mesh::Mesh>),

@@ -70,7 +70,7 @@ pub struct Cost {
     pub read: u64,
 }
 
-// shim.cpp declares the same structures.
+// shim.cpp declares the same structures. A change of their size must change both.
 const _: () = assert!(size_of::<Rays>() == 12 * 64 && size_of::<Hits>() == 9 * 64);
 
 unsafe extern "C" {

@@ -203,8 +203,8 @@ impl Bench<'_> {
         })
     }
 
-    /// Prints how the answers of each backend differ from those of `bvh`. Returns true if so few
-    /// differ that all backends traced the same rays through the same triangles.
+    /// Prints how the answers of each backend differ from those of `bvh`. Returns true if at most
+    /// [`MAX_DIFFERENT`] of each class differ.
     fn answers(&self, built: &Built<'_>, recording: &Recording, ours: usize) -> bool {
         let head = ["rays", "hits", "same", "ties", "other t", "missed", "wrong"];
         let mut right = true;

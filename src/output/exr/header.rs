@@ -21,7 +21,7 @@ use super::{
     text,
 };
 
-/// Rec. ITU-R BT.709 primaries and D65, with the values of OpenEXR's own default.
+/// Primaries and white point D65 of Rec. ITU-R BT.709, with the values of OpenEXR's default.
 const BT709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
@@ -29,8 +29,8 @@ const BT709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Returns the header of a part, or `None` if the format cannot hold it. The metadata of the
-/// picture is in every part, because a reader may look at any of them.
+/// Returns the header of a part, or `None` if the format cannot hold it. Every part has the
+/// metadata of the picture, because a reader may look at any part.
 pub fn header(film: &Film, options: &Options, part: &ExrPart) -> Option<Header> {
     let window = film.window;
     let [left, top] = film.origin();
@@ -92,8 +92,8 @@ pub fn header(film: &Film, options: &Options, part: &ExrPart) -> Option<Header> 
 }
 
 /// Returns true if a part has the attribute `name`. The attributes of a cryptomatte are in the part
-/// with its channels, for readers of single parts. They are also in the first part, the only one
-/// that some readers look at. They are not in the other parts, because a manifest can be long.
+/// with its channels, for readers of single parts. They are also in the first part, because some
+/// readers look only there. They are in no other part, because a manifest can be long.
 fn belongs_to(name: &str, part: &ExrPart, options: &Options) -> bool {
     let matte = name.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/'));
     let Some((key, _)) = matte.filter(|_| part.name != FIRST) else { return true };

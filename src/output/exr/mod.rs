@@ -1,12 +1,14 @@
 //! Writes the EXR: linear BT.709 radiance for compositing, and the layers.
 //!
-//! By default it has scanlines, ZIP compression, and unnamed half channels `R G B A`,
-//! premultiplied. The display window is the whole frame, the data window is the rendered part. The
-//! same film and options give the same bytes. Therefore the line order is set explicitly: the
+//! The default file has scanlines, ZIP compression, and the half channels `R G B A` without a layer
+//! name, premultiplied. The display window is the whole frame, the data window is the rendered
+//! part.
+//!
+//! The same film and options give the same bytes. Therefore the line order is set explicitly: the
 //! default of the `exr` crate depends on threads. The header's attributes are sorted afterwards:
 //! the crate keeps them in a hash map.
 //!
-//! Blocks are compressed on the caller's rayon pool, a few ahead of the block that is being
+//! Blocks are compressed on the caller's rayon pool, only a few ahead of the block that is being
 //! written. So there is no second buffer of the size of the film.
 
 mod header;
@@ -65,7 +67,7 @@ pub enum Compression {
     Rle,
     /// No compression at all.
     None,
-    /// Lossy: DCT over 32 lines, for R, G, B, A.
+    /// DWAA over 32 lines: a lossy DCT for channels named R, G, B or Y, lossless for all others.
     Dwaa,
 }
 
@@ -73,7 +75,7 @@ impl Compression {
     /// All compressions that can be written.
     pub const ALL: &[Self] = &[Self::Zip, Self::Zips, Self::Piz, Self::Rle, Self::None, Self::Dwaa];
 
-    /// Returns the name for users.
+    /// Returns the name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Zip => "zip",
@@ -96,7 +98,7 @@ pub struct CameraMatrices {
     pub world_to_ndc: Option<[f32; 16]>,
     /// Width of the frame at distance 1.
     pub screen_window_width: f32,
-    /// Middle of the frame at distance 1: x right, y up.
+    /// Centre of the frame at distance 1: x right, y up.
     pub screen_window_center: [f32; 2],
     /// Width of a pixel over its height.
     pub pixel_aspect: f32,
@@ -105,7 +107,7 @@ pub struct CameraMatrices {
 /// The position of a picture in a sequence.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Sequence {
-    /// Number of the frame: `imageCounter`.
+    /// Frame number: `imageCounter`.
     pub frame: Option<i32>,
     /// Frames per second as a fraction, e.g. 24000 / 1001: `framesPerSecond`.
     pub per_second: Option<(i32, u32)>,
@@ -126,15 +128,15 @@ pub struct Options<'a> {
     pub float: bool,
     /// Compression of the blocks.
     pub compression: Compression,
-    /// True for a separate part for every layer.
+    /// True for one part of the file per layer.
     pub multipart: bool,
 }
 
-/// Writes the film to an empty `file`; `path` is for messages. NaN and infinities are never written
+/// Writes the film to an empty `file`; `path` is for messages. Replaces NaN and infinite values
 /// ([`super::ValueCounts`] counts them).
 ///
 /// # Errors
-/// `Retry` if the disk is full. `Limit` for more than 2^31 pixels per side, or attributes that the
+/// `Retry` if the disk is full. `Limit` for a side of 2^31 pixels or more, or attributes that the
 /// format cannot hold.
 pub fn write<F: Read + Write + Seek + Send>(
     film: &Film,
@@ -165,7 +167,7 @@ fn long_names(parts: &[ExrPart]) -> bool {
     names.any(|name| name.len() > SHORT_NAME_BYTES)
 }
 
-/// The data from which blocks are made.
+/// Encodes the blocks of a file.
 struct Blocks<'a> {
     film: &'a Film,
     parts: &'a [ExrPart<'a>],
@@ -212,8 +214,9 @@ impl Blocks<'_> {
     }
 }
 
-/// Sorts the attributes of the header in place. Its length, and the offsets after it, do not
-/// change. Also sets the flag of long names: the `exr` crate sets it only for names of attributes.
+/// Sorts the attributes of the header in place. Neither the header's length nor the offsets after
+/// it change. With `long_names`, also sets [`LONG_NAMES`]: the `exr` crate sets the flag only for
+/// names of attributes.
 fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std::io::Result<()> {
     file.seek(SeekFrom::Start(0))?;
     let mut header = read_sorted(file)?;

@@ -10,12 +10,13 @@ use std::{
 
 use crate::threads::lock;
 
-/// Number of items per thread that may be ready before their turn.
+/// Number of items per thread by which production may be ahead of consumption. It bounds the memory
+/// of the items that wait for their turn.
 const AHEAD: usize = 2;
 
 /// Items that are ready, and the consumer.
 struct Queue<T, W, E> {
-    /// Number of the next item to consume.
+    /// Index of the next item to consume.
     next: usize,
     ready: BTreeMap<usize, T>,
     take: W,
@@ -36,12 +37,14 @@ impl<T, W, E> Drop for Guard<'_, T, W, E> {
     }
 }
 
-/// Produces items 0 to `count` - 1 on the threads of the caller's rayon pool. The items go to
-/// `take` in order, one at a time. Each thread has its own `scratch`. A thread that is too far
-/// ahead waits. The thread with the next item never waits.
+/// Produces items 0 to `count` - 1 with `make` on the threads of the caller's rayon pool. Passes
+/// the items to `take` in order, one at a time. Each thread has its own `scratch`.
+///
+/// A thread that is more than [`AHEAD`] items per thread ahead waits. The thread with the next item
+/// never waits, so there is no deadlock.
 ///
 /// # Errors
-/// The first error that occurs. Nothing more is produced then.
+/// The first error in time, which need not be that of the first item. No item is taken after it.
 pub fn make<R, T: Send, E: Send>(
     count: usize,
     scratch: impl Fn() -> R + Sync,

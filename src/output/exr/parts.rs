@@ -4,7 +4,7 @@ use crate::film::{ChannelKind, Film};
 
 use super::Options;
 
-/// Name of the part with the beauty. With a single part, it holds all channels.
+/// Name of the part with the beauty (R, G, B, A). With a single part, it holds all channels.
 pub const FIRST: &str = "rgba";
 
 /// A channel of the file and the source of its values.
@@ -23,11 +23,11 @@ pub struct ValueSource<'a> {
 pub enum ChannelSource {
     /// Index into R, G, B, A.
     Beauty(usize),
-    /// Index into the words of a pixel.
+    /// Index into the words of a pixel in [`crate::film::Planes`].
     Words(usize),
 }
 
-/// A part of a file. Its name is written only if there are several.
+/// A part of a file. Its name is written only with [`Options::multipart`].
 #[derive(Debug)]
 pub struct ExrPart<'a> {
     /// [`FIRST`], or the name of the layer.
@@ -64,8 +64,8 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
     parts
 }
 
-/// Returns the layer of a channel. A channel without a layer is its own layer. The ranks of a
-/// cryptomatte (`CryptoObject00.R`) belong to one layer.
+/// Returns the layer of a channel: the name before the last `.`. A channel without a layer is its
+/// own layer. All ranks of a cryptomatte (`CryptoObject00.R`, `CryptoObject01.R`) are in one layer.
 pub fn layer_of(channel: &str) -> &str {
     match channel.rsplit_once('.') {
         Some((layer, _)) if layer.starts_with("Crypto") => {

@@ -15,7 +15,8 @@ use super::parts::{ChannelSource, ValueSource};
 /// Number of pixels that are processed together. Their words stay in the L1 cache for all channels.
 const BATCH: usize = 256;
 
-/// Fills `bytes` row by row (of the film's window), channel by channel, in native byte order.
+/// Fills `bytes` with some `rows` of the film's window: row by row, channel by channel in each row,
+/// in native byte order.
 pub struct Fill<'a, 'b> {
     pub bytes: &'b mut Vec<u8>,
     pub film: &'a Film,
@@ -72,7 +73,7 @@ impl Kernel for Fill<'_, '_> {
     }
 }
 
-/// Returns the size of a value in bytes.
+/// Returns the size in bytes of a value in the file.
 #[inline(always)]
 fn size(kind: ChannelKind) -> usize {
     if kind == ChannelKind::Half { 2 } else { 4 }
@@ -98,10 +99,10 @@ fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
     }
 }
 
-/// Clamps a value to the range of a half. The result is finite for every input.
+/// Clamps a value to the range of a half. NaN becomes 0, so the result is always finite.
 #[inline(always)]
 fn within_half(value: f32) -> f32 {
-    // Without branches. NaN becomes 0.
+    // Written without branches, because it runs for every value.
     let within = value.clamp(-HALF_MAX, HALF_MAX);
     if within.is_nan() { 0.0 } else { within }
 }

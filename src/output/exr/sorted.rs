@@ -1,8 +1,10 @@
 //! Sorts the attributes in the bytes of an EXR header by name.
 //!
 //! The `exr` crate writes custom attributes in the order of a hash map, which differs from run to
-//! run. OpenEXR's own library sorts them, and so does this module. An attribute is `name NUL type
-//! NUL size:i32 data`. The list ends with an empty name. Nothing in the file depends on the order.
+//! run. OpenEXR's own library sorts them by name, and so does this module. Nothing in the file
+//! depends on their order.
+//!
+//! An attribute is `name NUL type NUL size:i32 data`. The list ends with an empty name.
 
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 
@@ -22,8 +24,11 @@ pub const LONG_NAMES: u8 = 0x04;
 /// Maximum length of a name in bytes without [`LONG_NAMES`].
 pub const SHORT_NAME_BYTES: usize = 31;
 
-/// Reads all headers from the first byte of the file on. Returns them sorted, with the same number
-/// of bytes as in the file.
+/// Reads all headers, from the first byte of the file. Returns their bytes with the attributes of
+/// each header sorted by name. The number of bytes is the same as in the file.
+///
+/// # Errors
+/// `InvalidData` for bytes that are no EXR header, `UnexpectedEof` for a truncated one.
 pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut file = BufReader::new(file);
     let mut sorted = vec![0; PREAMBLE_BYTES];
@@ -47,7 +52,7 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     }
 }
 
-/// Reads the attributes of one header: names, and the bytes after each name.
+/// Reads the attributes of one header. Returns each name, and the bytes after its NUL.
 fn attributes(file: &mut impl Read) -> Result<Vec<(Vec<u8>, Vec<u8>)>> {
     let mut attributes = Vec::new();
     loop {
@@ -69,7 +74,7 @@ fn attributes(file: &mut impl Read) -> Result<Vec<(Vec<u8>, Vec<u8>)>> {
     }
 }
 
-/// Reads bytes up to a NUL, which is dropped. At most 255 bytes: the longest name of the format.
+/// Reads bytes up to a NUL, which is dropped. Accepts at most 255 bytes, the format's longest name.
 fn read_text(file: &mut impl Read) -> Result<Vec<u8>> {
     let mut text = Vec::new();
     let mut byte = [0];

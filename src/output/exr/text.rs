@@ -1,5 +1,5 @@
-//! Encodes the text of attributes. The format does not define an encoding. Cryptomattes require
-//! UTF-8, and readers expect it. The `exr` crate uses Latin-1.
+//! Encodes and decodes the text of attributes, as UTF-8. The format does not define an encoding.
+//! Cryptomattes require UTF-8, and readers expect it. The `exr` crate uses Latin-1.
 
 use exr::meta::attribute::Text;
 

@@ -28,7 +28,7 @@ fn below(x: f32) -> f32 {
     }
 }
 
-/// Either sign, magnitude 1e-8 to 1e8, every decade equally likely.
+/// Numbers of either sign, of magnitudes 1e-8 to 1e8. Every decade is equally likely.
 fn wide() -> impl Strategy<Value = f64> {
     (-8.0..8.0, any::<bool>()).prop_map(|(decade, negative)| {
         let magnitude = 10f64.powf(decade);

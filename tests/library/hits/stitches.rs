@@ -16,7 +16,7 @@ use lightpath::scene::{self, Backend, Source};
 use lightpath::world::{LoadOptions, World};
 use serde_json::{Value, json};
 
-/// Number of points on an edge that only one of its two faces has as vertices.
+/// Number of points on each edge that are vertices of only one of the edge's two faces.
 const BETWEEN: usize = 3;
 
 /// Number of rays per edge, from inside.
@@ -221,7 +221,7 @@ fn no_ray_leaves_through_a_t_junction() {
 }
 
 on_both! {
-    /// The picture of a mesh that is not moved is the same with and without stitches.
+    /// A mesh that is not moved gives the same picture with and without stitches.
     fn a_mesh_without_rotation_is_unchanged(backend: Backend) {
         let folder = tempfile::tempdir().unwrap();
         let solid = Solid::cube();

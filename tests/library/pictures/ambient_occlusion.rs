@@ -45,7 +45,7 @@ fn ambient_occlusion_has_its_closed_forms() {
     let wall = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, far, far], [1.0, far, -far]]);
     let ball = json!({ "type": "sphere", "center": [0, 1.25, 0], "radius": 0.5, "material": {} });
     let around = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 4, "material": {} });
-    // Rays of length d meet the wall if the projection of their direction is in a segment of the
+    // Rays of length d hit the wall if the projection of their direction is in a segment of the
     // unit disc at height 1 / d.
     let segment = |h: f64| (h.acos() - h * (1.0 - h * h).sqrt()) / PI;
     let cases = [

@@ -1,4 +1,4 @@
-//! Layers for data sets, compared with the layers P and N and the camera's definition.
+//! Layers for data sets, compared with the layers P and N and with the camera's definition.
 
 use std::path::Path;
 

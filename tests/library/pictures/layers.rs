@@ -277,7 +277,7 @@ fn ids_name_the_visible_object_and_are_never_blended() {
     let seen: BTreeSet<u32> = (0..all.pixels()).map(|p| all.uint("objectid.id", p)).collect();
     assert_eq!(seen, BTreeSet::from([0, 1, 2, 3]));
     for pixel in 0..all.pixels() {
-        // Primitives are numbered: the quad, then the spheres.
+        // Indices of primitives: first the quad, then the spheres.
         assert_eq!(all.uint("primid.id", pixel), all.uint("objectid.id", pixel));
         assert_eq!(all.float("samples.Y", pixel), 16.0);
     }

@@ -118,7 +118,7 @@ fn plain(
     mean(&levels)
 }
 
-/// The same with a noise target, and the mean number of samples.
+/// Returns the same for pictures with a noise target, and the mean number of samples.
 fn adaptive(
     world: &mut World,
     accelerator: &dyn Accelerator,

@@ -107,7 +107,7 @@ fn room(spp: u32) -> Value {
                   "material": "plain" },
                 { "type": "trimesh", "path": "assets/octahedron.ply", "fit": 1.4,
                   "center": [2.1, 0.9, -0.4], "material": "plain" },
-                // Of every kind one that is never hidden, except the mesh.
+                // One shape of every kind, except the mesh, is never hidden.
                 { "type": "sphere", "center": [-3, 0.5, 1], "radius": 0.4, "material": "plain" },
                 { "type": "triangle", "v0": [2.5, 0.2, 2], "v1": [3.2, 0.2, 2], "v2": [3, 1, 2],
                   "material": "plain" }]

@@ -39,7 +39,7 @@ fn all_light_points_of_a_pixel_are_one_stratified_set() {
             let numbers = (0..spp).flat_map(|i| (0..samples).map(move |k| i * samples + k));
             let one: Vec<_> = numbers.map(|index| sampler.light([5, 9], index, 1, 0)).collect();
             assert!(stratified(&one), "{spp} x {samples}");
-            // Sets per camera sample are each stratified, but not together.
+            // The set of each camera sample is stratified, but all sets together are not.
             let pairs = (0..spp).flat_map(|i| (0..samples).map(move |k| (i, k)));
             let sets: Vec<_> = pairs.map(|(i, k)| sampler.light([i, 7], k, 1, 0)).collect();
             assert!(spp == 1 || !stratified(&sets));

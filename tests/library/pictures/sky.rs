@@ -1,5 +1,5 @@
-//! Blocks of the picture that are found to be empty as a whole have the same bits as sample by
-//! sample.
+//! A block whose frustum reaches no leaf is filled without tracing rays. It gets the same bits as
+//! with rays.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

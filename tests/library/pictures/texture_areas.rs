@@ -183,7 +183,7 @@ fn all_textures_share_one_limit() {
         World::load(&loaded, options, &Monitor::default())
     };
     let (world, _) = load(1 << 20).unwrap();
-    // One is decoded beside the finished other: 3 bytes more for each of its texels.
+    // While the second texture is decoded, it takes 3 bytes more for each texel.
     let enough = world.texture_bytes() + 3 * 64 * 64;
     assert!(load(enough).is_ok());
     assert!(load(world.texture_bytes() - 1).is_err());

@@ -186,7 +186,7 @@ fn the_texture_of_most_triangles_is_used() {
             let repaired = read_ply_bytes(&bytes, "t.ply", options.repair(true)).unwrap();
             let found = repaired.textures.expect("several textures").numbers;
             assert!(found.contains(&u16::MAX) && found.len() == 3);
-            // Who shows no texture of the file has no use for the numbers.
+            // Without the file's textures, the numbers are not needed.
             let other = read_ply_bytes(&bytes, "t.ply", options.textures(false)).unwrap();
             assert!(other.textures.is_none());
         }

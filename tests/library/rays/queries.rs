@@ -1,5 +1,5 @@
-//! `RayScene` beside the renderer, and beside closed forms where rays and points meet vertices and
-//! edges. The Python tests compare it with integers.
+//! `RayScene` compared with the renderer, and with closed forms where rays and points lie exactly
+//! on vertices and edges. The Python tests compare it with an oracle in integers.
 
 use lightpath::{
     ErrorKind, Limits, LoadedScene, Mesh, Monitor, Positions, Ray, RayBatch, RayScene,

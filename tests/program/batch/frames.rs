@@ -269,7 +269,7 @@ fn manifests_are_files_of_their_frames() {
     fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
     let said = run("1 frames rendered, 1 kept");
     assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
-    // The same settings in a job file. Without the two of them, other files are expected.
+    // The same settings in a job file. With another bit depth, the frames are rendered again.
     let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
                    "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
     scratch.write("job.json", &job.replace("BITS", "16"));

@@ -119,7 +119,7 @@ fn batch_never_overwrites_textures_of_its_inputs() {
     scratch.write("c.json", &scene);
     refused(&batch(&scratch, &["scans", "c.json", "-o", "out"]));
     untouched();
-    // The texture that the job gives to its meshes, which a scene before them would overwrite.
+    // The texture for the job's meshes is an output of a scene that is rendered before them.
     let no_texture = scene.replace("out/a.png", "scans/none.png");
     scratch.write("a.json", &no_texture);
     let both = ["a.json", "scans/b.ply", "-o", "out", "--texture", "out/a.png"];

@@ -25,7 +25,7 @@ fn ended(done: &Done, allowed: &[i32], what: &str) -> i32 {
     code
 }
 
-/// A header of `vertices` vertices and one face.
+/// A PLY header of `vertices` vertices and one face.
 fn header(vertices: u64, count: &str) -> String {
     format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
@@ -34,13 +34,13 @@ fn header(vertices: u64, count: &str) -> String {
     )
 }
 
-/// A zstd frame of blocks that each stand for 128 KiB of zeros, after a header that promises as
-/// many: some 4 bytes for each 128 KiB.
+/// A zstd frame with a PLY header and as many zeros as the header needs. Each block of some 4 bytes
+/// expands to 128 KiB of zeros.
 fn bomb(vertices: u64) -> Vec<u8> {
     zeros(header(vertices, "uchar").as_bytes(), 12 * vertices)
 }
 
-/// A zstd frame of `start`, and at least `zeros` zeros.
+/// A zstd frame of `start`, followed by at least `zeros` zeros.
 fn zeros(start: &[u8], zeros: u64) -> Vec<u8> {
     let block = |kind: u32, last: bool, size: usize| {
         ((size as u32) << 3 | kind << 1 | u32::from(last)).to_le_bytes()[..3].to_vec()

@@ -282,7 +282,7 @@ fn half_floats_are_noted_with_their_floor() {
     let layer = &report["layers"][0];
     assert_eq!(layer["half"]["image"], true);
     assert_eq!(layer["half"]["reference"], false);
-    // The measured error is the floor, because nothing else differs.
+    // Only rounding to halves differs, so the measured error is the floor.
     let floor = layer["half"]["floor"]["rmse"].as_f64().unwrap();
     let ratio = floor / metric(layer, "rmse");
     assert!((0.9..1.1).contains(&ratio), "{ratio}");

@@ -19,7 +19,7 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// A face: number of the shape, number in the shape.
+/// A face: id of its shape (index + 1), index of the face in the shape.
 type Face = (u32, u32);
 
 /// Reads an array of `--visible-faces`: samples and pixels of each face.
@@ -47,7 +47,7 @@ fn faces(scratch: &Scratch, name: &str) -> BTreeMap<Face, (u64, u32)> {
     found.into_iter().collect()
 }
 
-/// Face of a primitive number of the layer `primid`: the mesh, the quad, the spheres.
+/// The face of an id of the layer `primid`. Ids follow the order mesh, quad, spheres.
 fn face(primitive: u32, triangles: u32) -> Face {
     match primitive - 1 {
         triangle if triangle < triangles => (2, triangle),

@@ -133,7 +133,7 @@ fn the_png_may_show_the_picture_over_a_plate() {
     }
     let flags = [&common[..], &["--over", "plain.exr"]].concat();
     render(&scratch, "twice", &flags);
-    // Alpha of the first one counts only once: the plate is opaque.
+    // A plate is opaque: the alpha of the first picture, now the plate, does not count.
     assert_eq!(png(&scratch, "twice.png").0, png::ColorType::Rgb);
 }
 

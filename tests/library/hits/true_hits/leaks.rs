@@ -1,5 +1,5 @@
-//! Rays from within closed meshes, at corners and edges and past them: rejecting false hits must
-//! lose none.
+//! Rays from inside closed meshes, at corners and edges and close to them. Rejecting false hits
+//! must not open leaks.
 
 use glam::DVec3;
 use lightpath::ray::{Coherence, LANES, NONE, RayPacket};
