@@ -11,7 +11,8 @@ use crate::ray::{Coherence, Mask, RayKind, RayPacket, Rays};
 pub struct BuildOptions {
     /// Worker threads, >= 1.
     pub threads: usize,
-    /// Most bytes that the accelerator may hold. A build that needs more stops with an error.
+    /// Most bytes that the accelerator may hold, during the build and after it. A build that needs
+    /// more stops with an error.
     pub max_bytes: Option<u64>,
 }
 
@@ -28,7 +29,7 @@ pub struct BuildInfo {
     pub peak_bytes: u64,
 }
 
-/// Number of nodes and primitives that queries visited. The same on every machine.
+/// Numbers of nodes and primitives that queries visited. They are the same on every machine.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Visits {
     /// Nodes of the tree that were visited.
@@ -39,36 +40,37 @@ pub struct Visits {
 
 /// Finds closest hits and occlusion for packets of 16 rays.
 ///
-/// Active rays must pass [`Rays::possible`]: finite values and a direction that is not zero.
+/// Active rays must pass [`Rays::possible`]: origin and direction are finite, the direction is
+/// neither zero nor denormal, and `tnear` <= `tfar`.
 pub trait Accelerator: Send + Sync {
     /// Version, instruction set and memory.
     fn info(&self) -> BuildInfo;
 
-    /// Returns the accelerator over the primitives that rays of `kind` can hit. `None` if this
-    /// accelerator is the one of all kinds.
+    /// Returns the accelerator over the primitives that rays of `kind` can hit. Returns `None` if
+    /// this accelerator serves all kinds.
     fn only(&self, _kind: RayKind) -> Option<&dyn Accelerator> {
         None
     }
 
-    /// Finds the closest hit of every active lane.
+    /// Finds the closest hit of every active lane in (`tnear`, `tfar`).
     ///
-    /// A lane that hits gets `tfar` and the hit. A lane that misses keeps its `geom`, so the caller
-    /// clears `geom` first. Hits of the primitive in `leaving` do not count, except on the far side
-    /// of a sphere.
+    /// In a lane that hits, `tfar` becomes t, and the hit is written to `hits`. `bvh` writes no
+    /// normal. A lane that misses may keep its `geom`, so the caller clears `geom` first. Hits of
+    /// the primitive in `leaving` do not count, except on the far side of a sphere.
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence);
 
     /// Like [`Accelerator::closest`], but may return false hits of the backend's own test.
     ///
-    /// A false hit lies on a primitive that the ray passes by more than the error of the test. This
-    /// query is for callers that refine their hits anyhow. They trace the rays that
-    /// [`crate::geometry::refine`] marks as doubtful again, by [`Accelerator::closest`] with the
+    /// A false hit lies on a primitive that the ray misses by more than the error of the test. This
+    /// query is for callers that refine their hits anyhow. [`crate::geometry::refine`] marks false
+    /// hits as doubtful. The caller traces these rays again by [`Accelerator::closest`], with the
     /// original `tfar`.
     fn closest_unfiltered(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         self.closest(active, packet, coherence);
     }
 
-    /// Number of false hits discarded since the build: the ray passes the primitive by more than
-    /// the error of the backend's test.
+    /// Returns the number of false hits discarded since the build: the ray misses the primitive by
+    /// more than the error of the backend's test.
     fn false_hits(&self) -> u64 {
         0
     }
@@ -77,7 +79,7 @@ pub trait Accelerator: Send + Sync {
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence);
 
     /// Like [`Accelerator::occluded`], but false hits of the backend's own test may occlude a ray.
-    /// It measures the cost of the bare backend.
+    /// This query serves to measure the cost of the bare backend.
     fn occluded_unfiltered(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.occluded(active, rays, coherence);
     }
@@ -85,26 +87,27 @@ pub trait Accelerator: Send + Sync {
     /// Returns `Some(true)` only if no ray inside the cone spanned by the active rays can hit
     /// anything.
     ///
-    /// All active rays share one origin; their `tnear` is 0 and their `tfar` infinite. A direction
-    /// of the cone is a sum of theirs with factors >= 0, rounded once. Conservative: may return
-    /// `Some(false)` for an empty cone. Returns `None` if the backend has no such query.
+    /// All active rays must share one origin; their `tnear` is 0 and their `tfar` infinite. A
+    /// direction of the cone is a sum of the rays' directions with factors >= 0, rounded once.
+    /// Conservative: may return `Some(false)` for an empty cone. Returns `None` if the backend has
+    /// no such query.
     fn is_cone_empty(&self, _: &Mask, _: &Rays) -> Option<bool> {
         None
     }
 
     /// Returns `Some(true)` only if no shadow ray of the shaft is occluded.
     ///
-    /// Conservative: may return `Some(false)` although nothing occludes them. Returns `None` if the
-    /// backend has no such query.
+    /// Conservative: may return `Some(false)` although nothing occludes the rays. Returns `None` if
+    /// the backend has no such query.
     fn is_shaft_empty(&self, _: &Shaft) -> Option<bool> {
         None
     }
 
-    /// Calls `found` with the primitive number of every triangle and quad whose bounding box
-    /// overlaps the box `nearby`.
+    /// Calls `found` with the scene-wide primitive index of every triangle and quad whose bounding
+    /// box overlaps the box `nearby`.
     ///
-    /// May also call it for other primitives, in any order. `geometry` is the geometry that the
-    /// accelerator was built over.
+    /// May also call `found` for other primitives, in any order, and more than once for a quad.
+    /// `geometry` is the geometry that the accelerator was built over.
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
         near_by_all(geometry, nearby, found);
     }
@@ -118,14 +121,14 @@ pub trait Accelerator: Send + Sync {
     }
 }
 
-/// Answers [`Accelerator::near`] by a loop over all primitives.
+/// Implements [`Accelerator::near`] by a loop over all primitives.
 fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
     (0..geometry.count() as u32)
         .filter(|&primitive| is_near(geometry, primitive, nearby))
         .for_each(found);
 }
 
-/// Error of a build that would need more than `limit` bytes.
+/// Returns the error of a build that would need more than `limit` bytes.
 pub fn over_limit(limit: u64) -> Error {
     let message = format!("the accelerator would hold more than the {limit} bytes left to it");
     Error::new(Kind::Limit, Problem::new("--max-memory", message))

@@ -1,4 +1,5 @@
-//! Scenes in which kinds of rays hit different shapes: an accelerator for each distinct set.
+//! Accelerators for scenes in which some kinds of rays cannot hit all shapes: one for each distinct
+//! set of primitives.
 //!
 //! A mask per ray would add a test to every primitive of every traversal. Separate accelerators
 //! leave the traversal unchanged. They share the arrays of the geometry.
@@ -14,11 +15,11 @@ use crate::scene::Backend;
 
 /// An accelerator for each distinct set of primitives that a kind of ray can hit.
 ///
-/// [`Accelerator::closest`] is the query of camera rays, [`Accelerator::occluded`] of shadow rays.
-/// [`Accelerator::near`] finds the primitives of all sets.
+/// [`Accelerator::closest`] uses the set of camera rays, [`Accelerator::occluded`] that of shadow
+/// rays. [`Accelerator::near`] finds the primitives of all sets.
 pub struct ByKind<'g> {
     built: Vec<Box<dyn Accelerator + 'g>>,
-    /// Index of the accelerator of each [`RayKind`].
+    /// For each [`RayKind`], the index of its accelerator in `built`.
     of: [usize; RayKind::ALL.len()],
     peak_bytes: u64,
 }

@@ -3,10 +3,10 @@
 //! One tree holds all shapes of the scene, and each mesh has a tree of its triangles.
 //!
 //! - Build: a set of shapes is split at the middle of the longest side of its bounds. A shape goes
-//!   left if the centre of its own bounds is below the split. If all shapes land on one side, the
+//!   left if the centre of its own bounds is below the split. If all shapes go to one side, the
 //!   split is tried once more; then the set becomes a leaf.
-//! - Traversal: a ray visits every child whose box it hits, and the closest positive t wins.
-//!   Children are not ordered, and a found hit does not shorten the ray.
+//! - Traversal: a ray visits every child whose box it hits. The closest hit after `tnear` wins.
+//!   Children are not ordered, and a hit does not shorten the ray.
 //! - A mesh with `loop_only` (`bvh: false`) has no tree: every ray tests all its triangles.
 //!
 //! Two things differ from the report's program:
@@ -36,7 +36,7 @@ pub struct Coursework<'g> {
     geometry: &'g Geometry,
     shapes: Vec<Shape>,
     scene: Tree,
-    /// One tree for each mesh; `None` loops over the triangles.
+    /// One tree for each mesh; `None` if rays test all its triangles, or can hit none of them.
     meshes: Vec<Option<Tree>>,
     /// Largest magnitude of any coordinate in the scene's bounds, for each axis.
     reach: DVec3,
@@ -65,7 +65,7 @@ impl<'g> Coursework<'g> {
         Self::build_part((geometry, &Unseen::NONE), options, monitor)
     }
 
-    /// [`Coursework::build`] without the primitives of a set.
+    /// [`Coursework::build`] without the primitives in `unseen`.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -89,7 +89,7 @@ impl<'g> Coursework<'g> {
             let triangles: Vec<Box3> = seen.clone().map(|p| Box3::of(&corners(p))).collect();
             bounds.push(Box3::around(triangles.iter().copied()));
             shapes.push(Shape::Mesh(geom));
-            // A mesh of a file, which alone can be `loop_only`, is never seen in part.
+            // Only a mesh of a file can be `loop_only`. Rays can hit all of its triangles or none.
             let mut tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
             if let Some(tree) = tree.as_mut().filter(|_| unseen.count(&own) > 0) {
                 let seen: Vec<u32> = seen.collect();
@@ -120,13 +120,13 @@ impl<'g> Coursework<'g> {
         Ok(Self { geometry, shapes, scene, meshes, reach, peak_bytes: builder.peak_bytes })
     }
 
-    /// The closest hit of the ray. Adds the visited nodes and primitives to `visits`.
+    /// Returns the closest hit of the ray. Adds the visited nodes and primitives to `visits`.
     pub fn closest_hit(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
         self.search(ray, visits, &mut Default::default())
     }
 
-    /// The closest hit, found by testing every primitive without boxes: the reference for the
-    /// trees.
+    /// Returns the closest hit by testing every primitive of the geometry without boxes: the
+    /// reference for the trees.
     pub fn plain_loop(&self, ray: &Ray) -> Option<Hit> {
         let ray = PreparedRay::new(ray, self.reach);
         let mut best = None;
@@ -168,7 +168,8 @@ impl<'g> Coursework<'g> {
 
     /// Tests one primitive and keeps its hit if it is the closest so far.
     ///
-    /// Ties go to the lowest primitive number, so the order of the tests does not matter.
+    /// Of equally near hits, the lowest scene-wide primitive index wins, so the order of the tests
+    /// does not matter.
     fn offer(&self, ray: &PreparedRay, geom: u32, prim: u32, best: &mut Option<Hit>) {
         let Some(hit) = self.test(ray, geom, prim) else { return };
         let key = |hit: &Hit| (hit.t, self.geometry.primitive(hit.geom, hit.prim));
@@ -235,7 +236,8 @@ fn planar_hit<const N: usize>(
     inside.then_some(t)
 }
 
-/// Barycentric weights of the second and third corner at a point of the triangle's plane.
+/// Returns the barycentric weights of the second and third corner at a point of the triangle's
+/// plane.
 fn weights([v0, v1, v2]: [DVec3; 3], normal: DVec3, point: DVec3) -> (f64, f64) {
     let whole = normal.dot((v1 - v0).cross(v2 - v0));
     let u = normal.dot((v0 - v2).cross(point - v2)) / whole;
@@ -243,7 +245,8 @@ fn weights([v0, v1, v2]: [DVec3; 3], normal: DVec3, point: DVec3) -> (f64, f64) 
     (u, v)
 }
 
-/// Returns the smallest valid root of |o + t d - c|^2 = r^2 by the textbook quadratic formula.
+/// Returns the smallest root of |o + t d - c|^2 = r^2 above `tnear`, by the textbook quadratic
+/// formula.
 fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> {
     let Ray { origin, direction, tnear, .. } = ray.ray;
     let from_center = origin - sphere.center;
@@ -251,7 +254,7 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
     let b = 2.0 * direction.dot(from_center);
     let c = from_center.dot(from_center) - sphere.radius * sphere.radius;
     let root = (b * b - 4.0 * a * c).sqrt();
-    // A ray that leaves the sphere starts at one root, which does not count.
+    // A ray that leaves the sphere starts at one of the roots. That root does not count.
     let roots = match leaving {
         true => [f64::NAN, (-b + root.copysign(-b)) / (2.0 * a)],
         false => [(-b - root) / (2.0 * a), (-b + root) / (2.0 * a)],
@@ -282,7 +285,7 @@ impl Accelerator for Coursework<'_> {
         }
     }
 
-    /// Occlusion by the closest hit, as for the report's shadow rays: is it before `tfar`?
+    /// As for the report's shadow rays, a ray is occluded if its closest hit lies before `tfar`.
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
         let (mut visits, mut stacks) = Default::default();
         for i in lanes(active) {
@@ -308,7 +311,7 @@ impl Accelerator for Coursework<'_> {
         });
     }
 
-    /// A box test counts as a node, also the box of a whole mesh.
+    /// A test of a box counts as a node, and so does that of the box of a whole mesh.
     fn visits(&self, active: &Mask, rays: &Rays, _: bool, _: Coherence) -> Option<Visits> {
         let mut visits = Visits::default();
         for i in lanes(active) {
@@ -318,7 +321,7 @@ impl Accelerator for Coursework<'_> {
     }
 }
 
-/// A ray with values that all its box tests share.
+/// A ray with the values that all tests of boxes share.
 struct PreparedRay {
     ray: Ray,
     /// Reciprocal of the direction.
@@ -386,8 +389,8 @@ const EMPTY: u32 = u32::MAX;
 impl Tree {
     /// Calls `found` for the shapes of every leaf that the ray reaches.
     ///
-    /// The ray must hit the box of the leaf and of all nodes above it. The root's box is not
-    /// tested.
+    /// The ray reaches a leaf if it may hit the box of the leaf and the boxes of all nodes above,
+    /// except for the root, whose box is not tested.
     fn each(
         &self,
         ray: &PreparedRay,
@@ -510,7 +513,7 @@ impl Builder<'_> {
     }
 }
 
-/// The axis of the longest side: 0, 1 or 2. The lowest of equal ones.
+/// Returns the axis of the longest side: 0, 1 or 2. Of equal sides, the lowest axis.
 fn longest_axis(bounds: &Box3) -> usize {
     let side = bounds.max - bounds.min;
     let longest: BVec3 = side.cmpeq(DVec3::splat(side.max_element()));

@@ -31,11 +31,11 @@ struct Line {
 }
 
 impl Footprint {
-    /// Memory of `backend` with `threads` build threads. Embree is measured in the caller's rayon
-    /// pool.
+    /// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the
+    /// caller's rayon pool.
     ///
     /// # Errors
-    /// `Unsupported` if the backend cannot run here.
+    /// Those of [`super::build`] if Embree is measured; else none.
     pub fn of(backend: Backend, threads: usize) -> Result<Self> {
         match backend {
             Backend::Embree(_) => {
@@ -59,12 +59,12 @@ impl Footprint {
         Self { built: line(built), peak: line(peak) }
     }
 
-    /// Bytes that the accelerator holds after the build.
+    /// Returns the bytes that the accelerator holds after the build.
     pub fn built_bytes(&self, primitives: u64) -> u64 {
         self.built.at(primitives)
     }
 
-    /// Largest number of bytes held during the build.
+    /// Returns the largest number of bytes held during the build.
     pub fn peak_bytes(&self, primitives: u64) -> u64 {
         self.peak.at(primitives)
     }
@@ -98,7 +98,7 @@ fn measure(build: impl Fn(&Geometry) -> Result<BuildInfo>) -> Result<Footprint> 
     Ok(Footprint { built: Line::through(built), peak: Line::through(peak) })
 }
 
-/// A closed mesh without symmetry of `4 rows^2` triangles.
+/// Returns a bumpy sphere without symmetry, of `4 rows^2` triangles, with holes at the poles.
 fn bumpy_sphere(rows: u32) -> Geometry {
     let columns = 2 * rows;
     let vertex = |row: u32, column: u32| {
@@ -118,7 +118,7 @@ fn bumpy_sphere(rows: u32) -> Geometry {
     });
     let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [c, b, d]]).collect();
     let mesh = TriangleMesh::new(vertices, triangles, false);
-    // So few primitives always fit.
+    // Cannot fail: the limit is 2^32 - 2 primitives.
     Geometry::new(glam::DVec3::ZERO, vec![mesh], Vec::new(), Vec::new()).unwrap_or_default()
 }
 

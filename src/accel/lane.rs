@@ -10,18 +10,18 @@ use crate::ray::{LANES, Mask, RayPacket, Rays, lane};
 pub struct Ray {
     /// Relative to the scene's origin.
     pub origin: DVec3,
-    /// Any length but zero.
+    /// Need not have unit length; not zero.
     pub direction: DVec3,
     /// Start of the segment, >= 0.
     pub tnear: f64,
     /// End of the segment; may be infinite.
     pub tfar: f64,
-    /// The primitive number that the ray leaves, or [`crate::ray::NONE`].
+    /// Scene-wide index of the primitive that the ray leaves, or [`crate::ray::NONE`].
     pub leaving: u32,
 }
 
 impl Ray {
-    /// The ray in lane `i` of `rays`.
+    /// Returns the ray in lane `i` of `rays`.
     pub fn of(rays: &Rays, i: usize) -> Self {
         Self {
             origin: lane(&rays.org, i).as_dvec3(),
@@ -38,7 +38,7 @@ impl Ray {
 pub struct Hit {
     /// Geometry id, as in [`crate::ray::Hits::geom`].
     pub geom: u32,
-    /// Primitive within its geometry.
+    /// Index of the primitive within its geometry.
     pub prim: u32,
     /// Ray parameter of the hit, in units of the direction's length.
     pub t: f64,
@@ -63,7 +63,7 @@ impl Hit {
     }
 }
 
-/// Indices of the active lanes, in order.
+/// Returns the indices of the active lanes, lowest first.
 pub fn lanes(active: &Mask) -> impl Iterator<Item = usize> + use<'_> {
     (0..LANES).filter(|&i| active.0[i] != 0)
 }

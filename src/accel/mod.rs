@@ -1,4 +1,5 @@
-//! Accelerators: the trait [`Accelerator`], and [`build`], which makes the backend of a scene.
+//! Accelerators: the trait [`Accelerator`], and [`build`], which builds the accelerator of a
+//! backend.
 
 mod accelerator;
 pub mod brute;
@@ -27,7 +28,7 @@ use crate::scene::Backend;
 ///
 /// # Errors
 /// - `Unsupported`: the backend cannot run on this machine, or is not in this build.
-/// - `Limit`: it would need more than `max_bytes`.
+/// - `Limit`: the build would need more than `max_bytes`, or has too many primitives for `bvh`.
 /// - `Interrupted`: a signal arrived.
 /// - `Retry`: memory ran out.
 pub fn build<'g>(

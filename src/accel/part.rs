@@ -1,4 +1,4 @@
-//! Builds one accelerator.
+//! Builds the accelerator of a backend over one set of primitives.
 
 use super::accelerator::{Accelerator, BuildOptions};
 #[cfg(feature = "embree")]
@@ -21,7 +21,7 @@ pub fn build_part<'g>(
 ) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
     if let Backend::Coursework | Backend::Brute = backend {
-        // These allocate in many pieces, so the sum is checked once.
+        // These backends allocate in many pieces, so the predicted sum is checked once.
         let peak = Footprint::of(backend, options.threads)?;
         reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
     }

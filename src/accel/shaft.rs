@@ -13,7 +13,7 @@ pub struct Shaft<'a> {
     pub origins: &'a [[f32; LANES]; 3],
     /// Primitive whose hits do not count, by lane, as in [`crate::ray::Rays::leaving`].
     pub leaving: [u32; LANES],
-    /// Corners of the light. Its points lie in their convex hull, up to 3u of their coordinates
-    /// (u = 2^-24).
+    /// Corners of the light. The points of the light lie in the convex hull of the corners, up to
+    /// 3u of their coordinates (u = 2^-24).
     pub corners: &'a [[f32; 3]],
 }

@@ -50,14 +50,14 @@ impl Blocks {
         Self { order, levels }
     }
 
-    /// The same tree with `names[i]` in place of each item `i`.
+    /// Returns the same tree with `names[i]` in place of each item `i`.
     pub fn renamed(mut self, names: &[u32]) -> Self {
         self.order.iter_mut().for_each(|item| *item = names[*item as usize]);
         self
     }
 
-    /// Calls `candidate` with every item whose block of [`BLOCK`] items has a box that the ray may
-    /// hit at a t in `range`. The caller tests the item itself.
+    /// Calls `candidate` with all items of every box of the lowest level that the ray may hit at a
+    /// t in `range`. The caller tests the items themselves.
     ///
     /// Every box is widened by `widen` times its largest |corner - ray origin|, over all corners
     /// and axes. `widen` must be at least [`ROUNDING`].
@@ -94,7 +94,7 @@ impl Blocks {
         }
     }
 
-    /// Bytes that the order and all boxes hold.
+    /// Returns the bytes that the order and all boxes hold.
     pub fn bytes(&self) -> u64 {
         let boxes: usize = self.levels.iter().map(|level| size_of_val(&level[..])).sum();
         (size_of_val(&self.order[..]) + boxes) as u64

@@ -31,12 +31,12 @@ pub fn integers(v: DVec3) -> Integers {
     v.to_array().map(integer)
 }
 
-/// `a - b` without rounding.
+/// Returns `a - b` without rounding.
 pub fn difference(a: &Integers, b: &Integers) -> Integers {
     std::array::from_fn(|k| &a[k] - &b[k])
 }
 
-/// `a . (b x c)` without rounding.
+/// Returns `a . (b x c)` without rounding.
 pub fn determinant(a: &Integers, b: &Integers, c: &Integers) -> BigInt {
     &a[0] * (&b[1] * &c[2] - &b[2] * &c[1])
         + &a[1] * (&b[2] * &c[0] - &b[0] * &c[2])
@@ -70,7 +70,7 @@ impl BoundedDeterminant {
         Self { value, error: 4.0 * f64::EPSILON * permanent }
     }
 
-    /// Sign of the exact determinant, or `None` if the bound does not decide it.
+    /// Returns the sign of the exact determinant, or `None` if the bound does not decide the sign.
     #[inline(always)]
     pub fn sign(&self) -> Option<Ordering> {
         if self.value > self.error {
@@ -85,7 +85,7 @@ impl BoundedDeterminant {
     }
 }
 
-/// Sign of an integer, as its ordering to 0.
+/// Returns the sign of an integer, as its ordering to 0.
 pub fn sign(x: &BigInt) -> Ordering {
     match x.sign() {
         Sign::Minus => Ordering::Less,
@@ -102,7 +102,7 @@ pub struct Fraction {
 }
 
 impl Fraction {
-    /// The fraction `numerator / denominator`. The denominator must not be 0.
+    /// Returns the fraction `numerator / denominator`. The denominator must not be 0.
     pub fn new(numerator: BigInt, denominator: BigInt) -> Self {
         if denominator.sign() == Sign::Minus {
             Self { numerator: -numerator, denominator: -denominator }
@@ -111,7 +111,7 @@ impl Fraction {
         }
     }
 
-    /// The f32 value `x` as a fraction.
+    /// Returns the f32 value `x` as a fraction.
     pub fn of(x: f64) -> Self {
         Self { numerator: integer(x), denominator: BigInt::from(1) << 149 }
     }

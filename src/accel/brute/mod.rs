@@ -2,7 +2,8 @@
 //!
 //! - A triangle is closed: its edges and corners belong to it, so a closed mesh is watertight.
 //! - A triangle seen edge-on, without area along the ray, is never hit.
-//! - The order of hits is exact as well. Ties go to the lowest primitive number.
+//! - The order of hits is exact as well. Of equally near hits, the lowest scene-wide primitive
+//!   index wins.
 //! - A quad is tested as its two triangles.
 //! - A sphere is not exact. [`crate::geometry::Sphere::intersect`] solves the quadratic with some
 //!   106 bits where f64 is not enough. `tests/library/hits/spheres.rs` compares it with integers.
@@ -58,7 +59,7 @@ impl<'g> Brute<'g> {
         Self::build_part((geometry, &Unseen::NONE), options, monitor)
     }
 
-    /// [`Brute::build`] without the primitives of a set.
+    /// [`Brute::build`] without the primitives in `unseen`.
     ///
     /// # Errors
     /// See [`super::build`].
@@ -84,14 +85,15 @@ impl<'g> Brute<'g> {
         Ok(Self { geometry, blocks, peak_bytes })
     }
 
-    /// The geometry that the oracle was built over.
+    /// Returns the geometry that the oracle was built over.
     pub fn geometry(&self) -> &'g Geometry {
         self.geometry
     }
 
-    /// All hits of the ray, nearest first. Ties are sorted by primitive number.
+    /// Returns all hits of the ray, nearest first. Ties are sorted by scene-wide primitive index.
     ///
-    /// Each `t` has a relative error of at most 2^-40. A sphere or quad counts once.
+    /// A `t` on a triangle or quad has a relative error of at most 2^-40. On a sphere, `t` is right
+    /// to single precision. A sphere or quad counts once.
     pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
         let mut all = Vec::new();
         self.each_hit(ray, |candidate| all.push(candidate));
@@ -99,7 +101,7 @@ impl<'g> Brute<'g> {
         all.into_iter().map(|candidate| candidate.hit).collect()
     }
 
-    /// The closest hit of the ray: the first of [`Brute::all_hits`].
+    /// Returns the closest hit of the ray: the first of [`Brute::all_hits`].
     pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
         let mut best: Option<ExactHit> = None;
         self.each_hit(ray, |candidate| {
@@ -164,7 +166,8 @@ fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
         GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(doubles)),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
-            // Wider by more than the error of the sphere test for rays that start within the scene.
+            // The box is widened by more than the error of the sphere test, for rays that start
+            // within the scene.
             let radius =
                 sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
             Box3::of_sphere(sphere.center, radius)

@@ -21,7 +21,7 @@ const SHEAR: f64 = 6.0 / (1u64 << 24) as f64;
 pub struct Near {
     /// Geometry id, as [`Geometry::place`] returns it.
     pub geom: u32,
-    /// Primitive within its geometry.
+    /// Index of the primitive within its geometry.
     pub prim: u32,
     /// Ray parameter where the ray hits the plane of the triangle, clamped to the range of its
     /// corners. On a sphere it is one of the two roots.
@@ -42,18 +42,18 @@ pub enum Outline {
         corners: [DVec3; 3],
         /// Its corners sheared onto the plane.
         sheared: [DVec2; 3],
-        /// Error bound of each sheared corner.
+        /// How far each sheared corner may move: its error bound times the caller's `factor`.
         moved: [f64; 3],
     },
-    /// A sphere, with whether the ray certainly hits it.
+    /// A sphere. True if the ray's line certainly hits it.
     Sphere(bool),
 }
 
 impl Brute<'_> {
-    /// All primitives that the line of the ray hits or nearly hits, at any t.
+    /// Returns all primitives that the line of the ray hits or nearly hits, at any t.
     ///
-    /// A near hit is one that a shift of the sheared corners can cause. Each may move by `factor`
-    /// times the error bound of the test.
+    /// The line nearly hits a primitive if a shift of the sheared corners can cause a hit. Each
+    /// corner may move by `factor` times the error bound of the test.
     ///
     /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
     /// none. Returns `None` if there are more than `most` entries.
@@ -71,7 +71,7 @@ impl Brute<'_> {
     }
 }
 
-/// The entries of [`Brute::near`] for one primitive, found without the oracle's boxes.
+/// Returns the entries of [`Brute::near`] for one primitive, found without the oracle's boxes.
 pub fn near_primitive(
     geometry: &Geometry,
     ray: &Ray,
@@ -112,7 +112,7 @@ fn add_near(
     }
 }
 
-/// Four f32 ulp of `t`: more than rounding t to f32 can change.
+/// Returns four f32 ulp of `t`: more than rounding t to f32 can change.
 fn ulps(t: f64) -> f64 {
     4.0 * f64::from(f32::EPSILON) * t.abs() + f64::from(f32::MIN_POSITIVE)
 }
@@ -189,11 +189,11 @@ fn contains(p: &[DVec2; 3]) -> bool {
     sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0)
 }
 
-/// Distance from the origin to the segment `pq` in the maximum norm.
+/// Returns the distance from the origin to the segment `pq` in the maximum norm.
 ///
-/// The norm is convex along the segment, and piecewise linear. Its pieces meet where the
-/// coordinates have equal magnitude or one of them is zero. So the nearest point is one of these,
-/// or an end.
+/// The norm is convex along the segment, and piecewise linear. The linear pieces end where the
+/// coordinates have equal magnitude or one of them is zero. So the nearest point is one of these
+/// points, or an end.
 pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
     let along = q - p;
     let candidates = [
@@ -212,8 +212,8 @@ pub(super) fn distance(p: DVec2, q: DVec2) -> f64 {
 }
 
 impl Outline {
-    /// Distance of the ray from edge `i`, minus the error bound of that edge. Infinite for a
-    /// sphere.
+    /// Returns the distance of the ray from edge `i`, minus how far the edge may move. Infinite for
+    /// a sphere.
     ///
     /// Edge `i` joins corners `i` and `i + 1`, modulo 3.
     pub fn clearance(&self, i: usize) -> f64 {

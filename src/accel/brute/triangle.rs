@@ -35,7 +35,7 @@ impl Crossing {
     }
 }
 
-/// Returns where `ray` hits the closed triangle at a t in (tnear, tfar). The decision is exact.
+/// Returns where `ray` hits the closed triangle at a t in (`tnear`, `tfar`). The decision is exact.
 ///
 /// All coordinates are f32 values. A triangle seen edge-on, without area along the ray, is never
 /// hit. Let A, B, C be the corners as seen from the ray's origin, and d the direction. The sign of
@@ -109,7 +109,7 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Op
     (beyond(ray.tnear) == Greater && beyond(ray.tfar) == Less).then_some(crossing)
 }
 
-/// Compares the exact t of two triangles that the ray hits.
+/// Compares the exact t of two triangles. The ray must hit both.
 pub fn compare(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
     Exact::new(ray, a).t().cmp(&Exact::new(ray, b).t())
 }

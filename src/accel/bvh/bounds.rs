@@ -1,4 +1,4 @@
-//! Axis-aligned boxes of eight f32. One instruction computes the union of two boxes.
+//! Axis-aligned boxes of eight f32. The union of two boxes is one minimum in eight lanes.
 
 use super::simd::min8::min8;
 

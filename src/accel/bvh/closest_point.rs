@@ -1,14 +1,16 @@
-//! The triangle that is nearest to a point.
+//! Finds the triangle that is nearest to a point.
 
 use super::node::{Block, Child, ChildKind, Node, WIDTH};
 use super::tree::Bvh;
 use crate::simd::{self, Kernel};
 
 impl Bvh<'_> {
-    /// Visits triangles by the distance of their boxes from `point`, which is relative to the
-    /// scene's origin. `visit` gets the number of a triangle and returns the square of the smallest
-    /// distance so far. Triangles whose boxes are farther away are left out. `slack` is a bound of
-    /// the rounding of a distance.
+    /// Calls `visit` with the scene-wide index of every triangle that may be nearest to `point`.
+    ///
+    /// `visit` returns the square of the smallest distance so far, from the exact triangles.
+    /// Triangles whose boxes are farther away are left out. `point` is relative to the scene's
+    /// origin. `slack` bounds how far rounding moves the point relative to a vertex, in each
+    /// coordinate. Spheres are ignored.
     pub fn visit_nearest<F: FnMut(u32) -> f64>(&self, point: [f32; 3], slack: f32, visit: F) {
         simd::dispatch(self.isa, Nearest { bvh: self, point, slack, visit });
     }
@@ -49,7 +51,7 @@ impl<F: FnMut(u32) -> f64> Kernel for Nearest<'_, F> {
                     let distances = distances_of_triangles(block, point, slack);
                     for i in 0..WIDTH {
                         if block.present >> i & 1 != 0 && distances[i] <= best {
-                            // Rounded up.
+                            // Rounded up, so that equally near triangles are visited too.
                             best = visit(block.primitives[i]) as f32 * (1.0 + 2.0 * f32::EPSILON);
                         }
                     }
@@ -60,7 +62,7 @@ impl<F: FnMut(u32) -> f64> Kernel for Nearest<'_, F> {
     }
 }
 
-/// Returns lower bounds of the squared distances from a point to the children's boxes.
+/// Returns lower bounds of the squared distances from a point to the boxes of a node's children.
 #[inline(always)]
 fn distances_of_boxes(node: &Node, point: [f32; 3], slack: f32) -> [f32; WIDTH] {
     let mut sums = [0.0f32; WIDTH];
@@ -87,7 +89,7 @@ fn distances_of_triangles(block: &Block, point: [f32; 3], slack: f32) -> [f32; W
     sums.map(rounded_down)
 }
 
-/// Returns the square of the distance from `x` to an interval that is widened by `slack`.
+/// Returns the square of the distance from `x` to an interval widened by `slack`; 0 inside it.
 #[inline(always)]
 fn squared_gap(low: f32, high: f32, x: f32, slack: f32) -> f32 {
     let (below, above) = (low - x, x - high);
@@ -95,7 +97,7 @@ fn squared_gap(low: f32, high: f32, x: f32, slack: f32) -> f32 {
     if gap > 0.0 { gap * gap } else { 0.0 }
 }
 
-/// Subtracts the rounding of a sum of three squares: at most 6u.
+/// Reduces a sum of three squares by 8u of it (u = 2^-24): more than its rounding error, 6u.
 #[inline(always)]
 fn rounded_down(sum: f32) -> f32 {
     sum * (1.0 - 4.0 * f32::EPSILON)

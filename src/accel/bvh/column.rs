@@ -1,22 +1,26 @@
-//! The triangles that a half-line along an axis may meet: candidates for an exact test.
+//! Finds the triangles that a half-line along an axis may hit: candidates for an exact test.
+//!
+//! A column is the box around the half-line. It is unbounded on one side.
 
 use super::node::{Block, Child, ChildKind, Node, WIDTH};
 use super::tree::Bvh;
 use crate::simd::{self, Kernel};
 
-/// A half-line along an axis, widened by a slack. Coordinates are relative to the scene's origin.
+/// A half-line along an axis, with bounds on its start. Coordinates are relative to the scene's
+/// origin.
 #[derive(Debug, Clone, Copy)]
 pub struct HalfLine {
-    /// The two axes normal to the line, then its own axis.
+    /// The two axes normal to the half-line, then the axis that it runs along.
     pub axes: [usize; 3],
-    /// Lower and upper bound of the start, along `axes`. They include all rounding.
+    /// Lower and upper bounds of the start point: element k is along `axes[k]`. The caller adds
+    /// the rounding errors of the start and of the tree's vertices.
     pub start: [[f32; 3]; 2],
-    /// Whether the line runs towards larger coordinates.
+    /// Whether the half-line runs towards larger coordinates.
     pub upward: bool,
 }
 
 impl HalfLine {
-    /// Returns the smallest box around the half-line, along `axes`.
+    /// Returns the column: lower and upper corner, in the order of `axes`.
     #[inline(always)]
     fn bounds(&self) -> [[f32; 3]; 2] {
         let [mut lower, mut upper] = self.start;
@@ -30,7 +34,8 @@ impl HalfLine {
 }
 
 impl Bvh<'_> {
-    /// Adds the number of every triangle whose box meets the half-line to `found`.
+    /// Appends to `found` the scene-wide index of every triangle whose box overlaps the column of
+    /// `line`. Ignores spheres. `stack` is scratch memory.
     pub fn column(&self, line: &HalfLine, stack: &mut Vec<u32>, found: &mut Vec<u32>) {
         simd::dispatch(self.isa, Column { bvh: self, line, stack, found });
     }

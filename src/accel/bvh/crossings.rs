@@ -26,15 +26,15 @@ use crate::simd::Kernel;
 pub struct Crossing {
     /// Ray parameter.
     pub t: f64,
-    /// Number of the triangle in the whole scene.
+    /// Scene-wide primitive index of the triangle.
     pub primitive: u32,
     /// Lane of the ray.
     pub lane: u32,
 }
 
 impl Bvh<'_> {
-    /// Adds all crossings of the active rays within (`tnear`, `tfar`) to `found`, lane by lane, in
-    /// no particular order within a lane. Spheres are ignored.
+    /// Appends all crossings of the active rays within (`tnear`, `tfar`) to `found`, lane by lane,
+    /// in no particular order within a lane. Spheres and `leaving` are ignored.
     pub fn crossings(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
         let bvh = self;
         with_tier!(self.isa, tier => tier.run(AllCrossings { tier, bvh, active, rays, found }));
@@ -144,8 +144,8 @@ fn is_crossed(lane: &Lane, block: &Block, slot: usize) -> bool {
     u != 0 && u == v && v == w
 }
 
-/// Returns the side of the edge from `a` to `b` on which the ray passes: -1 or 1; 0 if the points
-/// are equal or not finite.
+/// Returns the side of the edge from `a` to `b` on which the ray passes: -1 or 1. Returns 0 if the
+/// points are equal, or if a x b is NaN.
 ///
 /// The sign of a x b is exact: see [`super::exact`]. For the moved ray (e, e^2) the edge function
 /// is a x b + e (a_y - b_y) + e^2 (b_x - a_x).
@@ -167,7 +167,7 @@ fn side(a: [f32; 2], b: [f32; 2]) -> i32 {
 mod tests {
     use super::*;
 
-    /// All lattice triangles around the ray: each ordered pair of points has opposite sides.
+    /// All edges between lattice points around the ray. Reversing an edge flips the side.
     #[test]
     fn sides_are_antisymmetric_and_never_tied() {
         let points: Vec<[f32; 2]> =
@@ -193,7 +193,7 @@ mod tests {
         let middle = [0.0, 0.0];
         let hits = (0..6).filter(|&i| inside(middle, ring[i], ring[(i + 1) % 6])).count();
         assert_eq!(hits, 1);
-        // At a point on its rim the fan ends, so the ray crosses it at most once.
+        // The fan ends at a point of its rim, so the ray there crosses at most one triangle.
         let rim = [2.0f32, 0.0];
         let moved = |p: [f32; 2]| [p[0] - rim[0], p[1] - rim[1]];
         let hits = (0..6)

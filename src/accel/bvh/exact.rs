@@ -39,8 +39,8 @@ pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 ///   box.
 pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
 
-/// A ray meets a plane steeply if this times |d.n| is at least |n|, for a direction of 1 along its
-/// dominant axis: see [`BOX_SLACK`].
+/// A ray hits a plane steeply if this times |d.n| is at least |n|, where d has magnitude 1 along
+/// the dominant axis: see [`BOX_SLACK`].
 pub const STEEP: f64 = 9.0;
 
 /// A ray in f64, with the caller's unscaled direction.
@@ -108,8 +108,7 @@ impl TrianglePlane {
         (above / towards, towards)
     }
 
-    /// Returns the sum of the magnitudes of the normal. A ray of direction 1 along its dominant
-    /// axis is steep if [`STEEP`] |d.n| is at least that.
+    /// Returns the sum of the magnitudes of the normal: |n| in [`STEEP`].
     #[inline(always)]
     pub fn normal_l1(&self) -> f64 {
         let [nx, ny, nz] = self.normal;
@@ -164,9 +163,8 @@ impl ShearedTriangle {
         Self { edges, depths: [a[2], b[2], c[2]] }
     }
 
-    /// Whether the ray's line hits the triangle, edges and corners included. False if the shear
-    /// leaves the triangle without area. Also false for NaN, which a vertex too far away for f32
-    /// gives.
+    /// Whether the ray's line hits the triangle, edges and corners included. False if the sheared
+    /// triangle has no area. Also false for NaN, which a vertex too far away for f32 gives.
     #[inline(always)]
     pub fn inside(&self) -> bool {
         let [u, v, w] = self.edges;
@@ -210,8 +208,8 @@ impl ShearedTriangle {
 
     /// Whether the line passes through the sheared triangle at a depth close to `depth`.
     ///
-    /// There the line is within 6u of the box. `depth` is close enough if the hit at `depth` is
-    /// certainly within [`BOX_SLACK`] of the box.
+    /// Where it passes through, the line is within 6u max|v - o| of the box. `depth` is close
+    /// enough if the hit at `depth` is certainly within [`BOX_SLACK`] of the box.
     #[inline(always)]
     fn passes_near(&self, depth: f64) -> bool {
         let ([u, v, w], [a, b, c]) = (self.edges, self.depths.map(f64::from));

@@ -1,11 +1,11 @@
-//! A frustum around 16 coherent rays. No ray hits anything outside it.
+//! A frustum around coherent rays. None of the rays hits anything outside the frustum.
 
 use crate::ray::{LANES, Mask};
 
 use super::bounds::Bounds3;
 use super::query::{Lane, Query, max, min};
 
-/// Computes the minimum of 16 numbers. None of them may be NaN.
+/// Computes minima of 16 lanes. No lane may be NaN.
 pub trait HorizontalMin: Copy {
     /// Returns the minimum of 16 lanes.
     fn horizontal_min(self, v: &[f32; LANES]) -> f32;
@@ -30,18 +30,18 @@ pub struct Side {
     pub a: f32,
     /// Slope, of magnitude 1.5 at most.
     pub b: f32,
-    /// Row of [`super::node::Node::planes`] that holds the end of a box along z at which the plane
-    /// lies outermost.
+    /// Row of [`super::node::Node::planes`] with the z at which the plane lies outermost: the lower
+    /// or the upper end of a box along z.
     pub row: usize,
 }
 
-/// A conservative bound of all active rays. All have the same dominant axis k and the same sign
-/// along it.
+/// A conservative bound of all active rays: four side planes, a start and an end. All rays have the
+/// same dominant axis, and their directions have the same sign along it.
 ///
-/// Between two depths, the smallest coordinate of any ray is a concave function of z, because it is
-/// the minimum of linear functions. So it lies above its chord. The largest coordinate lies below
-/// its chord. Therefore four planes through the chords bound the rays. They are tight if the rays
-/// share an origin or an end point.
+/// Between two depths, the smallest coordinate of the rays is a concave function of z, because it
+/// is the minimum of linear functions. So it lies above its chord. The largest coordinate lies
+/// below its chord. Therefore four planes through the chords bound the rays. They are tight if the
+/// rays share an origin or an end point.
 ///
 /// The planes are moved outwards by 1.5 times the largest [`Query::box_slack`], which is 99u
 /// max|v - o| + 6u|o|:
@@ -64,13 +64,14 @@ pub struct Frustum {
     b: [f32; 4],
     /// [`Side::row`] of the four sides.
     rows: [u32; 4],
-    /// Sign of the directions along the dominant axis: 1 or -1.
+    /// Sign of the directions along the dominant axis: 1 or -1. So `forward` z, the product, grows
+    /// along every ray.
     pub forward: f32,
     /// No ray starts at a smaller `forward` z.
     pub start: f32,
     /// Row of the plane through which rays enter a box along the dominant axis.
     pub enter: usize,
-    /// Row of the plane through which they leave it.
+    /// Row of the plane through which rays leave a box along the dominant axis.
     pub leave: usize,
     /// How far the planes were moved outwards.
     slack: f32,
@@ -82,8 +83,8 @@ impl Frustum {
     /// Bounds the active rays of a query, in a tree over `scene`. Also returns where they end: see
     /// [`Frustum::end`].
     ///
-    /// The rays must be aligned ([`Query::aligned`]) and `lane` one of them. `tfar` holds the ends
-    /// of their segments, scaled like [`Query::tfar`].
+    /// The rays must be aligned ([`Query::aligned`]), and `lane` must be one of them. `tfar` holds
+    /// the ends of their segments, scaled like [`Query::tfar`], and -inf in inactive lanes.
     #[inline(always)]
     pub fn new(
         tier: impl HorizontalMin,
@@ -126,8 +127,8 @@ impl Frustum {
         (frustum, end)
     }
 
-    /// A frustum along the last of `axes`. `start`, `scene_end` and `slack` are the fields of the
-    /// same names.
+    /// Returns a frustum along the last of `axes`, to be completed by [`Self::set_sides`]. `start`,
+    /// `scene_end` and `slack` are the fields of the same names.
     #[inline(always)]
     pub fn without_sides(
         axes: [usize; 3],
@@ -151,8 +152,8 @@ impl Frustum {
         }
     }
 
-    /// Sets the side planes. `minima` holds the smallest coordinates of the rays along the two axes
-    /// and the negatives of the largest ones, at z0, then at z1.
+    /// Sets the side planes. `minima` holds four values at z0, then four at z1: the smallest
+    /// coordinates of the rays along the two axes, and the negatives of the largest ones.
     #[inline(always)]
     pub fn set_sides(&mut self, [z0, z1]: [f32; 2], minima: &[f32; 8]) {
         let inverse = 1.0 / (z1 - z0);
@@ -186,14 +187,14 @@ impl Frustum {
         Side { a: self.a[i], b: self.b[i], row: self.rows[i] as usize }
     }
 
-    /// Returns the `forward` z where the last ray or the scene ends, moved outwards by `slack`;
-    /// -inf if all `tfar` are -inf.
+    /// Returns the `forward` z of the farthest end of a ray, or of the scene if that is nearer,
+    /// moved outwards by `slack`. Returns -inf if all `tfar` are -inf.
     #[inline(always)]
     pub fn end(&self, tier: impl HorizontalMin, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
             let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
-            // An inactive lane may hold any value. (A condition on `tfar` alone compiles to 16
+            // `end` is -inf or NaN in inactive lanes. (A condition on `tfar` alone compiles to 16
             // jumps.)
             minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };
         }

@@ -3,7 +3,8 @@
 use crate::geometry::Geometry;
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
-/// Up to this many geometries, a loop over all of them finds the geometry of a hit.
+/// Up to this many geometries after the first, a loop over all of them finds the geometries of the
+/// hits.
 const MAX_SCANNED_GEOMETRIES: usize = 16;
 
 /// The closest hits so far of 16 rays, by lane.
@@ -11,10 +12,10 @@ const MAX_SCANNED_GEOMETRIES: usize = 16;
 pub struct ClosestHits {
     /// Ray parameters. Without a hit, the end of the segment.
     pub t: [f64; LANES],
-    /// Primitive numbers in the whole scene, or [`NONE`].
+    /// Scene-wide primitive indices, or [`NONE`].
     pub primitive: [u32; LANES],
     /// Barycentric weights of the second and third corner, and the sum of all three weights. Not
-    /// normalised. 0, 0, 1 for a sphere.
+    /// normalised. 0, 0, 1 for a sphere and without a hit.
     pub weights: [[f32; LANES]; 3],
     /// All bits set if the weights belong to the second half of a quad, else 0.
     pub second_half: [i32; LANES],
@@ -36,7 +37,9 @@ impl ClosestHits {
         }
     }
 
-    /// Writes the hits to `packet`. The weights of a quad are Embree's.
+    /// Writes geometry id, primitive index, weights and t of the hits to `packet`, but no normals.
+    /// Lanes without a hit keep their values. The weights of a quad are Embree's: see
+    /// [`Geometry::quad_half`].
     #[inline(always)]
     pub fn store(&self, geometry: &Geometry, packet: &mut RayPacket) {
         let first = geometry.bases()[1];
@@ -72,8 +75,8 @@ impl ClosestHits {
         }
     }
 
-    /// Looks up the geometry of each hit. For scenes of more than [`MAX_SCANNED_GEOMETRIES`]
-    /// geometries.
+    /// Writes geometry id and primitive index of each hit by a search. For scenes of more than
+    /// [`MAX_SCANNED_GEOMETRIES`] geometries after the first.
     #[inline(never)]
     fn store_geometries(&self, geometry: &Geometry, packet: &mut RayPacket) {
         for i in (0..LANES).filter(|&i| self.primitive[i] != NONE) {

@@ -13,7 +13,7 @@ pub const COUNT: usize = 256;
 /// The kernel to run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {
-    /// A ray against the 16 boxes of a node, with the hits sorted.
+    /// A ray against the 16 boxes of a node, with the hits in the order of the ray's octant.
     Node,
     /// A ray against the 16 triangles of a leaf: the candidates.
     Leaf,
@@ -23,10 +23,11 @@ pub enum Which {
 
 impl Bvh<'_> {
     /// Runs a kernel for ray 0 on [`COUNT`] nodes, leaves or triangles, repeating them if the tree
-    /// has fewer. Returns a checksum of the results.
+    /// has fewer. Returns a checksum of the results. For AVX2 these are the portable kernels,
+    /// compiled for AVX2.
     ///
     /// # Panics
-    /// If the tree has no leaf of triangles.
+    /// If the tree has no leaf of triangles, except for [`Which::Node`].
     pub fn run_kernel(&self, which: Which, rays: &Rays) -> f64 {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
         if self.isa == Isa::Avx512 {

@@ -4,11 +4,12 @@
 //! `build` makes the tree. `query` and `frustum` prepare rays. `single` and `packet` traverse.
 //! `simd` tests 16 boxes or triangles at a time. `exact` decides hits. `validate` checks the tree.
 //!
-//! More queries: `crossings` finds all hits of a ray, `column` and `segment` find the triangles
-//! that a half-line or a segment may meet, `closest_point` finds the triangle nearest to a point,
-//! and `winding` computes winding numbers. `owned` is a tree without a borrow.
+//! More queries: `crossings` finds all hits of a ray. `column` finds the triangles that a half-line
+//! may hit, `segment` those that a segment may hit. `closest_point` finds the triangle nearest to a
+//! point. `winding` computes winding numbers. `owned` is a tree without a borrow.
 
-/// Returns the value of `$run` with the kernels of an instruction set.
+/// Evaluates `$run` with `$tier` bound to the kernels of the instruction set `$isa`. Returns the
+/// value from the enclosing function. `$isa` must be supported by this machine.
 macro_rules! with_tier {
     ($isa:expr, $tier:ident => $run:expr) => {
         #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
@@ -69,7 +70,7 @@ use crate::geometry::{Geometry, Nearby};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::Kernel;
 
-/// Traces the active rays one by one.
+/// Finds the closest hits of the active rays, one ray at a time.
 struct SingleClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -95,11 +96,11 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
     }
 }
 
-/// Fewer coherent rays than this are traced one by one.
+/// A group of fewer rays than this is traced ray by ray.
 const MIN_TOGETHER: u32 = 4;
 
-/// Traces the active rays in groups of one octant and one dominant axis. Traces the rays of small
-/// groups one by one.
+/// Finds the closest hits of the active rays, in groups that share octant and dominant axis. The
+/// rays of groups below [`MIN_TOGETHER`] are traced one by one.
 struct PacketClosest<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -136,7 +137,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     }
 }
 
-/// Traces the active rays one by one.
+/// Tests the active rays for occlusion, one ray at a time.
 struct SingleOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -159,8 +160,8 @@ impl<T: Tier> Kernel for SingleOccluded<'_, T> {
     }
 }
 
-/// Traces the active rays in groups of one dominant axis and sign. Traces the rays of small groups
-/// one by one.
+/// Tests the active rays for occlusion, in groups that share the dominant axis and the sign along
+/// it. The rays of groups below [`MIN_TOGETHER`] are traced one by one.
 struct PacketOccluded<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -199,7 +200,8 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     }
 }
 
-/// Returns whether the convex hull of the active rays may reach a leaf.
+/// Returns false only if the convex hull of the active rays contains no part of a triangle and
+/// overlaps no leaf of spheres.
 struct Reaches<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
@@ -213,7 +215,8 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
     fn run(self) -> bool {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        // This query is rare, so rays of several dominant axes are not split into groups.
+        // For rays of several dominant axes or signs the result is true, which is conservative.
+        // This query is rare, so such rays are not split into groups.
         let active = tier.bits(active);
         active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0
             || Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active).reaches()
@@ -294,8 +297,8 @@ impl Accelerator for Bvh<'_> {
         coherence: Coherence,
     ) -> Option<Visits> {
         let counts = Counts::default();
-        // The same instruction set on every machine, because rounding decides whether a ray hits a
-        // box that it only touches.
+        // Rounding decides whether a ray hits a box that it only touches. So the portable kernels
+        // count on every machine, and every machine gets the same counts.
         let tier = Counting { tier: simd::portable::Portable, counts: &counts };
         let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
         if shadow {

@@ -1,4 +1,4 @@
-//! Search for the triangles and quads near a point.
+//! Finds the triangles and quads near a box.
 
 use super::node::{Child, ChildKind, WIDTH};
 use super::tree::Bvh;
@@ -6,7 +6,8 @@ use crate::geometry::Nearby;
 use crate::ray::NONE;
 
 impl Bvh<'_> {
-    /// Traverses the tree for [`crate::accel::Accelerator::near`].
+    /// Calls `found` for all triangles of the leaves that `nearby` overlaps: see
+    /// [`crate::accel::Accelerator::near`].
     pub(super) fn near_in_tree(&self, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
         let [low, high] = nearby;
         let mut stack = vec![Child::node(0)];

@@ -3,14 +3,14 @@
 
 use crate::ray::NONE;
 
-/// Number of children of a node, and of triangles and vertices of a leaf, at most.
+/// Maximum number of children of a node, of triangles of a leaf, and of vertices of a leaf.
 pub const WIDTH: usize = 16;
 
-/// Number of spheres of a leaf, at most.
+/// Maximum number of spheres of a leaf.
 pub const SPHERES: usize = 4;
 
-/// A reference to a child. The top two bits hold its kind, the others the index in the array of
-/// that kind.
+/// A reference to a child of a node. The top two bits hold the kind of the child. The others hold
+/// its index in the array of that kind. In [`Child::EMPTY`] all bits are set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Child(pub u32);
@@ -24,10 +24,12 @@ pub enum ChildKind {
     Triangles(usize),
     /// Index of a [`SphereLeaf`].
     Spheres(usize),
+    /// An unused slot.
     Empty,
 }
 
 impl Child {
+    /// The reference in an unused slot.
     pub const EMPTY: Self = Self(NONE);
     /// The largest index that fits into a reference.
     pub const MAX_INDEX: usize = (1 << 30) - 1;
@@ -97,13 +99,13 @@ impl Node {
         order: [0; 8],
     };
 
-    /// Returns the lowest child of a set of children, given as bits.
+    /// Returns the child in the lowest slot whose bit is set in `children`.
     #[inline(always)]
     pub fn first(&self, children: u32) -> Child {
         self.children[children.trailing_zeros() as usize % WIDTH]
     }
 
-    /// Stores the order of an octant. Child `far_to_near[j]` takes 4 bits, the lowest of which is
+    /// Stores the order of an octant. Slot `far_to_near[j]` takes 4 bits, the lowest of which is
     /// bit `32 (j % 2) + 4 (j / 2)`. So a vector of 32-bit lanes can shift them out.
     pub fn set_order(&mut self, octant: usize, far_to_near: &[u8; WIDTH]) {
         let place = |j: usize, child: u8| u64::from(child) << (32 * (j % 2) + 4 * (j / 2));
@@ -111,7 +113,7 @@ impl Node {
             far_to_near.iter().enumerate().fold(0, |bits, (j, &child)| bits | place(j, child));
     }
 
-    /// Returns child `j` of an octant's order.
+    /// Returns the slot of the child at place `j` of an octant's order. Place 0 is the farthest.
     #[inline(always)]
     pub fn ordered(&self, octant: usize, j: usize) -> usize {
         (self.order[octant % 8] >> (32 * (j % 2) + 4 * (j / 2))) as usize % WIDTH
@@ -120,14 +122,14 @@ impl Node {
 
 /// A leaf of up to 16 triangles over up to 16 shared vertices.
 ///
-/// Each shared vertex is sheared once per ray. A leaf of a scanned mesh takes 28 bytes per triangle
-/// instead of 40.
+/// Each shared vertex is sheared once per ray. A leaf of a scanned mesh takes 28 bytes per
+/// triangle. It would take 40 if every triangle held its own corners.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Block {
     /// x, y, z of the vertices.
     pub vertices: [[f32; WIDTH]; 3],
-    /// Primitive number of each triangle in the whole scene; [`NONE`] in an unused slot.
+    /// Scene-wide primitive index of each triangle; [`NONE`] in an unused slot.
     pub primitives: [u32; WIDTH],
     /// Vertex indices of the first, second and third corner of each triangle. Bit 7 of the first
     /// corner marks the second half of a quad.

@@ -10,10 +10,10 @@ use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
 use crate::simd::Isa;
 
-/// A tree over triangle meshes, and how their primitives are numbered. The leaves hold the
+/// A tree over triangle meshes, with the primitive indices of the meshes. The leaves hold the
 /// vertices, so the arrays of the meshes are freed after the build.
 pub struct OwnedBvh {
-    /// Numbers of the primitives. Its meshes are empty.
+    /// Maps scene-wide primitive indices to meshes. Its meshes are empty.
     geometry: Geometry,
     tree: Arc<Tree>,
     isa: Isa,
@@ -24,7 +24,8 @@ impl OwnedBvh {
     /// Builds the tree over the triangles of `geometry`, on the current rayon pool.
     ///
     /// # Errors
-    /// `Interrupted` after a signal; `Retry` if there is too little memory.
+    /// `Interrupted` after a signal; `Limit` from 2^30 triangles on; `Retry` if there is too little
+    /// memory.
     pub fn build(mut geometry: Geometry, isa: Isa, monitor: &Monitor) -> Result<Self> {
         let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         let Bvh { tree, isa, peak_bytes, .. } = Bvh::build(&geometry, isa, &options, monitor)?;
@@ -39,7 +40,8 @@ impl OwnedBvh {
         Bvh { geometry, tree: Arc::clone(tree), isa: *isa, peak_bytes: *peak_bytes }
     }
 
-    /// Numbers of the primitives, and the origin of the coordinates. Its meshes are empty.
+    /// Maps scene-wide primitive indices to meshes, and holds the origin of the coordinates. Its
+    /// meshes are empty.
     pub fn geometry(&self) -> &Geometry {
         &self.geometry
     }

@@ -7,7 +7,7 @@ use super::bounds::Bounds3;
 /// The largest relative error of one f32 operation: half an ulp of 1, 2^-24.
 const U: f32 = f32::EPSILON / 2.0;
 
-/// Smallest magnitude of a direction component, relative to the largest. It keeps 1/d and o/d
+/// Smallest magnitude of a component of a scaled direction: see [`Query`]. It keeps 1/d and o/d
 /// finite, so that 0 * inf never occurs.
 pub const MIN_DIRECTION: f32 = 1.0 / (1u64 << 60) as f32;
 
@@ -17,34 +17,35 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// 16 rays in the form that tests of boxes and triangles need.
 ///
-/// Directions are scaled by a power of two, which is exact, so that the largest component lies in
-/// [1, 2). `scale` converts ray parameters to these directions.
+/// Directions are scaled by a power of two, so that the largest component lies in [1, 2). (At the
+/// ends of the range of f32 it lies in [1/3, 4).) Only underflow rounds. `scale` converts the ray
+/// parameters of the caller to those of the scaled directions.
 ///
 /// # Boxes
 ///
-/// A slab is `t = plane * inverse - offset`, in one fused operation or two. Every box is widened by
-/// `box_slack`, which the offsets include. Every distance is widened by 4u, which the inverses
-/// include. So no rounding prunes a hit of [`super::exact`]:
+/// The ray parameter at a plane of a box is `t = plane * inverse - offset`, in one fused operation
+/// or two. Every box is widened by `box_slack`, which the offsets include. Every t is widened by
+/// 4u, which the inverses include. So no rounding prunes a hit of [`super::exact`]:
 ///
-/// - The triangle test moves a vertex by at most 6u max|v - o| in the plane normal to the dominant
-///   axis (see there). So a ray that hits passes within that distance of the triangle, and hence of
-///   its box. The test keeps the hit within 64u max|v - o| of that box. Therefore `box_slack` >=
-///   64u max|v - o| over the scene's box.
+/// - The triangle test of [`super::exact`] moves a vertex by at most 6u max|v - o| in the plane
+///   normal to the dominant axis. So a ray that hits passes within that distance of the triangle,
+///   and hence of its box. The test keeps the hit within 64u max|v - o| of that box. Therefore
+///   `box_slack` >= 64u max|v - o| over the scene's box.
 /// - Three roundings move a plane by at most 4u|o|: of `o + box_slack`, of its product with the
-///   inverse, and of the second operand of the fused operation. They are part of `box_slack`.
-/// - The inverse and the last rounding have relative errors of at most 3.5u together. So 4u are
-///   subtracted from the near distance and added to the far one (Ize 2013, JCGT 2(2)). Near
-///   distances below zero do not matter, because t starts at `tnear` >= 0.
+///   inverse, and of the second operand of the fused operation. `box_slack` includes this.
+/// - The inverse and the last rounding have relative errors of at most 3.5u together. So t of the
+///   near plane is reduced by 4u and t of the far plane is enlarged by 4u (Ize 2013, JCGT 2(2)). A
+///   negative t does not matter, because t starts at `tnear` >= 0.
 /// - A component below `MIN_DIRECTION` is raised to it. The ray strays by at most `MIN_DIRECTION`
 ///   times the scene's size: 2^-60, compared with 2^-22 in `box_slack`.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Query {
-    /// Inverse direction, reduced by 4u.
+    /// Reciprocal of the scaled direction, reduced by 4u.
     pub near_inverse: [[f32; LANES]; 3],
     /// `(origin + box_slack) * near_inverse`; `box_slack` has the sign of the direction.
     pub near_offset: [[f32; LANES]; 3],
-    /// Inverse direction, enlarged by 4u.
+    /// Reciprocal of the scaled direction, enlarged by 4u.
     pub far_inverse: [[f32; LANES]; 3],
     /// `(origin - box_slack) * far_inverse`; `box_slack` has the sign of the direction.
     pub far_offset: [[f32; LANES]; 3],
@@ -58,7 +59,7 @@ pub struct Query {
     pub scale: [f32; LANES],
     /// Octant of the direction. Bit a is set if it is negative along axis a.
     pub octant: [u32; LANES],
-    /// Axis along which the direction is largest.
+    /// Dominant axis: the one along which the direction is largest. The last one of equal ones.
     pub dominant: [u32; LANES],
     /// Origin along the two axes after the dominant one in cyclic order, then along the dominant
     /// one.
@@ -80,7 +81,8 @@ impl Query {
         for i in 0..LANES {
             let (x, y, z) = (rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]);
             let largest = max(max(x.abs(), y.abs()), z.abs());
-            // At the ends of the range their neighbours are used: `up` must undo `down` exactly.
+            // The exponents at the ends of the range are replaced by their neighbours, so that `up`
+            // undoes `down` exactly.
             let exponent = (largest.to_bits() >> 23).clamp(1, 253);
             let down = f32::from_bits((254 - exponent) << 23);
             let up = f32::from_bits(exponent << 23);
@@ -98,9 +100,9 @@ impl Query {
                 reach = max(reach, max((lower[axis] - o).abs(), (upper[axis] - o).abs()));
                 origin = max(origin, o.abs());
             }
-            // Coordinates beyond 2^62 would overflow when multiplied by 1 / MIN_DIRECTION. There
-            // the smallest component is larger, and `box_slack` includes how far the ray strays by
-            // that.
+            // Coordinates from 2^68 on would overflow when multiplied by 1 / MIN_DIRECTION. So from
+            // 2^64 on the smallest component is larger. `box_slack` includes how far the ray strays
+            // by that.
             let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
             min_component[i] = lift;
             box_slack[i] =
@@ -194,15 +196,16 @@ impl Query {
         part
     }
 
-    /// Converts the parameter `t` of a hit of ray `i` to a new `tfar`: scaled, and enlarged to
-    /// compensate underflow.
+    /// Converts the parameter `t` of a hit of ray `i` to a new `tfar` for tests of boxes: scaled,
+    /// and enlarged to compensate underflow.
     #[inline(always)]
     pub fn scaled_end(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
     }
 
-    /// Returns how far ray `i` is along the dominant axis at a scaled parameter, rounded up.
-    /// Whatever lies deeper has a larger parameter.
+    /// Returns the depth of ray `i` at the scaled parameter `t` >= 0, rounded up. The depth is the
+    /// distance from the origin along the dominant axis. A point at a larger depth has a larger
+    /// parameter.
     #[inline(always)]
     pub fn depth(&self, i: usize, t: f32) -> f32 {
         t * self.along[i].abs() * (1.0 + 8.0 * U)
@@ -219,7 +222,7 @@ impl Query {
             & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
     }
 
-    /// Returns ray `i` alone.
+    /// Returns ray `i` without the other rays.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Lane<'_> {
         let i = i % LANES;
@@ -242,19 +245,19 @@ pub struct Slabs {
     pub far_inverse: [f32; 3],
     pub far_offset: [f32; 3],
     pub tnear: f32,
-    /// For each axis the row of [`super::node::Node::planes`] through which the ray enters a box.
+    /// For each axis, the row of [`super::node::Node::planes`] through which the ray enters a box.
     pub enter: [usize; 3],
-    /// For each axis the row through which the ray leaves a box.
+    /// For each axis, the row through which the ray leaves a box.
     pub leave: [usize; 3],
 }
 
-/// Returns the smaller number; the second if one is NaN.
+/// Returns the smaller number; `b` if either is NaN.
 #[inline(always)]
 pub fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Returns the larger number; the second if one is NaN.
+/// Returns the larger number; `b` if either is NaN.
 #[inline(always)]
 pub fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -264,13 +267,14 @@ pub fn max(a: f32, b: f32) -> f32 {
 #[derive(Debug, Clone, Copy)]
 pub struct Lane<'a> {
     pub query: &'a Query,
+    /// Lane of the ray in `query`.
     pub i: usize,
     pub octant: usize,
     /// The two axes after the dominant one, then the dominant one.
     pub axes: [usize; 3],
-    /// For each axis the row of [`super::node::Node::planes`] through which the ray enters a box.
+    /// As in [`Slabs`].
     pub enter: [usize; 3],
-    /// For each axis the row through which the ray leaves a box.
+    /// As in [`Slabs`].
     pub leave: [usize; 3],
 }
 
@@ -304,7 +308,7 @@ impl Lane<'_> {
         self.query.depth(self.i % LANES, t)
     }
 
-    /// Returns the depth of a coordinate along the dominant axis, relative to the origin of the
+    /// Returns the depth of a coordinate `z` along the dominant axis: `z` minus the origin of the
     /// ray.
     #[inline(always)]
     pub fn depth_of(&self, z: f32) -> f32 {
@@ -323,9 +327,9 @@ impl Lane<'_> {
         self.query.within(self.i % LANES, first, last)
     }
 
-    /// Shears a vertex, given in the order of `axes`. Returns the distances from the ray along the
-    /// first two axes at the vertex's depth, then the depth. Multiplies, then subtracts, so that
-    /// every instruction set computes the same bits.
+    /// Shears a vertex, given in the order of `axes`. Returns its offsets from the ray along the
+    /// first two axes at its depth, then the depth. Multiplies, then subtracts, so that every
+    /// instruction set computes the same bits.
     #[inline(always)]
     pub fn sheared(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let (origin, shear) = (&self.query.origin, &self.query.shear);

@@ -1,4 +1,4 @@
-//! The triangles that a segment may meet: candidates for an exact test.
+//! Finds the triangles that a segment may hit: candidates for an exact test.
 
 use super::node::ChildKind;
 use super::query::Query;
@@ -8,11 +8,13 @@ use crate::ray::Rays;
 use crate::simd::Kernel;
 
 impl Bvh<'_> {
-    /// Returns whether `hits` is true for any triangle in a leaf that ray 0 of `rays` may reach.
+    /// Returns whether `hits` is true for any triangle of the leaves that ray 0 of `rays` reaches.
+    /// `hits` gets scene-wide primitive indices. Spheres are ignored.
     ///
-    /// The ray may be a segment of f64 points, rounded to f32: boxes are widened by 64u of the
-    /// distance for the sake of [`super::exact`], which such a segment does not need (see
-    /// [`Query`]). The rounding of origin, direction and vertices takes less than 20u of it.
+    /// The ray may be a segment between f64 points, rounded to f32. The traversal widens boxes by
+    /// 64u max|v - o| for the test of [`super::exact`] (see [`Query`]). A test of the f64 segment
+    /// does not need this slack. The rounding of origin, direction and vertices takes less than 20u
+    /// of it.
     pub fn any_near(&self, rays: &Rays, hits: &mut dyn FnMut(u32) -> bool) -> bool {
         let bvh = self;
         with_tier!(self.isa, tier => tier.run(AnyNear { tier, bvh, rays, hits }));

@@ -1,4 +1,4 @@
-//! Conservative test whether nothing lies in a [`Shaft`].
+//! Conservative test whether a [`Shaft`] is empty.
 
 use super::bounds::Bounds3;
 use super::frustum::{Frustum, HorizontalMin, select};
@@ -11,7 +11,8 @@ use crate::accel::shaft::Shaft;
 use crate::ray::LANES;
 use crate::simd::Kernel;
 
-/// Most triangles that a query tests. A shaft near more of them seldom is empty.
+/// Maximum number of triangles that a query tests. With more of them in the frustum, a shaft is
+/// seldom empty, so the query returns true.
 const MAX_TRIANGLES: u32 = 96;
 
 /// Margin of the signs in [`Segments::may_hit`], relative to the largest magnitude of the terms:
@@ -24,13 +25,14 @@ const MAX_TRIANGLES: u32 = 96;
 ///   coordinates of light and origin. That changes the function by 36u of these times m^2.
 const MARGIN: f32 = 128.0 * f32::EPSILON;
 
-/// Margin of the signs in [`Segments::maybe_crossing`]: 512u. With e the largest coordinate of the
-/// triangle's edges and m that of a vertex relative to a point, rounding changes the point's side
-/// by at most 48u e^2 m. The test of [`super::exact`] moves a vertex by at most 6u of its distance
-/// from the origin, f; that changes the side by another 180u e max(e, f) m.
+/// Margin of the signs in [`Segments::maybe_crossing`]: 512u. Let e be the largest coordinate of
+/// the triangle's edges, m that of a vertex relative to a point, and f the distance of a vertex
+/// from the origin. Rounding changes the point's side by at most 48u e^2 m. The test of
+/// [`super::exact`] moves a vertex by at most 6u f. That changes the side by another
+/// 180u e max(e, f) m.
 const SIDE_MARGIN: f32 = 256.0 * f32::EPSILON;
 
-/// Returns whether anything may lie in a shaft.
+/// Returns false only if no shadow ray of a shaft hits anything.
 pub struct MayHit<'a, T> {
     pub tier: T,
     pub bvh: &'a Bvh<'a>,
@@ -107,9 +109,9 @@ impl<'a> Segments<'a> {
         Self { shaft, margin }
     }
 
-    /// Returns the lanes whose segments may cross the triangle's plane: all bits are set. In the
-    /// others, origin and light lie on one side of it, or the triangle is the lane's own. This
-    /// cheap test decides most triangles.
+    /// Returns the lanes whose segments may cross the triangle's plane: all bits are set. In other
+    /// active lanes, origin and light lie on one side of the plane, or the ray leaves the triangle.
+    /// This cheap test decides most triangles.
     #[inline(always)]
     fn maybe_crossing(&self, [p, q, r]: [[f32; 3]; 3], primitive: u32) -> [i32; LANES] {
         let from = |v: [f32; 3]| [v[0] - p[0], v[1] - p[1], v[2] - p[2]];
@@ -129,7 +131,7 @@ impl<'a> Segments<'a> {
             let o = [ox[i] - p[0], oy[i] - p[1], oz[i] - p[2]];
             let side = n[0] * o[0] + n[1] * o[1] + n[2] * o[2];
             let near = size(o);
-            // The added numbers are for underflow.
+            // 1e-30 is added for underflow.
             let unit = SIDE_MARGIN * edge * max(edge, near);
             let (margin, light_margin) = (unit * near + 1e-30, unit * far + 1e-30);
             let before = (side > margin) & (low > light_margin);
@@ -142,9 +144,9 @@ impl<'a> Segments<'a> {
 
     /// Returns false only if no shadow ray of any lane hits the triangle in `slot`.
     ///
-    /// A ray misses if two of its edge functions have different signs. They are linear in the
-    /// direction, so the corners of the light bound them. A ray also misses if its parameter at the
-    /// triangle's plane is negative.
+    /// A ray misses if two of its edge functions have different signs. The functions are linear in
+    /// the direction, so their values at the corners of the light bound them. A ray also misses if
+    /// its parameter at the triangle's plane is negative.
     #[inline(always)]
     fn may_hit(&self, block: &Block, slot: usize) -> bool {
         let [p, q, r] = block.triangle(slot);
@@ -174,7 +176,7 @@ impl<'a> Segments<'a> {
         let mut may_hit = 0;
         for i in 0..LANES {
             let m = max(max(largest(&a, i), largest(&b, i)), largest(&c, i));
-            // The added numbers are for underflow.
+            // 1e-30 is added for underflow.
             let margin = m * m * self.margin[i] + 1e-30;
             let positive = (low[0][i] > margin) | (low[1][i] > margin) | (low[2][i] > margin);
             let negative = (high[0][i] < -margin) | (high[1][i] < -margin) | (high[2][i] < -margin);
@@ -189,7 +191,7 @@ impl<'a> Segments<'a> {
     }
 }
 
-/// A point relative to the origin of each lane.
+/// Returns a point relative to the origin of each lane.
 #[inline(always)]
 fn minus(point: &[f32; 3], origins: &Lanes3) -> Lanes3 {
     let mut d = [[0.0; LANES]; 3];
@@ -222,7 +224,7 @@ fn cross(a: &Lanes3, b: &Lanes3) -> Lanes3 {
     cross
 }
 
-/// Largest magnitude of the coordinates of lane `i`.
+/// Returns the largest magnitude of the coordinates of lane `i`.
 #[inline(always)]
 fn largest(a: &Lanes3, i: usize) -> f32 {
     max(max(a[0][i].abs(), a[1][i].abs()), a[2][i].abs())
@@ -230,16 +232,17 @@ fn largest(a: &Lanes3, i: usize) -> f32 {
 
 impl Frustum {
     /// Bounds all segments of a shaft. Also returns where they end: see [`Frustum::end`]. Returns
-    /// `None` if the segments do not all run in one direction along an axis.
+    /// `None` if there is no axis along which all segments run in the same direction.
     ///
-    /// A line from a point through the light crosses a plane normal to the dominant axis between
-    /// the lines through the corners. So the lines through the corners bound all of them.
+    /// The axis of the frustum is the one with the widest gap between points and light. A line from
+    /// a point through the light crosses a plane normal to that axis between the lines through the
+    /// corners. So the lines through the corners bound all lines.
     #[inline(always)]
     fn around(tier: impl HorizontalMin, shaft: &Shaft, scene: &Bounds3) -> Option<(Self, f32)> {
         let (origins, active) = (shaft.origins, &shaft.active);
         let (low, high) = ends(tier, shaft);
         let (near, far) = corners(shaft);
-        // The axis along which the light is farthest from the points.
+        // The gap between the points and the light along each axis. Negative if they overlap.
         let mut gaps = [0.0; 3];
         for axis in 0..3 {
             gaps[axis] = max(near[axis] - high[axis], low[axis] - far[axis]);
@@ -298,7 +301,7 @@ impl Frustum {
     }
 }
 
-/// Smallest and largest coordinates of the points of a shaft.
+/// Returns the smallest and the largest coordinates of the points of a shaft.
 #[inline(always)]
 fn ends(tier: impl HorizontalMin, shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
     let mut rows = [[f32::INFINITY; LANES]; 8];
@@ -314,7 +317,7 @@ fn ends(tier: impl HorizontalMin, shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
     ([x, y, z], [-minus_x, -minus_y, -minus_z])
 }
 
-/// Smallest and largest coordinates of the corners of a shaft's light.
+/// Returns the smallest and the largest coordinates of the corners of a shaft's light.
 #[inline(always)]
 fn corners(shaft: &Shaft) -> ([f32; 3], [f32; 3]) {
     let (mut near, mut far) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);

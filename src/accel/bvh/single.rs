@@ -16,9 +16,9 @@ pub struct ClosestHit {
     pub t: f64,
     /// `t` scaled for tests of boxes: see [`super::query::Query::scaled_end`].
     pub tfar: f32,
-    /// Primitive number in the whole scene, or [`NONE`].
+    /// Scene-wide primitive index, or [`NONE`].
     pub primitive: u32,
-    /// Edge functions of the triangle; 1, 0, 0 for a sphere.
+    /// Edge functions of the triangle; 1, 0, 0 for a sphere and without a hit.
     edges: [f64; 3],
     /// Whether the triangle is the second half of a quad.
     second_half: bool,
@@ -30,7 +30,7 @@ impl ClosestHit {
         Self { t, tfar, primitive, edges: [1.0, 0.0, 0.0], second_half: false }
     }
 
-    /// Returns a lane of a packet's closest hits.
+    /// Returns lane `i` of a packet's closest hits, without its weights: `edges` are 1, 0, 0.
     #[inline(always)]
     pub fn from_lane(found: &ClosestHits, i: usize, tfar: f32) -> Self {
         Self::sphere(found.t[i], tfar, found.primitive[i])
@@ -40,7 +40,7 @@ impl ClosestHit {
     #[inline(always)]
     pub fn store(&self, found: &mut ClosestHits, i: usize) {
         // Converted to f32 only after normalisation: edge functions of large coordinates may exceed
-        // f32.
+        // the range of f32.
         let [u, v, w] = self.edges;
         let sum = 1.0 / (u + v + w);
         (found.t[i], found.primitive[i]) = (self.t, self.primitive);
@@ -50,8 +50,8 @@ impl ClosestHit {
         found.second_half[i] = -i32::from(self.second_half);
     }
 
-    /// Whether a hit at `t` replaces this one: it is closer, or equally far with a lower primitive
-    /// number.
+    /// Whether a hit at `t` replaces this one: it is nearer, or equally near with a lower primitive
+    /// index. Without a hit, `self.t` is the open end of the segment, where no hit counts.
     #[inline(always)]
     fn is_replaced_by(&self, t: f64, primitive: u32) -> bool {
         t < self.t || (t == self.t && primitive < self.primitive && self.primitive != NONE)
@@ -64,9 +64,9 @@ pub struct Single<'a, T> {
     pub(super) tree: &'a Tree,
     geometry: &'a Geometry,
     pub(super) lane: Lane<'a>,
-    /// The caller's rays; lane `lane.i` is this one.
+    /// The caller's rays. This ray is in lane `lane.i`.
     rays: &'a Rays,
-    /// Number of the primitive that the ray leaves.
+    /// Scene-wide index of the primitive that the ray leaves, or [`NONE`].
     leaving: u32,
 }
 
@@ -87,7 +87,7 @@ impl<'a, T: Tier> Single<'a, T> {
         Ray64::new(self.rays, self.lane.i % LANES, self.lane.axes[2])
     }
 
-    /// Returns the state without a hit.
+    /// Returns a [`ClosestHit`] without a hit, at the end of the segment.
     #[inline(always)]
     pub fn no_hit(&self) -> ClosestHit {
         ClosestHit::sphere(self.ray().tfar, self.lane.value(&self.lane.query.tfar), NONE)
@@ -101,7 +101,8 @@ impl<'a, T: Tier> Single<'a, T> {
         best
     }
 
-    /// Updates the closest hit with the subtree below `child`.
+    /// Updates the closest hit with the subtree below `child`. `stack` must be empty, and is left
+    /// empty.
     #[inline(always)]
     pub fn closest_below(&self, child: Child, stack: &mut Stack, best: &mut ClosestHit) {
         let mut child = child;
@@ -134,7 +135,8 @@ impl<'a, T: Tier> Single<'a, T> {
         self.occluded_below(Child::node(0), path)
     }
 
-    /// Returns whether the ray hits anything below `child`.
+    /// Returns whether the ray hits anything below `child`. `path` must be empty, and is left
+    /// empty.
     #[inline(always)]
     pub fn occluded_below(&self, child: Child, path: &mut Path) -> bool {
         let ChildKind::Node(mut index) = child.kind() else { return self.any_in_leaf(child) };
@@ -226,8 +228,8 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let sure = (found.sure >> i) & 1 != 0;
             let (first, last) = depth_range(&self.lane, block, slot);
-            // t lies between the depths of the corners. If these lie inside the segment, t need not
-            // be computed.
+            // The depth of the hit lies between those of the corners. If all of these lie inside
+            // the segment, t need not be computed.
             let within = self.lane.within(first, last);
             if sure && within {
                 return true;
@@ -268,7 +270,8 @@ impl<'a, T: Tier> Single<'a, T> {
         self.tree.spheres[index].0.into_iter().any(|id| self.sphere_hit(id, tfar).is_some())
     }
 
-    /// Returns t of the ray's hit with a sphere before `tfar`, and the number of the primitive.
+    /// Returns t of the ray's first hit with sphere `id`, and the scene-wide primitive index. A hit
+    /// at `tfar` counts too, for the tie rule. Returns `None` for an unused slot.
     #[inline(always)]
     fn sphere_hit(&self, id: u32, tfar: f64) -> Option<(f64, u32)> {
         let sphere = self.geometry.spheres.get(id as usize)?;
@@ -285,8 +288,8 @@ impl<'a, T: Tier> Single<'a, T> {
     }
 }
 
-/// Returns `t` enlarged by an ulp. A search that ends there still finds an equally far hit, which
-/// may have a lower primitive number.
+/// Returns `t` enlarged by one or two ulp. A search that ends there still finds an equally near
+/// hit, which may have a lower primitive index.
 #[inline(always)]
 pub fn just_beyond(t: f64) -> f64 {
     t * (1.0 + f64::EPSILON)

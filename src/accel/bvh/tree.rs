@@ -19,13 +19,13 @@ pub struct Bvh<'g> {
     pub(super) tree: Arc<Tree>,
     /// Instruction set of the kernels.
     pub(super) isa: Isa,
-    /// Most bytes that the build held.
+    /// Largest number of bytes held during the build.
     pub(super) peak_bytes: u64,
 }
 
 impl<'g> Bvh<'g> {
-    /// Builds the tree. Queries use the kernels of `isa`, or of the best instruction set below it
-    /// that this machine supports.
+    /// Builds the tree over all primitives, on the current rayon pool. Queries use the kernels of
+    /// `isa`, or of the best instruction set below it that this machine supports.
     ///
     /// # Errors
     /// See [`crate::accel::build`].
@@ -38,7 +38,7 @@ impl<'g> Bvh<'g> {
         Self::build_part((geometry, &Unseen::NONE), isa, options, monitor)
     }
 
-    /// [`Bvh::build`] without the primitives of a set.
+    /// [`Bvh::build`] without the primitives in `unseen`.
     ///
     /// # Errors
     /// See [`crate::accel::build`].
@@ -54,7 +54,7 @@ impl<'g> Bvh<'g> {
         Ok(Self { geometry, tree: Arc::new(tree), isa, peak_bytes })
     }
 
-    /// Prepares ray `i` for a traversal of its own.
+    /// Prepares ray `i` for a traversal without the other rays.
     #[inline(always)]
     pub(super) fn single<'a, T: Tier>(
         &'a self,

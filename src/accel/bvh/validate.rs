@@ -13,7 +13,7 @@ use crate::ray::NONE;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TreeStats {
-    /// Levels of inner nodes.
+    /// Number of levels of inner nodes.
     pub depth: usize,
     /// Number of inner nodes.
     pub nodes: usize,
@@ -65,10 +65,12 @@ impl fmt::Display for TreeStats {
 impl Bvh<'_> {
     /// Checks the tree and returns its size:
     ///
-    /// - Every primitive is in exactly one leaf, unchanged. Each half of a quad is in one leaf.
+    /// - Every primitive of the geometry is in exactly one leaf, unchanged. Each half of a quad is
+    ///   in one leaf. So a tree of [`Bvh::build_part`] without some primitives fails.
     /// - Every box is the smallest box around its contents.
     /// - The order of each octant runs from far to near.
-    /// - No node and no leaf is empty. No path has more levels than the traversal stack supports.
+    /// - No node and no leaf is empty, except for the root of a geometry without primitives.
+    /// - No path has more levels than the traversal stack supports.
     ///
     /// # Errors
     /// Describes the first violation.
@@ -85,8 +87,8 @@ impl Bvh<'_> {
 /// State of a validation.
 struct Validator<'a> {
     bvh: &'a Bvh<'a>,
-    /// Parts seen of each primitive: bit 0 for the first half or the whole, bit 1 for the second
-    /// half.
+    /// Parts of each primitive seen so far: bit 0 for the first half or the whole, bit 1 for the
+    /// second half.
     seen: Vec<u8>,
     stats: TreeStats,
 }
@@ -274,7 +276,8 @@ fn empty_behind(node: &Node, len: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks that each octant's order is a permutation with the children first, from far to near.
+/// Checks that each octant's order is a permutation of the slots: first the children from far to
+/// near, then the empty slots.
 fn in_order(node: &Node, len: usize) -> Result<(), String> {
     if len == 0 {
         return Ok(());

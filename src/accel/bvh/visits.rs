@@ -1,5 +1,4 @@
-//! Counts the visits of a traversal, with an instruction set that forwards every call to another
-//! one.
+//! Counts the visits of a traversal, with a [`Tier`] that forwards every call to another one.
 
 use std::cell::Cell;
 
@@ -11,11 +10,11 @@ use crate::accel::accelerator::Visits;
 use crate::ray::Mask;
 use crate::simd::Kernel;
 
-/// Numbers of visits.
+/// Counters of the nodes and primitives that a traversal visits.
 ///
-/// A node or leaf counts once for each ray that is traced alone, and once for a whole packet. A
-/// leaf counts all its triangles, because they are tested together. A sphere counts once for each
-/// ray.
+/// A node counts once for a whole packet, and once for each ray that is traced alone. So do all
+/// triangles of a leaf, because they are tested together. Where a packet tests a leaf ray by ray,
+/// they count for the packet and for each of these rays. A sphere counts once for each ray.
 #[derive(Debug, Default)]
 pub struct Counts {
     nodes: Cell<u64>,
@@ -37,7 +36,7 @@ impl Counts {
     }
 }
 
-/// A [`Tier`] that counts the calls of another one.
+/// A [`Tier`] that forwards every call to `tier`, and counts visits.
 #[derive(Clone, Copy)]
 pub struct Counting<'c, T> {
     pub tier: T,

@@ -1,9 +1,9 @@
-//! Winding numbers of points, with far parts of the tree taken as dipoles.
+//! Winding numbers of points. The triangles of a node or leaf that is far away count as one dipole.
 //!
 //! Source: Barill, Dickson, Schmidt, Levin and Jacobson 2018, "Fast Winding Numbers for Soups and
-//! Clouds", ACM TOG 37(4), of first order. A part is far from a point if its distance exceeds
-//! [`FAR`] times its radius. Near triangles add their exact solid angles (van Oosterom and Strackee
-//! 1983).
+//! Clouds", ACM TOG 37(4), of first order. A node or leaf is far from a point if its distance
+//! exceeds [`FAR`] times its radius. Near triangles add their exact solid angles (van Oosterom and
+//! Strackee 1983). The tree must not hold quads, whose halves have one index. Spheres are ignored.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::node::{Child, ChildKind};
 use super::tree::Bvh;
 
-/// Distance of a part in units of its radius from which it is a dipole.
+/// Distance of a node or leaf, in units of its radius, beyond which it counts as a dipole.
 const FAR: f64 = 2.0;
 
 /// The triangles of a subtree as one dipole.
@@ -26,7 +26,7 @@ struct Dipole {
     area: f64,
     /// Largest distance of a vertex from `center`, or a bound of it.
     radius: f64,
-    /// Square of [`FAR`] times `radius`. Points that are nearer see the parts.
+    /// Square of [`FAR`] times `radius`. For nearer points, children or triangles are visited.
     near_squared: f64,
 }
 
@@ -37,11 +37,12 @@ pub struct Dipoles {
     blocks: Vec<Dipole>,
 }
 
-/// Returns the corners of a triangle by its number, or `None` if it does not count.
+/// Function that returns the corners of the triangle with a scene-wide index, or `None` if the
+/// triangle does not count.
 pub type Corners<'a> = &'a (dyn Fn(u32) -> Option<[DVec3; 3]> + Sync);
 
 impl Bvh<'_> {
-    /// Computes the dipoles.
+    /// Computes the dipoles of all nodes and leaves.
     pub fn dipoles(&self, corners: Corners) -> Dipoles {
         let mut dipoles = Dipoles {
             nodes: vec![Dipole::default(); self.tree.nodes.len()],
@@ -56,7 +57,7 @@ impl Bvh<'_> {
         dipoles
     }
 
-    /// Computes the dipoles of all nodes below a child, and returns that of the child.
+    /// Computes the dipoles of a child and of all nodes below it. Returns the dipole of the child.
     fn dipole_of(&self, child: Child, dipoles: &mut Dipoles) -> Dipole {
         match child.kind() {
             ChildKind::Node(index) => {
@@ -69,8 +70,8 @@ impl Bvh<'_> {
         }
     }
 
-    /// Returns the winding number of a point: 1 inside a closed surface whose normals point
-    /// outward, 0 outside.
+    /// Returns the winding number of a point: about 1 inside a closed surface whose normals point
+    /// outward, about 0 outside. `corners` must be the function that `dipoles` was computed with.
     pub fn winding(&self, dipoles: &Dipoles, point: DVec3, corners: Corners) -> f64 {
         let (mut sum, mut stack) = (0.0, Vec::with_capacity(256));
         stack.push(Child::node(0));

@@ -18,6 +18,6 @@ pub struct Candidate {
     pub v: f32,
     pub prim: u32,
     pub geom: u32,
-    /// The primitive that the ray leaves, or `NONE`.
+    /// Scene-wide index of the primitive that the ray leaves, or `NONE`.
     pub leaving: u32,
 }

@@ -10,7 +10,8 @@ use super::fixed::PinnedBox;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 
-/// Memory counters and errors of a device. Embree's callbacks write them, the wrapper reads them.
+/// Memory counters and errors of a device. Embree's callbacks write them, and [`Device`] reads
+/// them.
 #[derive(Debug)]
 pub struct DeviceMonitor {
     /// Bytes that Embree holds now.
@@ -167,27 +168,27 @@ impl Device {
         Ok(device)
     }
 
-    /// The entry points of the loaded library.
+    /// Returns the entry points of the loaded library.
     pub fn api(&self) -> &Api {
         &self.raw.api
     }
 
-    /// The `RTCDevice`, owned by this value.
+    /// Returns the `RTCDevice`, which this value owns.
     pub fn handle(&self) -> *mut DeviceHandle {
         self.raw.handle.as_ptr()
     }
 
-    /// Memory counters, errors and the limit.
+    /// Returns the memory counters, the errors and the limit.
     pub fn watch(&self) -> &DeviceMonitor {
         &self.watch
     }
 
-    /// Embree's version: major, minor, patch.
+    /// Returns Embree's version: major, minor, patch.
     pub fn version(&self) -> [u8; 3] {
         self.version
     }
 
-    /// Name of the instruction set that Embree uses on this processor.
+    /// Returns the name of the instruction set that Embree uses on this processor.
     pub fn isa(&self) -> &'static str {
         if self.has_packets_of_16() {
             "AVX-512"
@@ -213,7 +214,8 @@ impl Device {
         unsafe { (self.raw.api.get_device_property)(self.handle(), property) }
     }
 
-    /// Returns the first error of the set-up calls since the last check, on any thread.
+    /// Returns the first error on any thread since the last check. The kind is `Limit` once the
+    /// memory limit was hit, `Retry` if memory ran out, else `Unsupported`.
     pub fn check(&self) -> Result<()> {
         // SAFETY: a live device; reading clears the code of this thread.
         let code = unsafe { (self.raw.api.get_device_error)(self.handle()) };

@@ -45,8 +45,8 @@ impl Extent {
         Self { centre: (low + high) * 0.5, radius: (high - low).length() * 0.5, edges }
     }
 
-    /// Returns true only if the candidate, a hit by Embree's test, is certainly a hit within the
-    /// ray's ends. Conservative: may return false for a true hit.
+    /// Returns true only if the candidate, a hit by Embree's test, is certainly a hit in (`tnear`,
+    /// `tfar`). Conservative: may return false for a true hit.
     ///
     /// Let E be the longest edge, L the distance of the farthest corner from the origin, d the
     /// direction, n the normal and u = 2^-24. All error bounds are in units of

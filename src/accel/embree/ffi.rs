@@ -1,9 +1,8 @@
 //! Embree 4's C API, declared by hand for the layout of 4.3 and later, and loaded at run time.
 //!
-//! Only the functions and types that are used are declared. The end of this file asserts their
-//! sizes and some offsets. `tests/repository/embree_layout.rs` compares [`LAYOUTS`]
-//! with the C headers if
-//! these are installed.
+//! Only the functions and types that are used are declared. The end of this file asserts the sizes
+//! of most types and some offsets. `tests/repository/embree_layout.rs` compares [`LAYOUTS`] with
+//! the C headers if these are installed.
 //!
 //! The packets of 16 rays are declared in [`crate::ray`]: [`Rays`] is `RTCRay16`, `Hits` is
 //! `RTCHit16`, and [`RayPacket`] (rays with their hits) is `RTCRayHit16`.
@@ -90,13 +89,13 @@ pub struct Bounds {
     pub align1: f32,
 }
 
-/// `RTCRayQueryContext`, followed by two pointers of our own that the filter callbacks read.
+/// `RTCRayQueryContext`, followed by two pointers that the filter callbacks read.
 #[repr(C)]
 pub struct QueryContext {
     pub inst_id: c_uint,
     pub inst_prim_id: c_uint,
-    /// By geometry id: the number in the whole scene of the geometry's first primitive. Adding
-    /// Embree's `prim_id` gives the number of a primitive in the whole scene.
+    /// Scene-wide index of the first primitive of each geometry, by geometry id. Adding Embree's
+    /// `prim_id` gives the scene-wide index of a primitive.
     pub bases: *const u32,
     /// Data of the filter function, from [`super::filter::HitFilter::data`].
     pub filter: *const c_void,
@@ -276,9 +275,9 @@ macro_rules! layouts {
 
 /// Rust's layouts of the structures declared here, for the test that compares them with the C
 /// headers. `QueryContext` is missing, because it is longer than its C counterpart.
-/// `RTCOccludedFunctionNArguments` has only its last members: the others are those of
-/// `RTCIntersectFunctionNArguments`. Embree only stores the id of a ray: ours is the primitive that
-/// the ray leaves.
+/// `RTCOccludedFunctionNArguments` lists only its last members. The others are those of
+/// `RTCIntersectFunctionNArguments`. Embree never reads the id of a ray, so we store the primitive
+/// that the ray leaves there.
 pub const LAYOUTS: &[Layout] = layouts! {
     "RTCRay" Ray {
         "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask, "id" id,

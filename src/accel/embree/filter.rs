@@ -4,8 +4,8 @@
 //! it continues along the ray. Two kinds of candidates are rejected:
 //!
 //! - hits of the flat primitive that the ray leaves: the ray cannot hit it again;
-//! - false hits: the ray passes the primitive by more than the error of Embree's test
-//!   ([`passing`]).
+//! - false hits: the ray misses the primitive by more than the error of Embree's test
+//!   ([`passing`]), or the primitive lies behind the surface that the ray leaves.
 
 use std::cell::Cell;
 use std::ffi::c_void;
@@ -23,7 +23,7 @@ use crate::geometry::{
 /// Decides which candidates are true hits, and counts the false ones.
 pub struct HitValidator<'g> {
     pub geometry: &'g Geometry,
-    /// One for each mesh, by geometry id.
+    /// Bounds on the size of each mesh, by geometry id.
     extents: Vec<Extent>,
     /// Number of false hits. Only a false hit touches the counter.
     false_hits: AtomicU64,
@@ -32,17 +32,17 @@ pub struct HitValidator<'g> {
 /// Which of Embree's candidates count as hits.
 #[derive(Clone, Copy)]
 pub enum HitFilter<'a> {
-    /// All but hits of the primitive that the ray leaves.
+    /// All candidates but those on the primitive that the ray leaves.
     Leaving,
-    /// As [`HitFilter::Leaving`], and only true hits.
+    /// As [`HitFilter::Leaving`], but only true hits.
     True(&'a HitValidator<'a>),
-    /// None: Embree visits all candidates along the ray, in any order, and `ClosestTrueHit` keeps
-    /// the closest true one.
+    /// No candidate. So Embree visits all candidates along the ray, in any order, and
+    /// `ClosestTrueHit` keeps the closest true one.
     ClosestTrueHit(&'a ClosestTrueHit<'a>),
 }
 
 impl HitFilter<'_> {
-    /// The callback that Embree calls with candidates.
+    /// Returns the callback that Embree calls with candidates.
     pub fn function(&self) -> unsafe extern "C" fn(*const FilterArguments) {
         match self {
             Self::Leaving => reject_leaving,
@@ -51,7 +51,7 @@ impl HitFilter<'_> {
         }
     }
 
-    /// Pointer that the callback gets through the query's context.
+    /// Returns the pointer that the callback gets through the query's context.
     pub fn data(&self) -> *const c_void {
         match *self {
             Self::Leaving => std::ptr::null(),
@@ -67,16 +67,16 @@ impl<'g> HitValidator<'g> {
         Self { geometry, extents, false_hits: AtomicU64::new(0) }
     }
 
-    /// Number of candidates found to be false so far.
+    /// Returns the number of candidates found to be false so far.
     pub fn false_hits(&self) -> u64 {
         self.false_hits.load(Ordering::Relaxed)
     }
 
     /// Returns where the ray passes the triangle or quad of a candidate, or `None` for a false hit.
     ///
-    /// A hit is false if the ray passes by more than the error of Embree's test. It is also false
-    /// if the triangle lies behind the surface that the ray leaves. False hits are counted. For a
-    /// quad, the half that the ray passes first is returned.
+    /// A hit is false if the ray misses the triangle by more than the error of Embree's test. It is
+    /// also false if the triangle lies behind the surface that the ray leaves. False hits are
+    /// counted. Of the halves of a quad, that with the smaller t is returned.
     #[cold]
     pub fn passing(&self, candidate: &Candidate) -> Option<PassedTriangle> {
         // Our own callback tests spheres and calls no filter.
@@ -104,8 +104,8 @@ impl<'g> HitValidator<'g> {
         extent.is_some_and(|extent| extent.sure(candidate)) || self.confirms(candidate)
     }
 
-    /// As [`HitValidator::holds`], by reading the triangle. The test in f64 confirms nearly all
-    /// candidates.
+    /// As [`HitValidator::holds`], but reads the triangle. The first test, in f64, confirms nearly
+    /// all candidates.
     fn confirms(&self, candidate: &Candidate) -> bool {
         let triangle = match self.geometry.kind(candidate.geom) {
             GeometryKind::Mesh(mesh) => self.geometry.meshes[mesh].corners(candidate.prim),
@@ -118,20 +118,21 @@ impl<'g> HitValidator<'g> {
         if point.met & within(point.t) {
             return is_after_start(corners, origin, direction, point.t);
         }
-        // A candidate at an end of the ray counts if its t is within the error bound.
+        // A candidate whose t in f64 lies just outside the segment counts if Embree's t differs
+        // from it by no more than the error bound.
         self.passing(candidate)
             .filter(|at| within(at.passing.t) || at.passing.explains(candidate.t))
             .is_some_and(|at| is_after_start(at.corners, origin, direction, at.passing.t))
     }
 }
 
-/// The place where a ray passes a triangle.
+/// A triangle and where a ray passes it.
 #[derive(Debug, Clone, Copy)]
 pub struct PassedTriangle {
     pub passing: Passing,
     /// Corners of the triangle that was tested, in f64.
     pub corners: [DVec3; 3],
-    /// Whether it is the second half of a quad: Embree measures its u and v from the other end.
+    /// Whether the triangle is the second half of a quad, for which Embree reports 1 - u and 1 - v.
     pub turned: bool,
 }
 
@@ -142,18 +143,18 @@ pub struct ClosestTrueHit<'a> {
 }
 
 impl<'a> ClosestTrueHit<'a> {
-    /// A record for one ray, without a candidate.
+    /// Returns a record for one ray, without a candidate.
     pub fn new(truth: &'a HitValidator<'a>) -> Self {
         Self { truth, best: Cell::new(None) }
     }
 
-    /// The closest true candidate so far.
+    /// Returns the closest true candidate so far.
     pub fn best(&self) -> Option<(PassedTriangle, Candidate)> {
         self.best.get()
     }
 
-    /// Keeps the candidate if it is true and nearer than all before. Ties go to the lowest geometry
-    /// and primitive id.
+    /// Keeps the candidate if it is true, lies in (`tnear`, `tfar`) and is nearer than all before.
+    /// Of equally near candidates, the lowest (geometry id, primitive index) wins.
     pub fn note(&self, candidate: &Candidate) {
         let Some(found) = self.truth.passing(candidate) else { return };
         let t = found.passing.t;

@@ -1,4 +1,4 @@
-//! Data at a fixed address: the C library keeps a pointer to it.
+//! Data at a fixed address, for data to which the C library keeps a pointer.
 
 use std::ffi::c_void;
 use std::ops::Deref;
@@ -17,7 +17,7 @@ impl<T> PinnedBox<T> {
         Self(NonNull::from(Box::leak(Box::new(value))))
     }
 
-    /// The pointer for the callbacks, which only read through it.
+    /// Returns the pointer for the callbacks, which only read through it.
     pub fn user_data(&self) -> *mut c_void {
         self.0.as_ptr().cast()
     }

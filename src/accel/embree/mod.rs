@@ -29,11 +29,12 @@ use crate::simd::{self, Isa, Kernel};
 /// With fewer active lanes than this, single rays are faster than a packet.
 const SINGLE_BELOW: u32 = 4;
 
-/// The accelerator of the backend `embree`: a scene that uses the geometry's arrays without copies.
+/// The accelerator of the backend `embree`. Its scene reads the arrays of whole meshes without
+/// copies.
 pub struct Embree<'g> {
     scene: scene::Scene<'g>,
     truth: HitValidator<'g>,
-    /// Whether packets are traced as two packets of 8.
+    /// Whether a packet is traced as two packets of 8: see [`packet8`].
     halves: bool,
 }
 
@@ -54,7 +55,7 @@ impl<'g> Embree<'g> {
         Ok(Self { scene, truth: HitValidator::new(geometry), halves })
     }
 
-    /// Runs `query` with Embree's arguments for this coherence and filter.
+    /// Calls `query` with Embree's arguments for this coherence and filter.
     #[inline(always)]
     fn query(
         &self,
@@ -85,7 +86,8 @@ impl<'g> Embree<'g> {
         });
     }
 
-    /// Occlusion by the candidates that `filter` accepts.
+    /// Sets `tfar` to -inf for each active ray that a candidate accepted by `filter` occludes.
+    /// `lanes` is the number of active rays.
     #[inline(always)]
     fn any_hit(
         &self,
@@ -128,8 +130,8 @@ impl<'g> Embree<'g> {
 /// Embree's segments are closed and ours are open. So a ray from 0 starts at the smallest normal
 /// number, and a hit at 0 does not count.
 ///
-/// It is a kernel of full-width loads, because the packet has just been written in whole registers.
-/// Narrower loads would wait until it is in the cache.
+/// This is a kernel of full-width loads, because the packet has just been written in whole
+/// registers. Narrower loads would wait until the packet is in the cache.
 struct PreparePacket<'a> {
     active: &'a Mask,
     rays: &'a mut Rays,
@@ -246,10 +248,10 @@ impl Accelerator for Embree<'_> {
     }
 }
 
-/// Version and instruction set of the Embree library that would be used.
+/// Returns version and instruction set of the Embree library that would be used.
 ///
 /// # Errors
-/// `Unsupported` if it cannot be loaded.
+/// `Unsupported` if the library cannot be loaded or used here, `Retry` if memory ran out.
 pub fn describe() -> Result<(String, String)> {
     let device = Device::new(device::load_library()?, 0, None)?;
     let [major, minor, patch] = device.version();

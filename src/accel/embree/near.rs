@@ -12,9 +12,10 @@ const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
 
 type PassedTriangle<'f> = &'f mut dyn FnMut(u32, u32);
 
-/// Calls `found` with geometry id and primitive id of every primitive whose box overlaps `nearby`.
+/// Calls `found` with geometry id and primitive index of every primitive whose box overlaps
+/// `nearby`.
 ///
-/// May also call it for others: the query is the sphere around the box.
+/// May also call `found` for other primitives, because Embree searches the sphere around `nearby`.
 pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: PassedTriangle) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();

@@ -45,7 +45,7 @@ pub struct RayPacket8 {
     pub hits: Hits8,
 }
 
-/// The half of an array that begins at lane `first`.
+/// Returns the half of an array that begins at lane `first`.
 #[inline(always)]
 fn half<T: Copy>(lanes: &[T; LANES], first: usize) -> [T; WIDTH] {
     std::array::from_fn(|i| lanes[first + i])
@@ -58,7 +58,7 @@ fn put<T: Copy>(lanes: &mut [T; LANES], first: usize, half: &[T; WIDTH]) {
 }
 
 impl Mask8 {
-    /// The half of `active` that begins at lane `first`; `None` if no lane of it is active.
+    /// Returns the half of `active` that begins at lane `first`; `None` if it has no active lane.
     #[inline(always)]
     pub fn half(active: &Mask, first: usize) -> Option<Self> {
         let lanes = half(&active.0, first);
@@ -67,7 +67,7 @@ impl Mask8 {
 }
 
 impl Rays8 {
-    /// The rays from lane `first` on.
+    /// Returns the 8 rays from lane `first` on.
     #[inline(always)]
     pub fn half(rays: &Rays, first: usize) -> Self {
         Self {
@@ -82,7 +82,7 @@ impl Rays8 {
         }
     }
 
-    /// Writes `tfar` to the lanes from `first` on.
+    /// Writes `tfar` to the 8 lanes from `first` on.
     #[inline(always)]
     pub fn store_ends(&self, rays: &mut Rays, first: usize) {
         put(&mut rays.tfar, first, &self.tfar);
@@ -105,13 +105,13 @@ impl Hits8 {
 }
 
 impl RayPacket8 {
-    /// The rays and hits from lane `first` on.
+    /// Returns the 8 rays and hits from lane `first` on.
     #[inline(always)]
     pub fn half(packet: &RayPacket, first: usize) -> Self {
         Self { rays: Rays8::half(&packet.rays, first), hits: Hits8::half(&packet.hits, first) }
     }
 
-    /// Writes `tfar` and the hits to the lanes from `first` on.
+    /// Writes `tfar` and the hits to the 8 lanes from `first` on.
     #[inline(always)]
     pub fn store(&self, packet: &mut RayPacket, first: usize) {
         let (hits, found) = (&mut packet.hits, &self.hits);

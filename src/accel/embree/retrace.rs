@@ -1,7 +1,7 @@
 //! Replaces false closest hits by the closest true hit.
 //!
 //! The ray is traced again with a filter that rejects every candidate. So Embree visits all
-//! candidates along the ray, and neither a false hit nor a wrong t hides a hit behind it.
+//! candidates along the ray, and neither a false hit nor a wrong t hides a farther hit.
 
 use super::candidate::Candidate;
 use super::filter::{ClosestTrueHit, HitFilter, PassedTriangle};
@@ -10,7 +10,8 @@ use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 
 impl Embree<'_> {
-    /// Replaces every false hit by the closest true hit, and t by its value in f64.
+    /// Replaces every false hit by the closest true hit. For other hits of triangles and quads,
+    /// replaces Embree's t by its value computed in f64, clamped to `tnear` and `tfar`.
     ///
     /// `tfar` holds the ends of the rays before the query.
     pub(super) fn retrace_rejected(

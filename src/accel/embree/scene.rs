@@ -86,17 +86,17 @@ impl<'g> Scene<'g> {
         Ok(scene)
     }
 
-    /// The entry points of the loaded library.
+    /// Returns the entry points of the loaded library.
     pub fn api(&self) -> &ffi::Api {
         self.device.api()
     }
 
-    /// The `RTCScene`, owned by this value.
+    /// Returns the `RTCScene`, which this value owns.
     pub fn handle(&self) -> *mut SceneHandle {
         self.handle.as_ptr()
     }
 
-    /// Version and instruction set of Embree, and the memory of the scene.
+    /// Returns version and instruction set of Embree, and the memory of the device.
     pub fn info(&self) -> BuildInfo {
         let [major, minor, patch] = self.device.version();
         let load = |n: &AtomicI64| n.load(Ordering::Relaxed).max(0) as u64;
@@ -120,7 +120,7 @@ impl<'g> Scene<'g> {
         self.attach(&geometry, id)
     }
 
-    /// Attaches a mesh without the triangles that are `left_out`. The others keep their numbers.
+    /// Attaches a mesh without the triangles that are `left_out`. The others keep their indices.
     fn attach_part_of_mesh(
         &self,
         mesh: &'g TriangleMesh,
@@ -141,7 +141,7 @@ impl<'g> Scene<'g> {
         self.attach(&geometry, id)
     }
 
-    /// Attaches the quads that are not `left_out`. They keep their numbers.
+    /// Attaches the quads that are not `left_out`. They keep their indices.
     fn attach_quads(
         &self,
         quads: &[[[f32; 3]; 4]],

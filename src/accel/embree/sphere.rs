@@ -10,7 +10,7 @@ use crate::geometry::{Sphere, Unseen};
 /// User data of the callbacks.
 pub struct SphereSet<'g> {
     pub spheres: &'g [Sphere],
-    /// Primitive number of the first sphere.
+    /// Scene-wide primitive index of the first sphere.
     pub base: u32,
     /// Primitives that are not part of the scene.
     pub unseen: &'g Unseen,
@@ -60,7 +60,8 @@ impl RayLanes {
     }
 }
 
-/// Calls `found(lanes, lane, t, normal)` for every valid lane that hits the sphere.
+/// Calls `found(lanes, lane, t, normal)` for every valid lane that hits the sphere before `tfar`.
+/// The normal may have any length.
 ///
 /// # Safety
 /// `args` comes from Embree, for a geometry whose user data is a live `SphereSet`.
@@ -88,8 +89,8 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
         }
         let t = sphere.intersect(origin, direction, tnear.into(), tfar.into(), leaving);
         let t32 = t as f32;
-        // Rounding may raise t to `tfar`, the t of a hit found before. A miss is NaN and fails
-        // both.
+        // Rounding to f32 may raise t to `tfar`, the t of a hit found before. A miss is NaN and
+        // fails both comparisons.
         if t32 >= tnear && t32 < tfar {
             found(lanes, lane, t32, origin + direction * t - sphere.center);
         }

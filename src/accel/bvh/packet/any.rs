@@ -1,4 +1,4 @@
-//! Occlusion of the rays of a packet: any hit within the segment.
+//! Occlusion of the rays of a packet: whether each has any hit within its segment.
 
 use std::cell::Cell;
 use std::thread::LocalKey;
@@ -8,7 +8,7 @@ use crate::accel::bvh::node::{Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
-/// Up to this many remaining rays are traced alone.
+/// A subtree that at most this many rays enter is traversed ray by ray.
 const MAX_SINGLE_RAYS: u32 = 4;
 
 /// A child that is still to be visited, and the rays that enter its box, as bits.
@@ -34,7 +34,7 @@ impl StackEntry for AnyEntry {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Returns the occluded rays: all bits of their lanes are set.
+    /// Returns the occluded rays: all bits of their lanes are set. `stacks` must be empty.
     #[inline(always)]
     pub fn occluded(mut self, stacks: &mut Stacks<AnyEntry>) -> [i32; LANES] {
         let mut occluded = [0; LANES];
@@ -65,15 +65,16 @@ impl<T: Tier> Packet<'_, T> {
         occluded
     }
 
-    /// Returns the rays that are not occluded so far, as bits. A ray with an empty segment is not
-    /// among them.
+    /// Returns the active rays that are not occluded so far, as bits. A ray whose `tfar` is below
+    /// its `tnear` is not among them.
     #[inline(always)]
     fn left(&self) -> u32 {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
-    /// Returns the distances at which the rays enter and leave the box of a node's child. The rays
-    /// may have several octants.
+    /// Returns the scaled ray parameters at which the rays enter and leave the box of a node's
+    /// child, clipped to `tnear` and `tfar`. A ray misses the box if the first exceeds the second.
+    /// The rays may have several octants.
     #[inline(always)]
     fn slabs_of_any_octant(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let q = self.query;
@@ -92,7 +93,8 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray enters, in the order of the first ray's octant.
+    /// Pushes the children that at least one ray enters, from far to near in the order of the first
+    /// ray's octant. So the nearest is popped first.
     #[inline(always)]
     fn push_any(&self, node: &Node, stack: &mut Vec<AnyEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
@@ -105,7 +107,7 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `occluded`.
+    /// Tests the rays in `entering` against a leaf. Adds the occluded ones to `occluded`.
     #[inline(always)]
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, occluded: &mut [i32; LANES]) {
         match leaf.kind() {
@@ -116,7 +118,7 @@ impl<T: Tier> Packet<'_, T> {
         self.finish_rays(occluded);
     }
 
-    /// Marks occluded rays as finished.
+    /// Sets `tfar` of the occluded rays to -inf, so that no later test includes them.
     #[inline(always)]
     fn finish_rays(&mut self, occluded: &[i32; LANES]) {
         for i in 0..LANES {
@@ -128,6 +130,8 @@ impl<T: Tier> Packet<'_, T> {
     fn any_in_block(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
         let block = &self.tree.blocks[index];
         let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
+        // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
+        // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
                 if self.single(i).any_in_block(index) {
@@ -141,8 +145,8 @@ impl<T: Tier> Packet<'_, T> {
             let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
             let mut rest = 0;
             for i in 0..LANES {
-                // t lies between the depths of the corners. If these lie inside the segment, t need
-                // not be computed.
+                // The depth of the hit lies between those of the corners. If all of these lie
+                // inside the segment, t need not be computed.
                 let within = self.query.within(i, edges.first[i], edges.last[i]);
                 let sure = edges.maybe[i] & !edges.unsure[i] & -i32::from(within);
                 occluded[i] |= sure;

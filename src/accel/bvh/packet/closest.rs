@@ -13,8 +13,9 @@ use crate::ray::{LANES, NONE};
 /// A subtree that at most this many rays enter is traversed ray by ray.
 const MAX_SINGLE_RAYS: u32 = 3;
 
-/// A child that is still to be visited, and the distances at which the rays enter its box. The
-/// distance is infinite for a ray that misses it.
+/// A child that is still to be visited, and the scaled ray parameters at which the rays enter its
+/// box: +inf for a ray that misses the box. While `tfar` of such a ray is infinite, the ray counts
+/// as entering all the same. That costs time, but finds no hit.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct ClosestEntry {
@@ -38,14 +39,15 @@ impl StackEntry for ClosestEntry {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits with the whole tree.
+    /// Updates the closest hits of the active rays with the whole tree. `stacks` must be empty.
     #[inline(always)]
     pub fn closest(mut self, stacks: &mut Stacks<ClosestEntry>, best: &mut ClosestHits) {
         stacks
             .packet
             .push(ClosestEntry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
-        // True if a hit has shortened a ray since the frustum was last shortened. The frustum is
-        // shortened only before another child is visited, because often none is left.
+        // True if rays were tested against primitives since the frustum was last shortened: a hit
+        // may have shortened a ray. The frustum is shortened only before another child is visited,
+        // because often none is left.
         let mut shorter = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
@@ -76,7 +78,7 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Updates the closest hits of the rays that enter the box of a leaf.
+    /// Updates the closest hits of the rays in `entering` with a leaf.
     #[inline(always)]
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut ClosestHits) {
         match leaf.kind() {
@@ -86,7 +88,9 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Copies the hit of ray `i`, which was traced alone, into the packet if it is a new one.
+    /// Stores `one`, the closest hit of ray `i` after it was traced alone, in `best` if it is a new
+    /// hit. An old hit stays as it is in `best`, because [`ClosestHit::from_lane`] left out its
+    /// weights.
     #[inline(always)]
     fn take(&mut self, i: usize, one: &ClosestHit, best: &mut ClosestHits) {
         if one.t != best.t[i] || one.primitive != best.primitive[i] {
@@ -95,8 +99,9 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Returns the distances at which the rays enter and leave the box of a node's child. All rays
-    /// have the same octant.
+    /// Returns the scaled ray parameters at which the rays enter and leave the box of a node's
+    /// child, clipped to `tnear` and `tfar`. A ray misses the box if the first exceeds the second.
+    /// All rays have the same octant.
     #[inline(always)]
     fn slabs(&self, node: &Node, slot: usize) -> ([f32; LANES], [f32; LANES]) {
         let (q, octant) = (self.query, self.frustum.octant);
@@ -116,7 +121,8 @@ impl<T: Tier> Packet<'_, T> {
         (near, far)
     }
 
-    /// Pushes the children that any ray enters, the nearest last.
+    /// Pushes the children that at least one ray enters, from far to near in the order of the
+    /// octant. So the nearest is popped first.
     #[inline(always)]
     fn push(&self, node: &Node, stack: &mut Vec<ClosestEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
@@ -138,6 +144,8 @@ impl<T: Tier> Packet<'_, T> {
     fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         let block = &self.tree.blocks[index];
         let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
+        // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
+        // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
                 let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
@@ -154,6 +162,8 @@ impl<T: Tier> Packet<'_, T> {
             let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {
                 let t = test.t[i];
+                // Of equally near hits, the lowest primitive index wins. Without a hit, `best.t` is
+                // the open end of the segment, where no hit counts.
                 let closer = (t < best.t[i])
                     | ((t == best.t[i])
                         & (primitive < best.primitive[i])

@@ -1,7 +1,7 @@
 //! Traversal of the tree by 16 coherent rays together.
 //!
-//! A frustum around the rays culls the children of a node. Then the 16 rays are tested against each
-//! remaining child, and against each triangle of a leaf, lane by lane ([`triangle`]).
+//! A frustum around the rays culls the children of a node and the triangles of a leaf. Then the 16
+//! rays are tested together against each remaining child or triangle ([`triangle`]).
 
 mod any;
 mod closest;
@@ -26,7 +26,7 @@ pub trait StackEntry: Sized + 'static {
     type SingleStack;
     /// Returns an empty stack for one ray.
     fn single_stack() -> Self::SingleStack;
-    /// Returns the packet stack of this thread. It is kept, so that its memory is reused.
+    /// Returns the packet stack of this thread. The thread keeps it to reuse its memory.
     fn thread_stack() -> &'static LocalKey<Cell<Vec<Self>>>;
 }
 
@@ -39,14 +39,14 @@ pub struct Stacks<E: StackEntry> {
 }
 
 impl<E: StackEntry> Stacks<E> {
-    /// Takes the empty stacks of this thread. (Not through a closure: that would be compiled for
-    /// the portable instruction set.)
+    /// Takes the empty packet stack of this thread, and makes an empty stack for single rays. (Not
+    /// through a closure: that would be compiled for the portable instruction set.)
     #[inline(always)]
     pub fn take() -> Self {
         Self { packet: E::thread_stack().take(), single: E::single_stack() }
     }
 
-    /// Gives the stack back to the thread, for its next packet.
+    /// Gives the packet stack back to the thread, for its next packet.
     #[inline(always)]
     pub fn keep(self) {
         let mut stack = self.packet;
@@ -55,7 +55,7 @@ impl<E: StackEntry> Stacks<E> {
     }
 }
 
-/// Iterator over the indices of the bits that are set, lowest first.
+/// Iterator over the indices of the bits that are set, among the lowest 16. Lowest first.
 pub struct Bits(pub u32);
 
 impl Iterator for Bits {
@@ -75,17 +75,18 @@ pub struct Packet<'a, T> {
     geometry: &'a Geometry,
     query: &'a Query,
     rays: &'a Rays,
-    /// Ends of the segments, scaled like [`Query::tfar`]; -inf for a finished ray.
+    /// Ends of the segments, scaled like [`Query::tfar`]. A closest hit so far shortens them; -inf
+    /// for an inactive or occluded ray.
     tfar: [f32; LANES],
-    /// Bound of the rays.
+    /// Frustum around the active rays.
     frustum: Frustum,
     /// Where the frustum ends: see [`Frustum::end`].
     end: f32,
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// Prepares the active rays of a query, as bits. For closest hits they must be coherent
-    /// ([`Query::coherent`]), for any hit aligned ([`Query::aligned`]).
+    /// Prepares the rays of a query whose bits are set in `active`, at least one. For closest hits
+    /// they must be coherent ([`Query::coherent`]), else aligned ([`Query::aligned`]).
     #[inline(always)]
     pub fn new(
         tier: T,
@@ -103,13 +104,13 @@ impl<'a, T: Tier> Packet<'a, T> {
         Self { tier, tree, geometry, query, rays, tfar, frustum, end }
     }
 
-    /// Moves the end of the frustum to the end of the last ray.
+    /// Moves the end of the frustum to the farthest end of a ray.
     #[inline(always)]
     pub fn shorten(&mut self) {
         self.end = self.frustum.end(self.tier, self.query, &self.tfar);
     }
 
-    /// Returns one of the rays.
+    /// Prepares ray `i` for a traversal without the other rays.
     #[inline(always)]
     fn single(&self, i: usize) -> Single<'a, T> {
         Single::new(self.tier, (self.tree, self.geometry), self.query.lane(i), self.rays)

@@ -1,18 +1,20 @@
-//! Conservative test whether the convex hull of a packet hits anything.
+//! Conservative test whether the convex hull of a packet contains anything.
 
 use super::{Bits, Packet};
 use crate::accel::bvh::node::{Child, ChildKind};
 use crate::accel::bvh::simd::{Stack, Tier};
 
 impl<T: Tier> Packet<'_, T> {
-    /// Returns whether any leaf may contain something inside the frustum. A triangle counts only if
-    /// its corners do not all lie outside the same plane of the frustum.
+    /// Returns false only if no primitive lies inside the frustum. A triangle counts as outside if
+    /// all its corners lie outside one plane of the frustum. A leaf of spheres counts as inside if
+    /// the frustum overlaps its box.
     ///
     /// The result also holds for every ray inside the cone that the rays of the packet span, if all
     /// rays share one origin:
     ///
-    /// - The slope of such a ray lies between the slopes of the packet's rays. It is a quotient of
-    ///   linear functions of the factors, so its extremes are at the corners.
+    /// - The direction of such a ray is a sum of the packet's directions with factors >= 0. Its
+    ///   slope is a quotient of linear functions of the factors. So its extremes are at the
+    ///   corners: the slope lies between those of the packet's rays.
     /// - Rounding moves each of the two slopes by at most 3u. Together this is 6u max|v - o|. The
     ///   frustum's slack has some 20u left for it.
     #[inline(always)]

@@ -1,5 +1,5 @@
-//! Tests of a leaf of spheres against a packet. They are separate kernels, because most scenes have
-//! no spheres.
+//! Tests a leaf of spheres against a packet. The tests are separate kernels, because most scenes
+//! have no spheres.
 
 use super::{Bits, Packet};
 use crate::accel::bvh::hits::ClosestHits;
@@ -10,13 +10,13 @@ use crate::ray::{LANES, NONE};
 use crate::simd::Kernel;
 
 impl<T: Tier> Packet<'_, T> {
-    /// Updates the closest hits of the rays that enter the box of a leaf.
+    /// Updates the closest hits of the rays in `entering` with a leaf of spheres.
     #[inline(never)]
     pub fn closest_in_spheres(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         self.tier.run(Closest { packet: self, index, entering, best });
     }
 
-    /// Tests the rays that enter the box of a leaf. Adds the occluded ones to `occluded`.
+    /// Tests the rays in `entering` against a leaf of spheres. Adds occluded rays to `occluded`.
     #[inline(never)]
     pub fn any_in_spheres(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
         self.tier.run(Any { packet: self, index, entering, occluded });
@@ -32,10 +32,8 @@ impl<T: Tier> Packet<'_, T> {
         )
     }
 
-    /// Returns a sphere of a leaf, its primitive number, and the rays that may hit it, as bits.
-    ///
-    /// `entering` are the rays that enter the box of the leaf. Returns `None` if no ray may hit the
-    /// sphere, and for an unused slot.
+    /// Returns sphere `id`, its scene-wide primitive index, and the rays in `entering` that may hit
+    /// it, as bits. Returns `None` if no ray may hit the sphere, and for an unused slot.
     #[inline(always)]
     fn candidate(&self, id: u32, entering: u32) -> Option<(Sphere, u32, u32)> {
         let sphere = *self.geometry.spheres.get(id as usize)?;
@@ -53,7 +51,7 @@ impl<T: Tier> Packet<'_, T> {
         (maybe != 0).then_some((sphere, primitive, maybe))
     }
 
-    /// Returns t of the hits of `rays` with a sphere between `tnear` and `tfar`; NaN for a miss.
+    /// Returns t of the first hit of each ray with a sphere in (`tnear`, `tfar`); NaN for a miss.
     /// Lanes outside `rays` hold any value.
     #[inline(always)]
     fn sphere_hits(

@@ -1,6 +1,5 @@
-//! Tests a triangle of a leaf against a packet: the test of [`exact`](crate::accel::bvh::exact),
-//! for
-//! 16 lanes at once, with the same results.
+//! Tests a triangle of a leaf against a packet: the test of [`exact`](crate::accel::bvh::exact) for
+//! 16 lanes at once. Hits and t are the same; the weights come from edge functions in f32.
 
 use super::Packet;
 use crate::accel::bvh::exact::{DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane};
@@ -12,13 +11,14 @@ use crate::ray::LANES;
 
 /// The edge functions of a triangle for the lines of 16 rays, in f32.
 pub struct Edges {
-    /// All bits set in lanes whose line may hit the triangle.
+    /// All bits set in lanes whose line may hit the triangle, before the end of the ray.
     pub maybe: [i32; LANES],
     /// All bits set in lanes of `maybe` whose line may also miss the triangle: f32 cannot decide.
     pub unsure: [i32; LANES],
-    /// Smallest depth of the triangle along the dominant axis, in the direction of the ray.
+    /// Smallest depth of a corner: its distance from the ray's origin along the dominant axis, in
+    /// the direction of the ray.
     pub first: [f32; LANES],
-    /// Largest depth of the triangle along this axis.
+    /// Largest depth of a corner.
     pub last: [f32; LANES],
     /// Barycentric weights of a hit, as in
     /// [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
@@ -27,7 +27,8 @@ pub struct Edges {
 
 /// The hits of 16 rays with a triangle.
 pub struct Test {
-    /// All bits set in lanes that hit.
+    /// All bits set in lanes whose line hits the triangle. The caller compares t with the ends of
+    /// the segment.
     pub hit: [i32; LANES],
     /// Ray parameters of the hits. Other lanes hold any value.
     pub t: [f64; LANES],
@@ -35,8 +36,8 @@ pub struct Test {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Tests the lines of the rays that enter the box of a leaf against one of its triangles.
-    /// Returns `None` if no ray may hit it.
+    /// Tests the lines of the rays in `entering` against a triangle of a leaf. Returns `None` if no
+    /// ray may hit the triangle.
     #[inline(always)]
     pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
         let primitive = block.primitives[slot];
@@ -85,7 +86,7 @@ impl<T: Tier> Packet<'_, T> {
         }
         any = 0;
         for i in 0..LANES {
-            // The triangle lies behind the hit so far, so its plane need not be intersected.
+            // The triangle lies behind the end of the ray, so its plane need not be intersected.
             let behind = first[i] > query.depth(i, self.tfar[i]);
             maybe[i] &= -i32::from(!behind);
             unsure[i] &= maybe[i];
@@ -101,8 +102,8 @@ impl<T: Tier> Packet<'_, T> {
         let plane = TrianglePlane::new(block.triangle(slot));
         let (mut t, towards) = self.distances(&plane);
         let normal_l1 = plane.normal_l1();
-        // In one loop: a value that is stored in two halves of a register stalls when it is read as
-        // a whole.
+        // All in one loop: a value that is stored in two halves stalls when it is read as one
+        // register.
         let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
             let along = self.along(i).abs();
@@ -113,7 +114,7 @@ impl<T: Tier> Packet<'_, T> {
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
             let steep = STEEP * towards[i].abs() >= normal_l1 * along;
             let far = max(-first[i], last[i]);
-            // A hit behind the origin is a miss and needs no exact decision.
+            // A hit behind the origin needs no exact decision: the caller rejects its t.
             let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
             unsure[i] |= maybe[i] & -i32::from(!within | at_start);
             flat[i] = maybe[i] & -i32::from(!steep);
@@ -136,11 +137,11 @@ impl<T: Tier> Packet<'_, T> {
         Test { hit: maybe, t, weights }
     }
 
-    /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's box of
+    /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
     /// [`exact`](crate::accel::bvh::exact).
     ///
-    /// The slack here is 32u of the farthest coordinate. Rounding here adds 4u of it. Together they
-    /// are less than the 64u there.
+    /// The slack is 32u of the farthest coordinate, and rounding adds 4u of it. Together they are
+    /// less than the 64u by which [`exact`](crate::accel::bvh::exact) widens the box.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];
@@ -168,10 +169,10 @@ impl<T: Tier> Packet<'_, T> {
         outside
     }
 
-    /// Returns the direction along the dominant axis.
+    /// Returns the component of the caller's direction along the dominant axis.
     #[inline(always)]
     fn along(&self, i: usize) -> f64 {
-        // The scaled component times a power of two: exact except for denormals.
+        // The scaled component times a power of two is exact, except for denormals.
         f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
     }
 

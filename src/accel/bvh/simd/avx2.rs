@@ -132,7 +132,7 @@ unsafe fn or4(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
     unsafe { _mm256_or_ps(_mm256_or_ps(a, b), _mm256_or_ps(c, d)) }
 }
 
-/// Returns the distances of one plane of half of the children.
+/// Returns the scaled ray parameters at one row of planes of half of the children.
 ///
 /// # Safety
 /// The processor must support AVX2 and FMA, `row < 6`, and `half < 2`.
@@ -145,9 +145,9 @@ unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: 
     }
 }
 
-/// Returns the distances at which the ray enters half of the children's boxes, and the lanes whose
-/// boxes it enters. `max` and `min` return their second operand if either is NaN, so NaN prunes
-/// nothing.
+/// Returns the scaled ray parameters at which the ray enters half of the children's boxes, and the
+/// lanes whose boxes the ray enters. `max` and `min` return their second operand if either is NaN,
+/// so NaN prunes nothing.
 ///
 /// # Safety
 /// The processor must support AVX2 and FMA, and `half < 2`.
@@ -169,8 +169,8 @@ unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32, half: usize) -> (__m256, __
     }
 }
 
-/// Returns the children of the ray's octant from far to near, one byte each: see
-/// [`Node::set_order`].
+/// Returns the slots of the children in the order of an octant, from far to near, one byte each:
+/// see [`Node::set_order`].
 ///
 /// # Safety
 /// The processor must support AVX2.
@@ -213,8 +213,8 @@ unsafe fn coordinate(block: &Block, axis: usize, half: usize) -> __m256 {
     }
 }
 
-/// Returns the triangles whose three corners have no common flag, as bits. A flag marks the
-/// vertices on one side of a plane.
+/// Returns the triangles whose three corners have no common flag, as bits. Each flag marks the
+/// vertices outside one plane.
 ///
 /// # Safety
 /// The processor must support AVX2.
@@ -316,7 +316,8 @@ unsafe fn sides_of(block: &Block, frustum: &Frustum, end: f32, half: usize) -> _
     }
 }
 
-/// Shears half of the vertices. Returns x and y relative to the ray, and the flags of the vertices.
+/// Shears half of the vertices. Returns x and y relative to the ray, and the flags of the vertices:
+/// on which sides of the ray, behind the origin, beyond `end`.
 ///
 /// # Safety
 /// The processor must support AVX2, and `half < 2`.
@@ -409,8 +410,8 @@ unsafe fn lesser_half(row: &[f32; WIDTH]) -> __m256 {
     unsafe { _mm256_min_ps(_mm256_loadu_ps(row.as_ptr()), _mm256_loadu_ps(row.as_ptr().add(HALF))) }
 }
 
-/// Returns the lane-wise minimum of the four quarters of each of two rows: 4 lanes of one row, then
-/// 4 of the other.
+/// Returns the lane-wise minimum of the four quarters of each of two rows: 4 lanes of `a`, then 4
+/// of `b`.
 ///
 /// # Safety
 /// The processor must support AVX2.
@@ -560,7 +561,8 @@ impl Tier for Avx2 {
             let end = lane.depth(tfar);
             let ([x0, y0], sides0) = sheared(block, lane, end, 0);
             let ([x1, y1], sides1) = sheared(block, lane, end, 1);
-            // The line misses a triangle that lies on one side of it. This test does not round.
+            // The line misses a triangle that lies on one side of the line. This test does not
+            // round.
             let around = astride(block, [sides0, sides1]);
             let (mut maybe, mut sure) = (0, 0);
             if around & 0xff != 0 {

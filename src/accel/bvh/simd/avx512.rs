@@ -33,7 +33,7 @@ unsafe fn all(lane: &Lane, member: &[f32; WIDTH]) -> __m512 {
     unsafe { _mm512_set1_ps(lane.value(member)) }
 }
 
-/// Returns the distances of one plane of every child.
+/// Returns the scaled ray parameters at one row of planes.
 ///
 /// # Safety
 /// The processor must support AVX-512 F, and `row < 6`.
@@ -129,7 +129,7 @@ unsafe fn side(side: &Side, z: __m512) -> __m512 {
     unsafe { _mm512_fmadd_ps(_mm512_set1_ps(side.b), z, _mm512_set1_ps(side.a)) }
 }
 
-/// Adds `flag` to the lanes of `mask`.
+/// Returns `flags` with `flag` added in the lanes of `mask`.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.
@@ -149,8 +149,8 @@ unsafe fn row(node: &Node, row: usize) -> __m512 {
     unsafe { _mm512_load_ps(node.planes.as_ptr().add(row).cast()) }
 }
 
-/// Returns the distances at which the ray enters and leaves the children's boxes. `max` and `min`
-/// return their second operand if either is NaN, so NaN prunes nothing.
+/// Returns the scaled ray parameters at which the ray enters and leaves the children's boxes. `max`
+/// and `min` return their second operand if either is NaN, so NaN prunes nothing.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.
@@ -176,8 +176,8 @@ unsafe fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> (__m512, __m512) {
     }
 }
 
-/// Returns the children of the ray's octant from far to near. A permutation reads only the low 4
-/// bits of each lane.
+/// Returns the slots of the children in the order of an octant, from far to near. Only the low 4
+/// bits of a lane are the slot, and a permutation reads only these.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.
@@ -190,7 +190,7 @@ unsafe fn order(node: &Node, octant: usize) -> __m512i {
     }
 }
 
-/// Pushes the lanes of `mask`.
+/// Pushes the children in the lanes of `mask`, with their distances `near`.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.
@@ -205,8 +205,8 @@ unsafe fn push(stack: &mut Stack, mask: __mmask16, children: __m512i, near: __m5
     }
 }
 
-/// Returns the lane-wise minimum of the two halves of each of two rows: 8 lanes of one row, then 8
-/// of the other.
+/// Returns the lane-wise minimum of the two halves of each of two rows: 8 lanes of `a`, then 8 of
+/// `b`.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.

@@ -1,6 +1,6 @@
 //! The smaller of two numbers in eight lanes.
 
-/// Returns the smaller number of each pair; the second if one is NaN.
+/// Returns the smaller number of each pair; that of `b` if either is NaN.
 ///
 /// A loop would compile to a masked store if `a` comes from memory. A masked store cannot be
 /// forwarded to the next load.

@@ -1,8 +1,8 @@
 //! Kernels of each instruction set: tests of 16 boxes or 16 triangles at a time.
 //!
-//! Instruction sets differ in speed and in the rounding of box distances, but never in an answer.
-//! Their triangle tests are conservative: they only reject triangles that [`super::exact`] would
-//! reject, and it decides the rest.
+//! Instruction sets differ in speed and in the rounding of box distances, but never in a hit. Their
+//! triangle tests are conservative. They reject or accept only triangles for which f32 is certain.
+//! [`super::exact`] decides the others.
 
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
@@ -22,31 +22,32 @@ use super::query::Lane;
 use crate::ray::Mask;
 use crate::simd::Kernel;
 
-/// Relative slack of the signs of edge functions in f32, in units of max |q|.
+/// Relative slack of the signs of edge functions in f32, in units of max |q| over the three edges.
 ///
 /// An edge function is a difference of two products p and q. Its error is at most 3u max(|p|, |q|)
 /// if p and q cancel, and 2^-149 if they underflow. [`EDGE_FLOOR`] is the absolute slack.
 pub const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
 /// Absolute slack of the signs of edge functions: see [`EDGE_SLACK`]. Not a denormal number,
-/// because with one an addition takes some 150 cycles on Intel processors.
+/// because adding a denormal takes some 150 cycles on Intel processors.
 pub const EDGE_FLOOR: f32 = f32::MIN_POSITIVE;
 
 /// Triangles of a leaf that a ray's line may hit, as bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Candidates {
-    /// Triangles that may be hit between `tnear` and `tfar`.
+    /// Triangles that may be hit between the origin of the ray and `tfar`.
     pub maybe: u32,
     /// Subset of `maybe`: triangles that the line certainly hits. The magnitudes of their edge
     /// functions exceed the rounding error of f32.
     pub sure: u32,
 }
 
-/// The kernels of one instruction set.
+/// The kernels of one instruction set, which we call a tier.
 pub trait Tier: HorizontalMin {
     /// Whether the instruction set has fused multiply-add.
     const FUSED: bool;
 
-    /// Returns a b - c, rounded once if [`Self::FUSED`]. Only for bounds.
+    /// Returns a b - c, rounded once if [`Self::FUSED`]. Only for bounds, because its bits depend
+    /// on the instruction set.
     #[inline(always)]
     fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
         if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
@@ -56,18 +57,19 @@ pub trait Tier: HorizontalMin {
     /// trait work, but slowly: every instruction is a call.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
-    /// Returns the nearest child whose box the ray enters before `tfar`, or [`Child::EMPTY`].
-    /// Pushes the other such children, the nearest of them last.
+    /// Returns the first child whose box the ray enters before `tfar`, or [`Child::EMPTY`]. Pushes
+    /// the other such children, so that the nearer ones are popped first. The order is that of the
+    /// ray's octant ([`Node::order`]), not that of the distances.
     fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
-    /// Returns the children whose boxes the ray enters before `tfar`, as bits.
+    /// Returns the slots of the children whose boxes the ray enters before `tfar`, as bits.
     fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32;
 
-    /// Returns the children whose boxes a frustum overlaps before `end`. Bit j is the child at
-    /// place j of the order of the octant.
+    /// Returns the children whose boxes may overlap a frustum before `end`. Bit j is the child at
+    /// place j of the order of the frustum's octant.
     fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32;
 
-    /// Returns the triangles of a leaf that a frustum may contain before `end`, as bits. A triangle
+    /// Returns the triangles of a leaf that may overlap a frustum before `end`, as bits. A triangle
     /// is left out only if all its corners lie outside one plane.
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32;
 
@@ -77,7 +79,8 @@ pub trait Tier: HorizontalMin {
     /// Returns the lanes in which `a` is at most `b`, as bits.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
 
-    /// Returns the triangles of a leaf that [`super::exact`] must test.
+    /// Returns the triangles of a leaf that the ray may hit before `tfar`. It certainly hits no
+    /// other triangle there.
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates;
 
     /// Called for each test of a sphere. [`super::visits`] counts the calls.

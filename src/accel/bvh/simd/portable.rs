@@ -12,7 +12,8 @@ use crate::simd::Kernel;
 #[derive(Debug, Clone, Copy)]
 pub struct Portable;
 
-/// Returns the distances at which the ray enters and leaves the children's boxes.
+/// Returns the scaled ray parameters at which the ray enters and leaves the children's boxes,
+/// clipped to `tnear` and `tfar`.
 #[inline(always)]
 fn slabs(node: &Node, ray: &Slabs, tfar: f32) -> ([f32; WIDTH], [f32; WIDTH]) {
     let (mut near, mut far) = ([ray.tnear; WIDTH], [tfar; WIDTH]);

@@ -1,4 +1,5 @@
-//! The stacks of children that are still to be visited. They are not cleared for every ray.
+//! The stacks of children that are still to be visited. Their memory is not initialised, which
+//! would take time for every ray.
 
 use std::mem::MaybeUninit;
 
@@ -85,8 +86,8 @@ impl Stack {
     }
 }
 
-/// The nodes on the path to the current one that have children still to be visited, with these
-/// children.
+/// The stack of an any-hit traversal by one ray: the nodes above the current node that have
+/// children still to be visited, with these children as bits.
 pub struct Path {
     steps: [MaybeUninit<(u32, u32)>; MAX_DEPTH],
     /// Number of steps. All of them are initialised.

@@ -99,8 +99,8 @@ impl<T: Tier> Kernel for RunHorizontalMin<'_, T> {
     }
 }
 
-/// Returns the result of every instruction set of this machine. The first is that of the portable
-/// one.
+/// Returns the result of every instruction set of this machine. The first result is that of the
+/// portable kernels.
 macro_rules! every_tier {
     ($tier:ident => $ask:expr) => {{
         let mut answers = Vec::new();
