@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-/// What the points of the undistorted plane stand for.
+/// How a point of the undistorted plane encodes a direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Model {
     /// The point (x, y) is the direction (x, y, 1): OpenCV's `calib3d`.
@@ -19,13 +19,13 @@ pub enum Model {
 /// `(2 p1 x y + p2 (r^2 + 2 x^2), p1 (r^2 + 2 y^2) + 2 p2 x y)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distortion {
-    /// What points stand for.
+    /// How undistorted points encode directions.
     pub model: Model,
-    /// Coefficients a1 to a4.
+    /// Coefficients a1 to a4 of the numerator.
     pub above: [f64; 4],
-    /// Coefficients b1 to b3.
+    /// Coefficients b1 to b3 of the denominator.
     pub below: [f64; 3],
-    /// Coefficients p1 and p2.
+    /// Coefficients p1 and p2 of the tangential part.
     pub tangential: [f64; 2],
 }
 
@@ -39,7 +39,7 @@ pub struct Mapped {
 }
 
 impl Mapped {
-    /// Determinant of the derivatives.
+    /// Determinant of the matrix of derivatives.
     #[inline(always)]
     fn determinant(&self) -> f64 {
         let [xx, xy, yy] = self.derivative;
@@ -84,8 +84,8 @@ impl Distortion {
         }
     }
 
-    /// Returns true if the map is regular at a point and keeps its orientation there, and the
-    /// point stands for a direction.
+    /// Returns true if the map is regular and keeps the orientation at the point `q`, and `q` is a
+    /// direction: a fisheye's angle must be less than pi.
     pub fn is_regular(&self, q: [f64; 2]) -> bool {
         let s = q[0] * q[0] + q[1] * q[1];
         let [b1, b2, b3] = self.below;
@@ -96,8 +96,7 @@ impl Distortion {
         below > 0.0 && mapped.determinant() > 0.0 && xx + yy > 0.0 && direction
     }
 
-    /// Returns the direction that an undistorted point stands for: x right, y down, z forward, of
-    /// any length.
+    /// Returns the direction of an undistorted point: x right, y down, z forward, of any length.
     #[inline(always)]
     pub fn direction(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         match self.model {
@@ -111,11 +110,12 @@ impl Distortion {
         }
     }
 
-    /// Name of the coefficient that bends the map back the most at radius `r`, of those in OpenCV's
-    /// order. `None` if there is no such coefficient.
+    /// OpenCV's name of the coefficient that most reduces the derivative of the map at radius `r`,
+    /// so that the map folds back. `None` if no coefficient reduces it.
     pub fn culprit(&self, r: f64) -> Option<&'static str> {
         let s = r * r;
-        // Terms of the derivative of r (above) and of -r (below), by r.
+        // Let A and B be numerator and denominator. The terms of `above` are those of (r A)'. The
+        // terms of `below` are those of B - r B', because (r / B)' = (B - r B') / B^2.
         let above = (1..).zip(self.above).map(|(i, a)| f64::from(2 * i + 1) * a * s.powi(i));
         let below = (1..).zip(self.below).map(|(i, b)| f64::from(1 - 2 * i) * b * s.powi(i));
         let tangential = self.tangential.map(|p| -6.0 * p.abs() * r);

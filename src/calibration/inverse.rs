@@ -8,26 +8,27 @@ const CELLS: u32 = 64;
 /// Points of each side of the frame from which the check for folds starts.
 const BORDER_POINTS: u32 = 32;
 
-/// Steps from the principal point to the border, unless Newton's method needs shorter ones.
+/// Number of steps from the principal point to the border, unless Newton's method needs shorter
+/// steps.
 const STEPS: f64 = 16.0;
 
-/// Points of a step at which the map must be regular.
+/// Number of points along a step at which the map must be regular.
 const CHORD_POINTS: u32 = 8;
 
-/// Largest error of the inverse inside the table's cells, in pixels.
+/// Largest error of the inverse at sampled positions of the table's cells, in pixels.
 const TOLERANCE: f64 = 1e-10;
 
-/// Most steps of Newton's method per ray.
+/// Largest number of steps of Newton's method per ray.
 const MAX_ITERATIONS: u32 = 12;
 
-/// Most steps of Newton's method when a point is found for the first time. Near a fold each step
-/// only halves the error.
+/// Largest number of steps of Newton's method in [`Inverse::settle`]. Near a fold each step only
+/// halves the error.
 const SETTLE_ITERATIONS: u32 = 48;
 
-/// Error of such a point, relative to its size.
+/// Largest error of a point that [`Inverse::settle`] returns, relative to its size.
 const SETTLED: f64 = 1e-14;
 
-/// Steps from the frame's border to a position in the overscan.
+/// Number of steps from the frame's border to a position in the overscan.
 const OVERSCAN_STEPS: u32 = 16;
 
 /// A place of the frame where a distortion cannot be inverted: it maps two directions to one
@@ -49,15 +50,16 @@ pub struct Inverse {
     end: [f64; 2],
     /// Undistorted points at the corners of all cells, row by row.
     nodes: Vec<[f64; 2]>,
-    /// Steps of Newton's method after which every guess within the frame is right.
+    /// Number of steps of Newton's method that every guess within the frame gets.
     iterations: u32,
 }
 
 impl Inverse {
-    /// Makes the table for a frame of `width` x `height` pixels.
+    /// Computes the table for a frame of `size` pixels, width and height.
     ///
     /// # Errors
-    /// The fold nearest to the principal point, if the frame holds one.
+    /// A fold in the frame. Of the folds on lines to its border, the one nearest to the principal
+    /// point.
     pub fn new(
         calibration: Calibration,
         distortion: Distortion,
@@ -72,7 +74,7 @@ impl Inverse {
         Ok(inverse)
     }
 
-    /// Checks a frame with `overscan` more pixels on every side.
+    /// Checks a frame with `overscan` more pixels on every side for folds.
     ///
     /// # Errors
     /// As [`Inverse::new`].
@@ -102,7 +104,8 @@ impl Inverse {
         if inside == raster { q } else { self.beyond(inside, raster, q) }
     }
 
-    /// The same for a position in the overscan, by short steps from `q` at the border.
+    /// Returns the undistorted point of a position in the overscan, by short steps from `border`.
+    /// `q` is the undistorted point of `border`.
     #[cold]
     fn beyond(&self, border: [f64; 2], raster: [f64; 2], mut q: [f64; 2]) -> [f64; 2] {
         for i in 1..=OVERSCAN_STEPS {
@@ -117,7 +120,7 @@ impl Inverse {
         q
     }
 
-    /// Interpolates the table at a position within the frame.
+    /// Interpolates the table at a position within the frame: the first guess of Newton's method.
     #[inline(always)]
     fn guess(&self, raster: [f64; 2]) -> [f64; 2] {
         let stride = CELLS as usize + 1;
@@ -125,7 +128,7 @@ impl Inverse {
         let [i, j] = [x, y].map(|at| (at as u32).min(CELLS - 1));
         let [s, t] = [x - f64::from(i), y - f64::from(j)];
         let first = j as usize * stride + i as usize;
-        // Short only if the table is not filled yet.
+        // The slice is too short only if the table is not filled yet.
         let Some(cell) = self.nodes.get(first..first + stride + 2) else { return [0.0; 2] };
         let ([a, b], [c, d]) = ([cell[0], cell[1]], [cell[stride], cell[stride + 1]]);
         [0, 1].map(|k| {
@@ -152,7 +155,8 @@ impl Inverse {
             };
             let target = self.calibration.plane(raster);
             let near = known.and_then(|&q| self.settle(q, target));
-            // A neighbour may be too far for Newton's method; the principal point is not.
+            // A neighbour may be too far away for Newton's method. Steps from the principal point
+            // become as short as needed.
             let q = match near {
                 Some(q) => q,
                 None => self.walk(raster)?,
@@ -162,7 +166,11 @@ impl Inverse {
         Ok(())
     }
 
-    /// Returns how many steps of Newton's method all positions within the frame need.
+    /// Returns how many steps of Newton's method the positions within the frame need. It tries five
+    /// positions in each cell and adds one step for the others.
+    ///
+    /// # Errors
+    /// A fold at a position that needs more than [`MAX_ITERATIONS`] steps.
     fn count_iterations(&self) -> Result<u32, Fold> {
         let mut most = 1;
         for cell in 0..CELLS * CELLS {
@@ -184,7 +192,6 @@ impl Inverse {
                 most = most.max(count);
             }
         }
-        // One more step, for the positions between the sampled ones.
         Ok((most + 1).min(MAX_ITERATIONS))
     }
 
@@ -200,8 +207,8 @@ impl Inverse {
         if error.is_nan() { f64::INFINITY } else { error }
     }
 
-    /// Newton's method from a point near the solution. `None` if it does not converge or leaves
-    /// the part of the plane that is connected to `q` by regular points.
+    /// Applies Newton's method from `q`, a point near the solution. `None` if it does not converge,
+    /// or if a point between `q` and the result is not regular.
     fn settle(&self, q: [f64; 2], target: [f64; 2]) -> Option<[f64; 2]> {
         let mut found = q;
         for _ in 0..SETTLE_ITERATIONS {
@@ -221,7 +228,8 @@ impl Inverse {
         None
     }
 
-    /// Follows the straight line from the principal point to a raster position.
+    /// Returns the undistorted point of a raster position. Follows the straight line from the
+    /// principal point to the position.
     ///
     /// # Errors
     /// The first fold on this line.
@@ -246,7 +254,8 @@ impl Inverse {
         Ok(q)
     }
 
-    /// Checks that every point of a frame can be inverted, along lines to its border.
+    /// Checks that a frame has no fold, along lines from the principal point to points of the
+    /// border.
     fn check(&self, [x0, y0]: [f64; 2], [x1, y1]: [f64; 2]) -> Result<(), Fold> {
         let mut worst: Option<Fold> = None;
         for i in 0..=BORDER_POINTS {

@@ -10,12 +10,12 @@ use crate::monitor::Monitor;
 pub struct TimingPlan {
     /// Smallest number of rounds. Each round takes two samples of every backend.
     pub rounds: usize,
-    /// Time in which further rounds begin.
+    /// Further rounds begin until this time has passed since the warm-up.
     pub budget: Duration,
 }
 
 impl TimingPlan {
-    /// Largest number of rounds, whatever the budget.
+    /// Largest number of rounds that the budget allows. [`TimingPlan::rounds`] may be larger.
     const MAX_ROUNDS: usize = 500;
 }
 

@@ -11,11 +11,11 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES};
 
-/// Largest relative difference of two distances that count as the same: 80 times the rounding of
-/// f32. A larger difference is judged in f64.
+/// Largest relative difference of two t that count as the same: some 84 times 2^-23. A larger
+/// difference is judged in f64.
 const SAME_T: f32 = 1e-5;
 
-/// Number of rays of a pair of backends, by how the two answers compare.
+/// Numbers of rays by how the answers of two backends compare.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Agreement {
     /// The same primitive at the same t, two misses, or the same occlusion.
@@ -29,6 +29,7 @@ pub struct Agreement {
 }
 
 impl Agreement {
+    /// Counts one ray. Returns whether its two answers agree, up to a tie.
     fn add(&mut self, a: &Answer, b: &Answer) -> bool {
         // Backends report t in f32.
         let [s, t] = [a, b].map(|answer| answer.t() as f32);
@@ -45,7 +46,7 @@ impl Agreement {
         hit == b.is_hit() && (!hit || no_t || near)
     }
 
-    /// Number of rays whose answers differ by more than a tie.
+    /// Number of rays whose two answers differ by more than a tie.
     pub fn disagreements(&self) -> u64 {
         self.depth + self.missed
     }

@@ -1,4 +1,4 @@
-//! What a backend answers to the query of one ray.
+//! The answer of a backend to the query of one ray.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -16,7 +16,7 @@ pub enum Answer {
     Hit {
         /// Geometry id of the hit.
         geom: u32,
-        /// Primitive within its geometry.
+        /// Index of the primitive within its geometry.
         prim: u32,
         /// Ray parameter of the hit. JSON writes infinity as null.
         #[serde(deserialize_with = "infinite")]
@@ -26,7 +26,7 @@ pub enum Answer {
     Occluded,
 }
 
-/// Reads a number, or null as infinity: a t beyond the range of f32.
+/// Reads a number. Null is infinity: a t beyond the range of f32.
 fn infinite<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::INFINITY))
 }
@@ -51,7 +51,8 @@ impl Answer {
         if shadow { Self::occluded(&packet.rays, i) } else { Self::closest(packet, i) }
     }
 
-    /// Answer of a query whose closest hit is `hit`.
+    /// The answer for a ray whose closest hit is `hit`: to an occlusion query if `shadow`, else to
+    /// a closest-hit query.
     pub fn of_hit(hit: Option<Hit>, shadow: bool) -> Self {
         match hit {
             None => Self::Miss,
@@ -78,7 +79,7 @@ impl Answer {
         }
     }
 
-    /// Geometry id and primitive of the closest hit; `None` for all other answers.
+    /// Geometry id and primitive index of the closest hit; `None` for all other answers.
     pub fn primitive(&self) -> Option<[u32; 2]> {
         match self {
             Self::Hit { geom, prim, .. } => Some([*geom, *prim]),

@@ -1,4 +1,4 @@
-//! Backends under test: their names, their error bounds, and what must not go wrong with them.
+//! Backends under test: their names, their error bounds, and whether a wrong answer fails a check.
 
 use glam::DVec3;
 
@@ -20,17 +20,17 @@ pub struct TestedBackend {
 }
 
 impl TestedBackend {
-    /// Creates a backend under test with a name of its own.
+    /// Creates a backend under test that reports show as `name`.
     pub fn new(name: &str, backend: Backend) -> Self {
         Self { name: name.into(), backend }
     }
 
-    /// Reads a name such as `embree-fast` or `bvh:avx2`. `isa` is the instruction set of `bvh`
-    /// without one. `flag` is the place in messages.
+    /// Parses a name such as `embree-fast` or `bvh:avx2`. Plain `bvh` gets the instruction set
+    /// `isa`. Messages name the command-line flag `flag`.
     ///
     /// # Errors
-    /// - `Invalid` for an unknown name.
-    /// - `Unsupported` if this machine or this build lacks the instruction set.
+    /// - `Invalid` for an unknown name, or for an instruction set after another backend than `bvh`.
+    /// - `Unsupported` if this machine or this build lacks the named instruction set.
     pub fn parse(flag: &str, name: &str, isa: Isa) -> Result<Self> {
         let (kind, forced) = match name.split_once(':') {
             Some((kind, forced)) => (kind, Some(forced)),
@@ -69,10 +69,12 @@ impl TestedBackend {
         Ok(Self::new(name, backend))
     }
 
-    /// Collects backends that are all different.
+    /// Collects backends and rejects duplicates: entries of the same name and the same backend. So
+    /// `bvh` and `bvh:avx2` may both be listed. Messages name the command-line flag `flag`.
     ///
     /// # Errors
-    /// The first error of `backends`; `Invalid` if one is there twice.
+    /// - The first error in `backends`.
+    /// - `Invalid` if a backend is listed twice.
     pub fn distinct(
         flag: &str,
         backends: impl IntoIterator<Item = Result<Self>>,
@@ -89,8 +91,8 @@ impl TestedBackend {
         Ok(all)
     }
 
-    /// The backends of `accuracy`: Embree fast and robust, `bvh` in each instruction set of this
-    /// machine, `coursework` and `brute`.
+    /// The default backends of `accuracy`: Embree fast and robust, `bvh` in each instruction set of
+    /// this machine, `coursework` and `brute`. `embree-compact` runs only where a flag names it.
     pub fn all() -> Vec<Self> {
         let mut all = vec![
             Self::new("embree-fast", Backend::Embree(EmbreeMode::Fast)),
@@ -112,18 +114,21 @@ impl TestedBackend {
             .collect()
     }
 
-    /// Returns whether a wrong answer of the backend fails a check. Wrong answers of other backends
-    /// are only published, or allowed up to a known rate.
+    /// Returns whether every wrong answer of this backend fails `accuracy` and `crosscheck`. Wrong
+    /// answers of other backends are published, or allowed up to a known rate. But `accuracy` also
+    /// fails for false hits and self-shadows of robust Embree.
     pub fn must_be_right(&self) -> bool {
         is_trusted(self.backend.name())
     }
 
-    /// Returns whether the backend is given fewer rays, because each takes long.
+    /// Returns whether the backend traces only a part of the rays, because its queries take long.
     pub fn is_slow(&self) -> bool {
         matches!(self.backend, Backend::Coursework | Backend::Brute)
     }
 
-    /// Error bound of the backend's own test, in units of the bound of the shear
+    /// Error bound of the backend's own test, in units of the bound of `bvh`'s test. The unit is
+    /// how far rounding can move a corner that is sheared along the ray: 6 * 2^-24 times the
+    /// corner's largest coordinate from the ray's origin
     /// ([`Brute::near`](crate::accel::brute::Brute::near)).
     pub fn error_factor(&self) -> f64 {
         match self.backend {
@@ -133,12 +138,12 @@ impl TestedBackend {
         }
     }
 
-    /// The coherences whose answers may differ: `packets` for packets, and single rays if the
-    /// backend has a separate query for them.
+    /// Returns the coherences to trace a packet with: `packets`, and [`Coherence::Single`] if the
+    /// backend has a separate query for single rays.
     pub fn coherences(&self, packets: Coherence) -> Vec<Coherence> {
         match self.backend {
             Backend::Embree(_) | Backend::Bvh(_) => vec![packets, Coherence::Single],
-            // These trace rays one by one in every mode.
+            // These trace rays one by one for every coherence.
             Backend::Coursework | Backend::Brute => vec![packets],
         }
     }
@@ -162,11 +167,12 @@ impl TestedBackend {
 const ISA_NAMES: [(&str, Isa); 3] =
     [("portable", Isa::Portable), ("avx2", Isa::Avx2), ("avx512", Isa::Avx512)];
 
-/// The largest [`TestedBackend::error_factor`], that of Embree. Embree's own bound is not
-/// published.
+/// Largest [`TestedBackend::error_factor`]: that of Embree. Embree's own bound is not published, so
+/// the factor 4 is an assumption, not a derived bound.
 pub const MAX_ERROR_FACTOR: f64 = 4.0;
 
-/// Returns whether a wrong answer of the backend with this name ([`Backend::name`]) fails a check.
+/// Returns whether a wrong answer of the backend with this name fails a check. `name` is a
+/// [`Backend::name`], without mode or instruction set.
 pub fn is_trusted(name: &str) -> bool {
     ["bvh", "brute"].contains(&name)
 }
@@ -193,13 +199,14 @@ pub fn build_all<'g>(
     backends.iter().map(|backend| backend.build(geometry, threads, monitor)).collect()
 }
 
-/// A geometry without primitives, over which a backend is built to learn its version.
+/// Returns a geometry without primitives. A backend is built over it to learn its version, or
+/// whether it can be built here.
 pub fn empty_geometry() -> Geometry {
     Geometry::new(DVec3::ZERO, vec![], vec![], vec![]).unwrap_or_default()
 }
 
-/// Returns the backends that can be built here, and for every other backend a message with the
-/// reason.
+/// Returns the backends that can be built here, and one message for each backend that cannot, with
+/// the reason.
 ///
 /// # Errors
 /// The errors of the builds, except `Unsupported`.

@@ -24,14 +24,14 @@ use crate::world::World;
 /// Backends, rays and repetitions of a measurement.
 #[derive(Debug, Clone)]
 pub struct BenchSettings {
-    /// Backends to compare. The first is the reference of all ratios. It also finds the hits from
-    /// which secondary rays start.
+    /// Backends to compare, at least one. The first is the reference of all ratios. It also finds
+    /// the hits from which secondary rays start.
     pub tested_backends: Vec<TestedBackend>,
     /// Classes of rays to replay.
     pub classes: Vec<Class>,
     /// Numbers of worker threads, each >= 1.
     pub threads: Vec<usize>,
-    /// Largest number of rays of each class.
+    /// Largest number of rays of each class, rounded up to whole packets of 16.
     pub rays: u64,
     /// Seed of the diffuse rays.
     pub seed: i64,
@@ -46,20 +46,22 @@ pub struct BenchSettings {
 /// Measurements of one scene.
 #[derive(Debug)]
 pub struct Measured {
-    /// Version and memory of every backend.
+    /// Version, memory and number of wrong answers of every backend.
     pub backends: Vec<BackendResult>,
-    /// Number of rays for each class of [`BenchSettings::classes`].
+    /// Number of recorded rays of each class in [`BenchSettings::classes`].
     pub rays: Vec<(Class, u64)>,
     /// Timings: builds, classes of rays, whole pictures.
     pub rows: Vec<TimingRow>,
-    /// Agreement of every pair of backends, for each replay.
+    /// Agreement of every pair of backends, for each class and mode that has rays.
     pub agreement: Vec<PairResult>,
 }
 
 /// Runs all measurements of a scene. Calls `note` with the name of each step when it begins.
 ///
 /// # Errors
-/// The errors of [`accel::build`]; `Interrupted` after a signal.
+/// - `Retry` if the system cannot start the threads.
+/// - The errors of [`accel::build`] and [`Film::new`].
+/// - `Interrupted` after a signal.
 pub fn measure(
     world: &World,
     settings: &BenchSettings,
@@ -88,7 +90,8 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// Runs all measurements. The trees for rays and all answers are computed on the current pool.
+    /// Runs all measurements. The current pool builds the accelerators for rays and pictures, and
+    /// computes all answers. `pools` run what is timed.
     fn all(&self, pools: &[ThreadPool]) -> Result<Measured> {
         let mut rows = Vec::new();
         for pool in pools {

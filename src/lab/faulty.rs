@@ -10,17 +10,17 @@ use crate::ray::{Coherence, Hits, Mask, NONE, RayPacket, Rays};
 pub enum BackendFault {
     /// All answers are right.
     None,
-    /// Never hits one primitive of one geometry.
+    /// Never hits one primitive: geometry id, index in the geometry.
     Misses(u32, u32),
     /// Lane 3 always misses.
     MissesLane3,
-    /// Misses everything along the shortest directions.
+    /// Misses everything along directions shorter than 1e-29.
     MissesTiny,
     /// Reports a hit for every miss.
     HitsNothing,
-    /// Reports another primitive of the first geometry, which has two.
+    /// Swaps the two primitives of the first geometry.
     OtherPrimitive,
-    /// Lane 5 always reports the first primitive of its geometry.
+    /// Lane 5 reports primitive 0 of the geometry that it hits.
     FirstPrimitiveInLane5,
     /// Every t is multiplied by this factor.
     ScalesT(f64),
@@ -32,7 +32,7 @@ pub enum BackendFault {
 pub struct Faulty<'a>(pub &'a Brute<'a>, pub BackendFault);
 
 impl Faulty<'_> {
-    /// Returns what a closest-hit query of one ray reports, before the faults of single lanes.
+    /// Returns the closest hit of one ray, before the faults of single lanes.
     fn hit(&self, ray: &Ray) -> Option<Hit> {
         let Self(oracle, fault) = *self;
         if fault == BackendFault::MissesTiny && ray.direction.length() < 1e-29 {

@@ -1,8 +1,8 @@
 //! Measurements: recorded rays, timings, statistics, and comparisons of answers and pictures.
 //!
 //! The commands `bench`, `crosscheck`, `accuracy`, `compare` and `converge` are built on it. The
-//! first three share one core: a [`backend::TestedBackend`] gets a [`query::QueryPacket`] and gives
-//! an [`answer::Answer`], on which [`verdict`] decides.
+//! first three share one core: a [`backend::TestedBackend`] traces packets of rays, each lane gives
+//! an [`answer::Answer`], and [`verdict`] decides whether the answer is wrong.
 
 pub mod ab;
 pub mod accuracy;

@@ -5,13 +5,14 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::monitor::Monitor;
 
-/// Number of packets between two checks of the monitor.
+/// Number of indices whose results are held in memory at a time.
 const PORTION: u64 = 4096;
 
 /// Calls `work` for every index below `count` on the current rayon pool. Calls `take` with the
 /// results of each portion of indices, in order.
 ///
-/// Portions bound the memory of the results, and signals are checked between them.
+/// Portions bound the memory of the results. After a signal, the rest of the portion is skipped and
+/// none of its results reach `take`.
 ///
 /// # Errors
 /// `Interrupted` after a signal.

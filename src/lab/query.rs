@@ -1,4 +1,4 @@
-//! Packets of rays with their queries, and how a backend answers them.
+//! Packets of rays with their queries, and the functions that trace them.
 
 use std::time::{Duration, Instant};
 
@@ -21,8 +21,8 @@ pub struct QueryPacket {
 }
 
 impl QueryPacket {
-    /// Traces a copy of the packet, announced with a coherence, and returns the answers of all
-    /// lanes.
+    /// Traces a copy of the packet with `coherence`. Returns the answers of all lanes:
+    /// [`Answer::Miss`] for lanes that are not active.
     pub fn answers(&self, accelerator: &dyn Accelerator, coherence: Coherence) -> [Answer; LANES] {
         answers(accelerator, &self.packet, self.shadow, coherence)
     }

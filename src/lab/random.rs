@@ -6,7 +6,7 @@ use glam::DVec3;
 pub struct Random(u64);
 
 impl Random {
-    /// Starts the sequence number `index` of a seed.
+    /// Starts sequence `index` of a seed.
     pub fn new(seed: u64, index: u64) -> Self {
         let mut first = Self::from_state(seed);
         let start = first.bits();

@@ -22,14 +22,14 @@ use crate::simd::{self, Isa};
 use crate::world::World;
 
 named! {
-    /// Class of rays by their purpose. It decides which way they run.
+    /// Class of rays by their purpose. It decides the query and the coherence of their packets.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Class {
         /// Rays from the camera.
         Primary = "primary",
         /// Shadow rays from camera hits to point lights.
         ShadowPoint = "shadow-point",
-        /// Shadow rays from camera hits to area lights.
+        /// Shadow rays from camera hits to area lights, suns and environments.
         ShadowArea = "shadow-area",
         /// Mirrored rays from camera hits on mirrors.
         Mirror = "mirror",
@@ -46,7 +46,7 @@ impl Class {
         matches!(self, Self::ShadowPoint | Self::ShadowArea)
     }
 
-    /// Coherence of packets of this class.
+    /// Coherence of the packets of this class in the renderer.
     pub fn coherence(self) -> Coherence {
         match self {
             Self::Primary | Self::ShadowPoint | Self::ShadowArea => Coherence::Coherent,
@@ -55,7 +55,7 @@ impl Class {
     }
 }
 
-/// A packet of rays as it was before its query.
+/// A packet of rays as it is before its query.
 #[derive(Debug, Clone)]
 pub struct Recorded {
     /// Lanes that hold rays; at least one.
@@ -84,9 +84,9 @@ impl Recording {
 
 /// Records the rays of `world`, at most `packets` (> 0) packets of each class.
 ///
-/// The rays come from the whole frame if so many packets suffice, else from equal windows spread
-/// evenly over its tiles. `accelerator` finds the camera hits, from which all other rays start.
-/// `seed` is the seed of the diffuse rays.
+/// If `packets` camera packets suffice for all tiles, the rays come from the whole frame. Else they
+/// come from equal windows, spread evenly over the tiles. `accelerator` finds the camera hits, from
+/// which all other rays start. `seed` is the seed of the diffuse rays.
 ///
 /// # Errors
 /// `Interrupted` after a signal.
@@ -164,8 +164,8 @@ fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
 
 /// An accelerator that records every query.
 ///
-/// Only camera rays get an answer. Rays that start from later hits are not recorded, so these hits
-/// are not needed.
+/// Only camera rays get an answer. Rays that start from hits of other rays are not recorded, so
+/// these hits are not needed.
 struct Recorder<'a> {
     inner: &'a dyn Accelerator,
     geometry: &'a Geometry,
@@ -177,14 +177,14 @@ struct Recorder<'a> {
 
 struct State {
     recording: Recording,
-    /// Number of camera packets so far.
+    /// Number of camera packets traced so far.
     seen: usize,
-    /// Number of camera packets of the whole recording.
+    /// Number of camera packets of all windows.
     primary: usize,
-    /// Most packets of each class.
+    /// Largest number of packets of each class.
     limit: usize,
-    /// Classes that record the rays of the current camera packet, all of them or none. So rays from
-    /// one place stay together, as in a render.
+    /// Whether each class records the rays that belong to the current camera packet. It records all
+    /// of them or none, so rays from one place stay together, as in a render.
     taking: [bool; Class::ALL.len()],
     surfaces: Surfaces,
 }
@@ -197,7 +197,8 @@ impl State {
         }
     }
 
-    /// Begins the next camera packet. Classes that have less than their even share record its rays.
+    /// Begins the next camera packet. Its rays are recorded by every class that does not exceed its
+    /// even share so far.
     fn next(&mut self) {
         self.taking = Class::ALL.map(|class| {
             let have = self.recording.packets(class).len() as u128;
@@ -212,8 +213,8 @@ impl Recorder<'_> {
         note(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Returns whether all rays end at one point light. `light_rays` computes such a direction as
-    /// `q - origin`, so the comparison is exact.
+    /// Returns whether all active rays end at one and the same point light. `light_rays` computes
+    /// their directions as `q - origin`, so the comparison is exact.
     fn towards_a_point(&self, active: &Mask, rays: &Rays) -> bool {
         self.points.iter().any(|&q| {
             let mut lanes = (0..LANES).filter(|&i| active.0[i] != 0);
@@ -226,7 +227,7 @@ impl Recorder<'_> {
         refine(self.geometry, hit, packet, &mut state.surfaces);
         let mut rays = Rays::EMPTY;
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
-            // All rays take points of one sequence, as if they belonged to one pixel.
+            // All rays take points of one sample sequence, as if they belonged to one pixel.
             let index = (state.seen * LANES + i) as u32;
             let [x, y] = disk(self.sampler.light([0; 2], index, 0, 0));
             let normal = lane(&state.surfaces.ng, i);

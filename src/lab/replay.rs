@@ -74,7 +74,7 @@ impl Replay<'_> {
         spent.as_secs_f64() / rayon::current_num_threads() as f64
     }
 
-    /// Sum of the times of `query`, which gets a copy of each packet, made by `copy`.
+    /// Sum of the times of `query` over all packets. It gets a copy of each, made by `copy`.
     fn spent<T: Clone + Send + Sync>(
         &self,
         empty: &T,

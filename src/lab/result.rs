@@ -35,7 +35,7 @@ pub struct Machine {
     pub cpu: String,
     /// Number of processors that this process may use.
     pub cores: usize,
-    /// Instruction set of our own kernels, unless a backend names its own.
+    /// Instruction set of our own kernels. A backend such as `bvh:avx2` uses the one it names.
     pub isa: String,
     /// Versions of the program and its compiler, by name.
     pub versions: BTreeMap<String, String>,
@@ -58,7 +58,7 @@ pub struct SceneResult {
     pub name: String,
     /// SHA-256 of the canonical scene.
     pub hash: String,
-    /// Number of triangles of all meshes and single triangles. A plane counts as two.
+    /// Number of triangles, of meshes and single ones. Planes and spheres are not counted.
     pub triangles: u64,
     /// Number of recorded rays of each class.
     pub rays: BTreeMap<String, u64>,
@@ -91,7 +91,8 @@ pub struct BackendResult {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WorkKind {
-    /// A build of the accelerator. Its work is counted in triangles.
+    /// A build of the accelerator. Its work is counted in primitives: triangles, spheres, and two
+    /// for each plane.
     Build,
     /// Queries of one class of rays. Their work is counted in rays.
     Rays,
@@ -119,7 +120,7 @@ pub struct TimingRow {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(expecting = "struct Entry")]
 pub struct TimingEntry {
-    /// Number of triangles or rays of one sample.
+    /// Number of primitives or rays of one sample.
     pub work: u64,
     /// Seconds of every sample. Samples k of all backends were taken next to each other.
     pub seconds: Vec<f64>,
@@ -127,11 +128,11 @@ pub struct TimingEntry {
     pub median_s: Estimate,
     /// Median absolute deviation of `seconds`, not scaled.
     pub mad_s: f64,
-    /// Work per microsecond: Mray/s, Mtri/s.
+    /// Millions of rays or primitives per second.
     pub rate: Estimate,
     /// Speed relative to the first backend, above 1 if faster; `None` for the first.
     pub ratio: Option<Estimate>,
-    /// Number of rays that hit something.
+    /// Number of rays that hit something or are occluded.
     pub hits: Option<u64>,
     /// Number of provably wrong answers.
     pub wrong: Option<u64>,
@@ -233,8 +234,8 @@ pub struct BaselineComparison {
     pub baseline: String,
     /// Differences between the two machines, in words; `None` if there are none.
     pub elsewhere: Option<String>,
-    /// Changes of all timings that both runs have: the same scene (by name and content), row and
-    /// backend.
+    /// Changes of all timings that both runs have. Scene (name and content), row, number of threads
+    /// and backend must be the same.
     pub changes: Vec<Change>,
 }
 
@@ -250,7 +251,7 @@ impl BaselineComparison {
     }
 }
 
-/// Describes how machine or kernels of two runs differ; `None` if they do not.
+/// Describes how the machines or kernels of two runs differ; `None` if they do not.
 fn elsewhere(now: &BenchReport, then: &BenchReport) -> Option<String> {
     let (a, b) = (&now.machine, &then.machine);
     let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];

@@ -38,7 +38,7 @@ impl Estimate {
     }
 }
 
-/// The median. For an even number of values it is the mean of the middle two, for none NaN.
+/// The median: for an even number of values the mean of the middle two. NaN if there are none.
 pub fn median(values: &[f64]) -> f64 {
     let mut v = values.to_vec();
     v.sort_by(f64::total_cmp);
@@ -82,8 +82,8 @@ pub fn paired_ratio(a: &[f64], b: &[f64]) -> Estimate {
 
 /// Speed of B relative to A from times that were not taken in pairs: the ratio of medians.
 ///
-/// With fewer than ten values on either side, the interval is Welch's t with the degrees of freedom
-/// of the smaller set.
+/// With fewer than ten values on either side, the interval is Welch's t of the logarithms. It takes
+/// the degrees of freedom of the smaller set.
 pub fn unpaired_ratio(a: &[f64], b: &[f64]) -> Estimate {
     let fewer = a.len().min(b.len());
     if fewer < ENOUGH {
@@ -115,9 +115,10 @@ fn student(n: usize) -> f64 {
     n.checked_sub(2).and_then(|i| STUDENT.get(i)).copied().unwrap_or(0.0)
 }
 
-/// `value` with the interval `log` +- `half` of a mean of logarithms.
+/// Returns `value` with the interval from exp(`log` - `half`) to exp(`log` + `half`).
 ///
-/// The interval is widened to contain `value`: a median may lie outside.
+/// `log` is a mean of logarithms. `value` is a median, which may lie outside the interval. Then the
+/// interval is widened to contain it.
 fn around(value: f64, log: f64, half: f64) -> Estimate {
     Estimate { value, low: value.min((log - half).exp()), high: value.max((log + half).exp()) }
 }
@@ -128,7 +129,7 @@ fn percentiles(value: f64, mut values: Vec<f64>) -> Estimate {
     Estimate { value, low: at(0.025), high: at(0.975) }
 }
 
-/// Draws as many values as there are, with replacement.
+/// Draws `values.len()` of the values at random, with replacement.
 fn resample(random: &mut Random, values: &[f64]) -> Vec<f64> {
     let n = values.len() as u64;
     values.iter().map(|_| values[(random.bits() % n) as usize]).collect()
@@ -138,7 +139,7 @@ fn resample(random: &mut Random, values: &[f64]) -> Vec<f64> {
 pub struct LogFit {
     /// Mean logarithms of x and y.
     pub mean: [f64; 2],
-    /// Sum of the squared deviations of log x from their mean.
+    /// Sum of the squared deviations of log x from its mean.
     pub xx: f64,
     /// Exponent of x: the slope of the line. NaN if all x are the same.
     pub exponent: f64,

@@ -31,9 +31,10 @@ pub enum PassCriterion {
     /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
     /// within 1e-6.
     Exact,
-    /// No wrong answer. The reason why t has no bound.
+    /// No wrong answer. The text says why t has no bound. Weights have none either.
     Zero(&'static str),
-    /// No wrong answer. Largest share of hits with t off by more than 2 ulp, and the reason.
+    /// No wrong answer, weights within 1e-6. The values are the largest share of hits with t off by
+    /// more than 2 ulp, and the reason.
     Coarse(f64, &'static str),
 }
 
@@ -135,8 +136,8 @@ impl Case {
 
 /// Kinds of errors that fail the run even if the backend need not be right.
 ///
-/// They apply to robust Embree, because `--backend embree` renders with it. Its leaks are only
-/// published.
+/// They apply to robust Embree, because `--backend embree` renders with it, and to its compact
+/// mode. Leaks of both are only published.
 pub fn forbidden(backend: Backend) -> &'static [WrongKind] {
     match backend {
         Backend::Embree(EmbreeMode::Robust | EmbreeMode::Compact) => {
@@ -167,14 +168,15 @@ pub struct CaseRun<'a> {
 pub struct Amount {
     /// Number of packets in the quick run.
     pub packets: u64,
-    /// Slow columns trace one packet in this many.
+    /// Slow columns trace one of this many packets.
     pub slow: u64,
-    /// The oracle computes exact answers for one packet in this many.
+    /// The oracle answers one of this many packets of `Expect::Closed`, and all packets of other
+    /// expectations.
     pub truth: u64,
 }
 
 impl CaseRun<'_> {
-    /// Random numbers of this case, number `index`.
+    /// Returns sequence `index` of the random numbers of this case.
     pub fn random(&self, index: u64) -> Random {
         Random::new(self.salt, index)
     }
@@ -243,7 +245,8 @@ impl CaseRun<'_> {
         self.keep(geometry, sums)
     }
 
-    /// Adds the counts over a geometry, and a picture of the first failures of each column.
+    /// Adds the counts over a geometry. Draws a picture of the first failures of each column that
+    /// has no picture yet.
     ///
     /// # Errors
     /// The errors of the build that the pictures need.

@@ -14,7 +14,7 @@ const GROUP: &str = "conservative";
 /// Number of soups in the quick run.
 const SOUPS: u64 = 16;
 
-/// Runs with at least this multiple of the quick run's rays trace four times as many again.
+/// From this multiple of the quick run's rays on, a run traces four times as many packets.
 const LONG: u64 = 400;
 
 /// A random number of either sign with a magnitude from 1e-8 to 1e8.
@@ -26,7 +26,8 @@ fn wide_point(random: &mut Random) -> DVec3 {
     DVec3::new(wide(random), wide(random), wide(random))
 }
 
-/// Primitives of every size at every distance, half of them around one point.
+/// Primitives of every size at every distance. Half of the triangles and quads lie around one
+/// point.
 fn scene(random: &mut Random) -> Geometry {
     let crowd = wide_point(random);
     let corners = |random: &mut Random, n: usize| -> Vec<DVec3> {
@@ -64,7 +65,7 @@ pub fn cases() -> Vec<Case> {
             // A longer run has more soups, not only more rays.
             let times = run.settings.times;
             let soups = SOUPS * times.min(64);
-            // A full run has 10^8 random rays.
+            // With the factor 4, a full run has 10^8 random rays.
             let more = if times >= LONG { 4 } else { 1 };
             let packets = (more * packets).div_ceil(soups).max(1);
             for k in 0..soups {
@@ -94,7 +95,7 @@ pub fn cases() -> Vec<Case> {
         row(
             "16 decades, aimed",
             "triangles, quads and spheres of sizes 1e-8 to 1e8 anywhere within 1e8: rays at corners, \
-             edges, insides",
+             edges and insides of the triangles",
             true,
             1024,
         ),

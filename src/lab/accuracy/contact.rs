@@ -28,7 +28,7 @@ use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "contact";
 
-/// Sizes of the objects.
+/// Sizes of the objects: the radius of the sphere, half the side of the cube.
 const SCALES: [f64; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
 
 /// Distances from the world's origin, in sizes of the object.
@@ -37,7 +37,7 @@ const OFFSETS: [f64; 3] = [0.0, 1e3, 1e7];
 /// Number of packets for each world in the quick run.
 const PACKETS: u64 = 24;
 
-/// Slow columns trace one packet in this many.
+/// Slow columns trace one of this many packets.
 const SLOW: u64 = 3;
 
 /// Smallest gap at which an occluder must shadow a surface, in ulp of the largest coordinate.
@@ -67,7 +67,7 @@ impl Place {
         Self { scale, offset: DVec3::new(0.6, -0.5, 0.62) * scale * offset, turn }
     }
 
-    /// As [`Place::new`]; every other place is tilted.
+    /// As [`Place::new`]. The place is tilted if `number` is even.
     fn numbered(scale: f64, offset: f64, number: u64) -> Self {
         let turn = match number % 2 {
             0 => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
@@ -76,12 +76,12 @@ impl Place {
         Self::new(scale, offset, turn)
     }
 
-    /// Where a point of the object comes to lie.
+    /// Transforms a point of the object to the world.
     pub(super) fn at(&self, v: DVec3) -> DVec3 {
         self.offset + self.turn * v * self.scale
     }
 
-    /// As [`Place::at`] for a displacement.
+    /// Transforms a displacement of the object to the world: without the offset.
     pub(super) fn vector(&self, v: DVec3) -> DVec3 {
         self.turn * v * self.scale
     }
@@ -111,7 +111,8 @@ impl Place {
     }
 }
 
-/// Loads a world of shapes through the scene loader, as from a file.
+/// Loads a world of shapes through the scene loader, as from a file. `offset` and `scale` place its
+/// camera and its light.
 pub(super) fn world(shapes: &[Value], offset: &DVec3, scale: f64) -> Result<World> {
     let at = |v: DVec3| json!((*offset + v * scale).to_array());
     let scene = json!({
@@ -131,11 +132,11 @@ pub(super) fn corner(k: usize) -> [f64; 3] {
     [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -1.0 } else { 1.0 })
 }
 
-/// Corners of the sides of a cube.
+/// The sides of a cube: indices of their corners ([`corner`]), in order around each side.
 pub(super) const CUBE_SIDES: [[usize; 4]; 6] =
     [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
 
-/// Scene shapes of a convex object around the origin.
+/// Scene shapes of a convex object around the origin of `place`.
 fn convex(solid: Solid, place: &Place) -> Vec<Value> {
     match solid {
         Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
@@ -159,7 +160,8 @@ pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
     normal * cosine + side * (1.0 - cosine * cosine).sqrt()
 }
 
-/// 16 rays from points to goals, which `ray` returns. Origins are rounded first.
+/// Returns 16 rays. `ray` returns the origin and the goal of each. The origin is rounded before the
+/// direction is computed.
 pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     for i in 0..LANES {
@@ -173,7 +175,7 @@ pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
 /// Traces packets through a geometry with every column and adds the counts to `run`.
 ///
 /// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
-/// and counts wrong answers.
+/// and counts wrong answers. `salt` selects the random numbers; each call of a case has its own.
 pub(super) fn check(
     run: &mut CaseRun,
     geometry: &Geometry,
@@ -184,7 +186,7 @@ pub(super) fn check(
     run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
         let first = first_rays(&mut run.random(salt << 40 | index << 1));
         built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, counts| {
-            // The same random numbers, and so the same lights, for all columns.
+            // All columns get the same random numbers, and so the same lights.
             let mut random = run.random(salt << 40 | index << 1 | 1);
             let mut packet = first.clone();
             let all = Mask::ALL;
@@ -208,8 +210,8 @@ pub(super) struct ColumnHits<'a> {
 }
 
 impl ColumnHits<'_> {
-    /// Traces shadow rays to `lights`. Returns, for each way to trace them, the lanes that have a
-    /// shadow ray, and whether each is occluded.
+    /// Traces shadow rays to `lights`, which lie on `area` if it is given. Returns each lane that
+    /// has a shadow ray and whether the ray is occluded, once for each coherence of the column.
     pub fn occluded(
         &self,
         lights: &[DVec3; LANES],
@@ -233,14 +235,14 @@ impl ColumnHits<'_> {
         .collect()
     }
 
-    /// Traces mirrored rays. Returns the lanes that have one, and whether each hits anything.
+    /// Traces mirrored rays. Returns each lane that has one, and whether the ray hits anything.
     pub fn mirrored(&self, way: Coherence) -> Vec<(usize, bool)> {
         let (active, packet) = self.points.mirrored(self.scene(), way);
         let lanes = lanes(&active).filter(|&i| self.primitive(i).is_some());
         lanes.map(|i| (i, packet.hits.geom[i] != NONE)).collect()
     }
 
-    /// Counts a ray from lane `i`, and an error of this kind unless it is `right`.
+    /// Counts a ray from lane `i`, and an error of this kind unless `right`.
     pub fn expect(&self, i: usize, right: bool, kind: WrongKind, counts: &mut CaseCounts) {
         counts.rays += 1;
         if !right {
@@ -253,27 +255,28 @@ impl ColumnHits<'_> {
         (self.geometry, self.accelerator)
     }
 
-    /// Returns whether point `i` is off an area light's plane by more than rounding.
+    /// Returns whether point `i` is off an area light's plane, by more than 1e-4 of its distance
+    /// from the light's corner.
     pub fn is_off_plane(&self, area: &Area, i: usize) -> bool {
         let at = self.points.position(i) - area.corner.as_dvec3();
         at.dot(area.plane).abs() > 1e-4 * at.length()
     }
 
-    /// Primitive number that lane `i` hit, if any.
+    /// Index of the primitive that lane `i` hit, if any.
     fn primitive(&self, i: usize) -> Option<u32> {
         let hits = &self.packet.hits;
         (hits.geom[i] != NONE).then(|| self.geometry.primitive(hits.geom[i], hits.prim[i]))
     }
 }
 
-/// A case with one convex object: no light above its surface is occluded.
+/// A case with one convex object: it must not occlude any light above its surface.
 fn self_shadow(scale: f64) -> Case {
     let name = format!("self-intersection, scale {scale:e}");
     let what = format!(
         "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
-         the world's origin: lights above the surface must reach it. `coursework` with its offset of 1e-4"
+         the world's origin: lights above the surface must reach it. `coursework` uses its offset of 1e-4"
     );
-    let criterion = PassCriterion::Zero("shadow rays have no t");
+    let criterion = PassCriterion::Zero("shadow rays report no t");
     Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for solid in SOLIDS {
@@ -299,7 +302,7 @@ fn self_shadow(scale: f64) -> Case {
                             counts.rays += 1;
                             let (at, normal) = (seen.points.position(i), seen.points.normal(i));
                             // The normal points inwards: the ray has leaked through the side
-                            // that faces it.
+                            // that faces its origin.
                             if normal.dot(at) < 0.0 {
                                 counts.fail(WrongKind::Leak, at);
                             } else if occluded {
@@ -314,7 +317,8 @@ fn self_shadow(scale: f64) -> Case {
     })
 }
 
-/// A floor and an occluder at distance `gap` above it. The occluder is the last of its kind.
+/// A floor and an occluder above it. `gap` is their distance in sizes. The occluder is the last
+/// triangle or quad.
 fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
     let triangle = |size: f64, z: f64| {
         place.triangle([[-size, -size, z], [2.0 * size, -size, z], [-size, 2.0 * size, z]])
@@ -329,7 +333,7 @@ fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
     }
 }
 
-/// Primitive number of the occluder, and its triangles with their f32 corners.
+/// Index of the occluder, and its triangles with their f32 corners.
 fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
     let (geom, prim) = match solid {
         Solid::Triangles => (0, 1),
@@ -339,7 +343,7 @@ fn planes(geometry: &Geometry, solid: Solid) -> (u32, Vec<[DVec3; 3]>) {
     (geometry.primitive(geom, prim), triangles.collect())
 }
 
-/// The largest coordinate of any vertex.
+/// Largest magnitude of a coordinate, over all vertices of meshes and quads.
 fn largest(geometry: &Geometry) -> f64 {
     let vertices = geometry.meshes.iter().flat_map(|mesh| mesh.vertices());
     let corners = geometry.quads.iter().flatten();
@@ -347,7 +351,8 @@ fn largest(geometry: &Geometry) -> f64 {
     vertices.chain(corners).map(of).fold(0.0, f64::max)
 }
 
-/// A case with occluders `ulps` above a surface. From [`CONTACT`] ulp on they must shadow it.
+/// A case with occluders above a surface, at gaps of `ulps` ulp of the largest coordinate. From
+/// [`CONTACT`] ulp on they must shadow it.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
     let criterion = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
     Case::new(GROUP, name, what, criterion, move |run| {
@@ -356,7 +361,8 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
             for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
                 let place = Place::numbered(scale, offset, salt);
-                // The scene's origin does not depend on so small a gap.
+                // The ulp is that of a scene with a wider gap. The scene's origin does not depend
+                // on so small a gap.
                 let flat = place.world(&stack(solid, &place, 0.125))?;
                 let unit = ulp(largest(&flat.geometry));
                 let world = place.world(&stack(solid, &place, ulps * unit / scale))?;
@@ -383,7 +389,8 @@ fn in_contact(
         Solid::Quads | Solid::Spheres => b.lerp(c, 0.5),
     };
     let scale = place.scale;
-    // Rays hit the sphere near its top, and the other floors anywhere.
+    // Rays hit the sphere only near its top, where it falls off by less than an ulp of its size.
+    // They hit the other floors anywhere.
     let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
     check(
         run,
@@ -395,7 +402,7 @@ fn in_contact(
                 let goal = middle + side * random.unit() * reach * scale;
                 [goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale, goal]
             });
-            // The occluder lies between, so the rays pass through it.
+            // The occluder lies above the goal. A ray that leaves it passes through it.
             packet.rays.leaving = [occluder; LANES];
             packet
         },
@@ -411,7 +418,7 @@ fn in_contact(
                     counts.fail(WrongKind::Leak, point);
                     continue;
                 }
-                // Gap between occluder and point. The point itself is rounded by half an ulp.
+                // Gap between occluder and point. Rounding moves the point by half an ulp.
                 let gap = planes
                     .iter()
                     .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
@@ -433,7 +440,7 @@ pub fn cases() -> Vec<Case> {
         let what = format!(
             "an occluder 4, 8 and 1000 ulp of the largest coordinate above a triangle, a quad, a sphere \
              of size {scale:e}, at 0, 1e3 and 1e7 times that from the world's origin: it must shadow \
-             them. `coursework` with its offset of 1e-4"
+             them. `coursework` uses its offset of 1e-4"
         );
         contact(format!("occluder in contact, scale {scale:e}"), what, vec![scale], vec![4.01, 8.0, 1000.0])
     }));

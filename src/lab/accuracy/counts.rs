@@ -18,23 +18,24 @@ named! {
     pub enum WrongKind {
         /// The ray passed through a surface.
         Leak = "leak",
-        /// A hit of a primitive that the ray passes by more than the error bound.
+        /// A hit on a primitive that the ray misses by more than the error bound, or a lane without
+        /// a ray that was changed.
         FalseHit = "false hit",
-        /// The right t, but on a primitive that the ray passes by more than the error bound.
+        /// The right t, but on a primitive that the ray misses by more than the error bound.
         WrongPrimitive = "wrong primitive",
-        /// The right primitive at a wrong t, or a vertex or point at a wrong place.
+        /// The right primitive at a wrong t, or a vertex at a wrong place.
         WrongDistance = "wrong distance",
         /// A tie that did not go to the lowest primitive.
         Tie = "not the lowest primitive",
-        /// A line crosses a closed mesh an odd number of times, or misses a crossing.
+        /// A line crosses a closed mesh an odd number of times, or not as often as the oracle.
         Crossings = "odd or missing crossing",
         /// A surface shadows itself although nothing lies in the way.
         SelfShadow = "self-shadow",
         /// Light passes through an occluder.
         LightLeak = "light leak",
-        /// A pixel of the picture differs.
+        /// A pixel of a shifted scene differs from that of the scene at the origin.
         Pixel = "pixel differs",
-        /// Packets with impossible rays take too long.
+        /// Packets with impossible rays (NaN, infinity) take too long.
         Slow = "slow",
     }
 }
@@ -68,7 +69,7 @@ pub fn kind_of(verdict: Verdict) -> Option<WrongKind> {
 /// Counts and worst errors of one backend.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CaseCounts {
-    /// Number of judged answers.
+    /// Number of judged answers. A ray counts once for each coherence.
     pub rays: u64,
     /// Number of wrong answers of each kind.
     pub failures: BTreeMap<WrongKind, u64>,
@@ -86,8 +87,8 @@ pub struct CaseCounts {
     pub worst_ulp: f64,
     /// Largest error of a refined point, relative to its scale.
     ///
-    /// The scale is the largest of its coordinates, the coordinates of the primitive, and its
-    /// distance from the ray's origin.
+    /// The scale is the largest of the point's coordinates, the primitive's coordinates (not for
+    /// the group `spheres`), and the distance between point and ray origin.
     pub worst_relative: f64,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: f64,
@@ -113,7 +114,7 @@ impl CaseCounts {
         }
     }
 
-    /// Counts an error of t, in f32 ulp. NaN counts as beyond all limits.
+    /// Counts a hit whose t has this error in f32 ulp. NaN counts as beyond all limits.
     pub fn measure(&mut self, ulp: f64) {
         self.measured += 1;
         self.beyond_2 += u64::from(!(ulp <= 2.0));
@@ -146,7 +147,8 @@ impl CaseCounts {
     }
 }
 
-/// One f32 ulp at `exact`: 2^-23 times its power of two.
+/// One f32 ulp at `exact`: 2^-23 times the power of two at or below |`exact`|, but at least the
+/// smallest normal number.
 pub fn ulp(exact: f64) -> f64 {
     let smallest = f64::from(f32::MIN_POSITIVE);
     let power = exact.abs().max(smallest).log2().floor();

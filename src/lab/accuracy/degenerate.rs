@@ -12,7 +12,8 @@ const GROUP: &str = "degenerate";
 
 const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
 
-/// Rays from a sphere of radius `distance` at corners, edges and insides of triangles.
+/// Rays from a sphere of radius `distance` at triangles: for [`Expect::Oracle`] at corners, edges
+/// and insides, else only at insides.
 fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
     let together = random.below(2) == 0;
     let mut from = DVec3::ZERO;
@@ -49,7 +50,8 @@ fn some(random: &mut Random, size: f64) -> [DVec3; 3] {
     [0; 3].map(|_| at + random.direction() * size)
 }
 
-/// A mesh of ordinary triangles mixed with `others`, so that rays hit something behind these.
+/// A mesh of ordinary triangles mixed with `others`. Rays that miss the others may hit an ordinary
+/// triangle behind them.
 fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> TriangleMesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..150).map(|_| some(random, 0.2)).collect();
     triangles.extend((0..150).map(|_| others(random)));
@@ -57,7 +59,7 @@ fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> Tri
 }
 
 fn fan(random: &mut Random) -> TriangleMesh {
-    // Two parts of cones. Each consists of needles of 1:1e4 around one vertex.
+    // Two parts of cones. Each consists of needles of 1:3400 around one vertex.
     let mut triangles = Vec::new();
     for _ in 0..2 {
         let apex = random.cube() * 0.5;
@@ -78,7 +80,7 @@ pub fn cases() -> Vec<Case> {
     vec![
         case(
             "zero area",
-            "triangles with two or three equal corners among whole ones: never hit, nothing hidden",
+            "triangles with equal corners among ordinary ones: never hit, and they hide nothing",
             4.0,
             Expect::Oracle,
             |random| {

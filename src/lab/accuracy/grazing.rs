@@ -10,7 +10,7 @@ use crate::lab::random::Random;
 
 const GROUP: &str = "nearly parallel";
 
-/// Strips of length 1 with slightly different planes, side by side and above each other.
+/// Thin triangles of length 1 with slightly different planes, side by side and above each other.
 fn strips(random: &mut Random, width: f64) -> TriangleMesh {
     let mut triangles = Vec::new();
     for _ in 0..400 {
@@ -46,7 +46,7 @@ pub fn cases() -> Vec<Case> {
         .map(|(degrees, width)| {
             let name = format!("{degrees:?} degrees to triangles 1:{:e}", 1.0 / width);
             let what =
-                format!("strips of width {width:e}, rays at {degrees:?} degrees to their planes");
+                format!("triangles of width {width:e}, hit at {degrees:?} degrees to their planes");
             Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
                 let geometry = scene(strips(&mut run.random(u64::MAX), width));
                 let amount = Amount { packets: 200, slow: 4, truth: 1 };

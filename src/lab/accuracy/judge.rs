@@ -16,7 +16,7 @@ use crate::lab::query::trace;
 use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane};
 
-/// Largest number of crossings that are followed along a line.
+/// Largest number of crossings of one line that are counted.
 const MAX_CROSSINGS: usize = 64;
 
 /// The right answers of a packet.
@@ -80,8 +80,8 @@ pub struct Judge<'a> {
 impl Judge<'_> {
     /// Traces and judges one packet. Returns the counts of each column.
     ///
-    /// If `known`, answers are compared with the oracle. Otherwise [`Expect::Closed`] is judged
-    /// without it. If `slow`, slow columns trace the packet too.
+    /// Answers are compared with the oracle's. Unless `known`, [`Expect::Closed`] is judged without
+    /// it. If `slow`, slow columns trace the packet too.
     pub fn packet(
         &self,
         aimed: &AimedPacket,
@@ -146,7 +146,8 @@ impl One<'_> {
         }
     }
 
-    /// Returns the kind of error in lane `i`, or `None` if its answer is right.
+    /// Returns the kind of error in lane `i`, or `None` if its answer is right. A lane without a
+    /// ray must be unchanged.
     fn judge(
         &self,
         i: usize,
@@ -218,6 +219,7 @@ impl One<'_> {
         }
     }
 
+    /// Returns whether the line is clear: see [`One::crossings`].
     fn clear(&self, ray: &Ray) -> bool {
         // A line that is clear of edges within the largest bound is clear for every backend.
         let Some(mut near) = self.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
@@ -233,7 +235,8 @@ impl One<'_> {
     }
 }
 
-/// Counts the hits along a line: each query starts at the hit before it and leaves its primitive.
+/// Counts the hits along a line, up to [`MAX_CROSSINGS`]. Each query starts at the previous hit and
+/// leaves the primitive of that hit.
 fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i: usize) -> usize {
     let mut active = Mask::NONE;
     active.0[i] = -1;
@@ -251,7 +254,7 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
     MAX_CROSSINGS
 }
 
-/// The largest coordinate of the primitive that was hit.
+/// Largest magnitude of a coordinate of the primitive that was hit.
 fn size(geometry: &Geometry, hit: &Hit) -> f64 {
     let largest = |corners: &[[f32; 3]]| {
         corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()

@@ -1,5 +1,5 @@
-//! Cases with meshes in map coordinates. A mesh of large double coordinates must give the same
-//! picture as the same mesh at the origin.
+//! Cases with meshes in map coordinates: large values in double precision. Such a mesh must give
+//! the same picture as the same mesh at the origin.
 
 use crate::geometry::doubles;
 use std::fmt::Write;
@@ -22,13 +22,14 @@ use crate::world::{LoadOptions, World};
 
 const GROUP: &str = "map coordinates";
 
-/// A position in metres as in a survey. It is a whole multiple of 2^-20, so the shift is exact.
+/// A shift in metres, as in a survey. Its coordinates are whole numbers and the vertices are
+/// multiples of 2^-20, so f64 does not round the sums.
 const FAR: DVec3 = DVec3::new(4_500_000.0, 500_000.0, 120.0);
 
-/// A shift that f64 rounds.
+/// A shift for which f64 rounds the sums.
 const ODD: DVec3 = DVec3::new(4_500_000.123_456_7, 500_000.765_432_1, 120.000_314_159);
 
-/// Largest relative difference of a pixel if the shift rounds.
+/// Largest difference of a channel if the shift rounds: relative, or absolute for values below 1.
 const PIXEL: f32 = 1e-5;
 
 /// Width and height of the picture in the quick run.
@@ -51,7 +52,8 @@ fn ply(shape: &TestMesh, shift: DVec3) -> String {
     text
 }
 
-/// Loads a world of meshes in `folder`, a floor, a sphere and a light, all shifted by `shift`.
+/// Loads a world of meshes in `folder`, a floor, a sphere and a light. Floor, sphere, light and
+/// camera are shifted by `shift`. The files of the meshes are shifted already.
 fn load(folder: &Path, meshes: &[&str], shift: DVec3, frame: [u32; 2]) -> Result<World> {
     let at = |x: f64, y: f64, z: f64| json!((shift + DVec3::new(x, y, z)).to_array());
     let mut shapes = vec![

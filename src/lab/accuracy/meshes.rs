@@ -14,8 +14,8 @@ pub struct TestMesh {
     pub vertices: Vec<DVec3>,
     /// Indices into `vertices`, three for each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Size of a box around the origin, as a fraction of the mesh's own box. All vertices are
-    /// visible from every point of it.
+    /// Size of a box around the origin, as a fraction of the mesh's own box. The whole mesh is
+    /// visible from every point of that box.
     pub core: f64,
 }
 
@@ -105,10 +105,10 @@ pub fn cube(n: u32) -> TestMesh {
     TestMesh { vertices: vertices.vertices, triangles, core: CORE }
 }
 
-/// 27 cells from -1 to 1 that share their walls. Four walls meet at every inner edge, so the mesh
-/// is not a manifold.
+/// 27 cells from -1 to 1 that share their walls. Four walls share every inner edge, so the mesh is
+/// not a manifold.
 ///
-/// Without `all` it has only the walls of the middle cell, over the same vertices.
+/// Without `all` the mesh has only the walls of the middle cell, over the same vertices.
 pub fn cells(all: bool) -> TestMesh {
     let mut vertices = Welded::default();
     let mut triangles = Vec::new();
@@ -146,8 +146,8 @@ pub fn spiky_ball(levels: usize) -> TestMesh {
     TestMesh { vertices, triangles: spikes, core: 0.01 }
 }
 
-/// A closed mesh like a scan: 20,480 triangles of uneven size with folds and noise. All of it is
-/// visible from its middle.
+/// A closed mesh like a scan: 20,480 triangles of uneven size with folds and noise. The whole mesh
+/// is visible from its middle.
 pub fn scan() -> TestMesh {
     let mut shape = icosphere(5);
     let mut random = Random::new(0x5ca4, 0);
@@ -156,7 +156,8 @@ pub fn scan() -> TestMesh {
         let folds = 0.22 * (3.0 * p.x + 1.0).sin() * (2.0 * p.y).cos()
             + 0.12 * (7.0 * p.z + 2.0 * p.x).sin()
             + 0.03 * (23.0 * p.y - 11.0 * p.x).sin();
-        // Move it sideways by less than half an edge, and outwards by a scanner's noise.
+        // Move the vertex sideways by less than half an edge. Along the radius it gets the folds
+        // and a scanner's noise.
         let sideways = random.direction() * 0.008;
         *v = (p + sideways).normalize() * (1.0 + folds + random.within(-4e-4, 4e-4));
     }
@@ -201,7 +202,7 @@ pub fn soup(triangles: &[[DVec3; 3]]) -> TriangleMesh {
     TriangleMesh::new(vertices, indices, false)
 }
 
-/// A geometry with its origin at 0. It is empty if the primitives are too many to be numbered.
+/// A geometry with its origin at 0. It is empty if there are more primitives than indices.
 pub fn geometry(
     meshes: Vec<TriangleMesh>,
     quads: Vec<[[f32; 3]; 4]>,
@@ -210,7 +211,7 @@ pub fn geometry(
     Geometry::new(DVec3::ZERO, meshes, quads, spheres).unwrap_or_default()
 }
 
-/// Corners of triangle number `triangle`, in f64.
+/// Corners of the triangle with index `triangle`, in f64.
 pub fn corners(mesh: &TriangleMesh, triangle: u32) -> [DVec3; 3] {
     mesh.corners(triangle).map(doubles)
 }

@@ -3,8 +3,8 @@
 //! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
 //! [`PassCriterion`]. A column is a [`TestedBackend`]. The files `watertight`, `degenerate`,
 //! `rays`, `grazing`, `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and
-//! `conservative` build the geometry and aim the rays. [`CaseRun`] traces the rays on every column,
-//! and `judge` counts wrong answers.
+//! `conservative` build the geometry and aim the rays. [`CaseRun`] traces the rays on every column.
+//! `judge` counts wrong answers, unless a case counts them itself.
 
 mod case;
 mod conservative;
@@ -54,7 +54,7 @@ pub struct AccuracySettings {
 
 /// All columns and the oracle, built over one geometry.
 struct Built<'g> {
-    /// The geometry that all of them are built over.
+    /// The geometry over which columns and oracle are built.
     geometry: &'g Geometry,
     /// The columns, in the order of the settings.
     tested: &'g [TestedBackend],
@@ -65,14 +65,14 @@ struct Built<'g> {
 }
 
 impl Built<'_> {
-    /// The columns with their accelerators.
+    /// Iterates over the columns with their accelerators.
     fn backends(&self) -> impl Iterator<Item = BuiltBackend<'_>> {
         let built = self.tested.iter().zip(&self.accelerators);
         built.map(|(tested, accelerator)| BuiltBackend { tested, accelerator: &**accelerator })
     }
 
-    /// Calls `judge` for every column and returns its counts. Slow columns are left out, with
-    /// counts of 0, unless `with_slow`.
+    /// Calls `judge` for every column and returns the counts of each. Slow columns are left out,
+    /// with counts of 0, unless `with_slow`.
     fn counts(
         &self,
         with_slow: bool,
@@ -108,8 +108,8 @@ pub fn catalogue() -> Vec<Case> {
 
 /// Runs all `cases` on the threads of the current rayon pool.
 ///
-/// Calls `begun` with index and case when a case begins, and `done` with its row when it ends. The
-/// counts do not depend on the number of threads.
+/// Calls `begun` with index and case when a case begins, and `done` with its row when it ends. No
+/// count depends on the number of threads, except [`WrongKind::Slow`], which is timed.
 ///
 /// # Errors
 /// The errors of the builds and of `done`; `Interrupted` after a signal.

@@ -19,7 +19,7 @@ const SIZE: [u32; 2] = [192, 144];
 /// Number of shades of grey. Few shades keep the files small.
 const SHADES: f64 = 12.0;
 
-/// Aspect ratio from which a scene is stretched to fill the picture.
+/// Aspect ratio of a view from which the view is stretched to fill the picture.
 const LONG: f64 = 12.0;
 
 /// A shaded view of a geometry in parallel projection.
@@ -40,7 +40,7 @@ impl ParallelView {
     pub fn new(geometry: &Geometry, monitor: &Monitor) -> Result<Self> {
         let bounds = bounds(geometry);
         let (center, half) = (bounds.center(), (bounds.max - bounds.min) / 2.0);
-        // Flat geometry is seen from above, other geometry from a corner.
+        // Flat geometry is seen along its thin axis, other geometry from a corner.
         let thin = half.to_array().iter().position(|&h| h < 0.1 * half.max_element());
         let forward = match thin {
             Some(axis) => {

@@ -13,7 +13,8 @@ const GROUP: &str = "quads";
 
 type Quad = [DVec3; 4];
 
-/// Rectangles, half of them rotated, half along the axes on a grid. One corner is lifted by `bend`.
+/// Rectangles, half of them rotated, half along the axes on a grid. One corner of each is lifted by
+/// `bend`.
 fn quads(random: &mut Random, bend: f64) -> Vec<Quad> {
     (0..120)
         .map(|k| {
@@ -94,7 +95,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "within the plane",
-            "rays in a quad's own plane: not hit where that is exact, at most at its edges elsewhere",
+            "rays in a quad's own plane: they miss it where f32 holds the plane exactly",
             seen_edge_on,
             0.0,
             |random, quad, aimed, i| {
@@ -140,7 +141,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "not quite flat",
-            "one corner 1e-6 off the plane of the others: two triangles",
+            "one corner 1e-6 off the plane of the others: the quad is two triangles",
             PassCriterion::Exact,
             1e-6,
             |random, quad, aimed, i| {

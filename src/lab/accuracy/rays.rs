@@ -18,7 +18,8 @@ const GROUP: &str = "rays";
 
 const AMOUNT: Amount = Amount { packets: 150, slow: 5, truth: 1 };
 
-/// Largest allowed time of packets with impossible rays, relative to packets without.
+/// Largest allowed time of packets with impossible rays (NaN, infinity), relative to packets
+/// without such rays.
 const SLOW: f64 = 2.5;
 
 /// Number of timings, of which the fastest counts.
@@ -33,7 +34,7 @@ fn case(name: &'static str, what: &'static str, criterion: PassCriterion, change
     })
 }
 
-/// Rays from around the mesh at its points, each changed by `change`.
+/// Rays from a distance of 3 to points of the mesh, each changed by `change`.
 fn aimed_packet(random: &mut Random, mesh: &TriangleMesh, change: Change) -> AimedPacket {
     AimedPacket::each(Expect::Oracle, |aimed, i| {
         let goal = point(random, mesh);
@@ -51,8 +52,8 @@ fn vertex(random: &mut Random, mesh: &TriangleMesh) -> DVec3 {
     any_triangle(random, mesh)[0]
 }
 
-/// Replaces one or two components of the direction by values of `small`. The origin moves along, so
-/// the ray still passes near its goal.
+/// Replaces one or two components of the direction by values of `small`. The origin gets the goal's
+/// coordinates on these axes, so the ray still passes near its goal.
 fn flatten(random: &mut Random, aimed: &mut AimedPacket, i: usize, small: fn(&mut Random) -> f32) {
     let axis = random.below(3) as usize;
     let goal = aimed.goals[i];
@@ -88,8 +89,8 @@ fn impossible(random: &mut Random, _: &TriangleMesh, aimed: &mut AimedPacket, i:
     }
 }
 
-/// Judges packets with impossible rays, and compares their time with packets without: at most
-/// [`SLOW`] times as long.
+/// Judges packets with impossible rays, and compares their time with the time of packets without
+/// such rays. They may take at most [`SLOW`] times as long.
 fn quickly(run: &mut CaseRun) -> Result<()> {
     let geometry = scene(scan().placed(DVec3::ZERO, 1.0));
     run.trace(&geometry, AMOUNT, |random| aimed_packet(random, &geometry.meshes[0], impossible))?;
@@ -137,7 +138,7 @@ fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
     (
         sums,
         format!(
-            "packets with impossible rays take at most {worst:.2} of the time of those without"
+            "packets with impossible rays take at most {worst:.2} times as long as packets without"
         ),
     )
 }
@@ -191,7 +192,7 @@ pub fn cases() -> Vec<Case> {
         case(
             "origins on edges and faces",
             "from points on the mesh, rounded to f32, in any direction",
-            PassCriterion::Coarse(1e-3, "from points on the mesh t is next to 0"),
+            PassCriterion::Coarse(1e-3, "t is close to 0 near an origin on the mesh"),
             |random, mesh, aimed, i| {
                 let triangle = any_triangle(random, mesh);
                 let which = 1 + random.below(2);
@@ -201,7 +202,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "origins on box planes",
-            "from within a plane of a primitive's box, often along that plane",
+            "from a plane of a triangle's box, often along that plane",
             PassCriterion::Exact,
             |random, mesh, aimed, i| {
                 let axis = random.below(3) as usize;
@@ -214,8 +215,8 @@ pub fn cases() -> Vec<Case> {
         Case::new(
             GROUP,
             "NaN and infinity",
-            "rays of which some have NaN or infinite components: these miss, their neighbours do \
-             not notice, and it takes at most 2.5 times as long",
+            "some rays of a packet have NaN or infinite components: these miss, the others are \
+             answered right, and the packet takes at most 2.5 times as long",
             PassCriterion::Exact,
             quickly,
         ),
@@ -245,12 +246,12 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// A case of rays that start on primitives, with distant walls around.
+/// A case of rays that start exactly on primitives, between two distant walls.
 fn on_a_surface() -> Case {
-    let what = "from points that a floor holds exactly - within a triangle, on its edge, on its corner, within a quad, on \
-                a sphere, axis-parallel and tilted - in any direction: the floor is not met there, what is behind it is. \
+    let what = "from points exactly on a triangle (inside, on an edge, at a corner), a quad or a sphere, axis-parallel and \
+                tilted, in any direction: the ray does not hit that primitive at its start, and hits what lies behind it. \
                 Whatever the bound of a backend's test, the primitive must be right";
-    let criterion = PassCriterion::Coarse(1e-3, "a sphere may be met again just behind its start");
+    let criterion = PassCriterion::Coarse(1e-3, "a sphere may be hit again just behind the start");
     Case::new(GROUP, "origin on a surface", what, criterion, |run| {
         for slope in [0.0, 0.25, 0.625] {
             // Multiples of 1/64, so that points of the plane are exact in f32.
@@ -284,11 +285,11 @@ fn on_a_surface() -> Case {
     })
 }
 
-/// A case for open segments: a hit exactly at `tfar` or `tnear` does not count. One float further
-/// inside it counts.
+/// A case for open segments. A hit exactly at `tfar` or `tnear` does not count. A hit one float
+/// inside the segment counts.
 fn ends() -> Case {
-    let what = "a wall met at t = 4 exactly; segments that end or begin there, one float before, \
-                one float behind";
+    let what = "a wall hit at exactly t = 4, 8 or 16; segments that end or begin there, one float \
+                before, one float behind";
     Case::new(GROUP, "t exactly at tfar and tnear", what, PassCriterion::Exact, |run| {
         let corners = |z: f64| {
             let at = |x: f64, y: f64| DVec3::new(x, y, z);

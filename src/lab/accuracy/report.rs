@@ -19,7 +19,7 @@ pub const VERSION: u32 = 1;
 pub struct AccuracyReport {
     /// Format of the file: [`VERSION`] when it was written.
     pub version: u32,
-    /// The machine that the run took place on.
+    /// The machine that the run took place on; `None` until the caller sets it.
     pub machine: Option<Machine>,
     /// Seed of all random rays.
     pub seed: u64,
@@ -43,7 +43,7 @@ pub struct ColumnReport {
     /// Whether the run fails if the column does not meet a pass criterion.
     pub must_hold: bool,
     /// Error bound within which an answer may differ from the exact one, in units of the bound of
-    /// the shear.
+    /// `bvh`'s test.
     pub bound: f64,
 }
 
@@ -94,14 +94,14 @@ pub struct BackendCounts {
     pub worst_ulp: Option<f64>,
     /// Largest error of a refined point, relative to its scale.
     ///
-    /// The scale is the largest of its coordinates, the coordinates of the primitive, and its
-    /// distance from the ray's origin.
+    /// The scale is the largest of the point's coordinates, the primitive's coordinates (not for
+    /// the group `spheres`), and the distance between point and ray origin.
     pub worst_relative: Option<f64>,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: Option<f64>,
     /// Seconds spent in the backend, summed over threads.
     pub seconds: f64,
-    /// Reason why the column fails the run, or `None`.
+    /// Reason why the column fails the run; `None` if it does not.
     pub missed: Option<String>,
 }
 

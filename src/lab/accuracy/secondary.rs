@@ -1,5 +1,5 @@
-//! Cases with secondary rays: from the inner edges and corners of closed rooms, to lights in a
-//! wall, and mirrored at a small angle.
+//! Cases with secondary rays. They start at inner edges and corners of closed rooms, run to area
+//! lights at a ceiling, or are mirrored at a small angle.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -14,7 +14,8 @@ use crate::shading::Area;
 
 const GROUP: &str = "secondary rays";
 
-/// Pairs of the size of a room and its distance from the origin, as a multiple of the size.
+/// Pairs of the size of a room (half the side of the cube) and its distance from the origin, in
+/// sizes.
 const PLACES: [(f64, f64); 5] = [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 10.0), (1.0, 1e3)];
 
 /// Returns rotation `k` of the rooms. Rotation 0 is the identity.
@@ -25,7 +26,7 @@ fn turn(k: usize) -> DMat3 {
         * DMat3::from_rotation_z(1.1 * k)
 }
 
-/// A closed room around the origin.
+/// A closed room around the origin, before [`Place`] moves it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Room {
     /// A cube of six quads.
@@ -40,13 +41,13 @@ enum Room {
     Cell,
 }
 
-/// Smallest cosine between a ray and the normal: above the rounding of the direction.
+/// Smallest cosine between a shadow ray and the normal: above the rounding of the direction.
 const MIN_COSINE: f64 = 1e-6;
 
 const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, Room::Cell];
 
 impl Room {
-    /// The geometry and the edges of the room, transformed by `place` and rounded to f32.
+    /// Returns the geometry and the edges of the room, transformed by `place` and rounded to f32.
     fn place(self, place: &Place) -> (Geometry, Vec<[DVec3; 2]>) {
         let rounded = |v: DVec3| place.at(v).as_vec3();
         let shape = match self {
@@ -74,19 +75,19 @@ impl Room {
         (scene(TriangleMesh::new(vertices, shape.triangles, false)), edges)
     }
 
-    /// Half the side of a cube around the middle that lies well inside the room.
+    /// Returns half the side of a cube around the room's middle that lies well inside the room.
     fn within(self) -> f64 {
         if self == Self::Cell { 0.13 } else { 0.4 }
     }
 
-    /// Returns whether all points of the room see each other.
+    /// Returns whether all points inside the room see each other.
     fn is_convex(self) -> bool {
         self != Self::Scan
     }
 }
 
-/// 16 rays from one point to edges: to their ends, to points on them, and to points slightly beside
-/// them.
+/// Returns 16 rays from `from` to random edges. A ray is aimed at an end of the edge or at a point
+/// on it, exactly or by 1e-9 to 1e-3 of the edge's length beside it.
 fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
     towards(|| {
         let [a, b] = edges[random.below(edges.len() as u32) as usize];
@@ -102,14 +103,15 @@ fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket
     })
 }
 
-/// A case with a closed room: no ray from its inner edges escapes, and lights inside reach them.
+/// A case with a closed room. No secondary ray from its inner edges may escape, and lights inside
+/// must reach them.
 fn closed(room: Room, name: &str) -> Case {
     let what = format!(
-        "{name}, turned, of sizes from 1e-3 to 1e3 and up to 1e3 sizes from the origin: rays at its inner edges \
-         and corners, exactly and a little beside. Shadow rays from there to lights outside must be stopped, mirrored \
-         rays must hit; where the room is convex, lights inside must be seen"
+        "a room {name} in up to 3 rotations, of size 1e-3, 1 and 1e3 at the origin, and of size 1 at 10 and 1e3 sizes \
+         from it: the first rays hit its inner edges and corners, or points just beside them. Shadow rays from there to \
+         lights outside must be occluded, and mirrored rays must hit. Lights inside a convex room must be visible"
     );
-    let criterion = PassCriterion::Zero("shadow rays have no t");
+    let criterion = PassCriterion::Zero("t is not measured, only hit or miss");
     Case::new(GROUP, format!("closed room, {name}"), what, criterion, move |run| {
         let turns = if room == Room::Scan { 1 } else { 3 };
         let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
@@ -150,22 +152,23 @@ fn closed(room: Room, name: &str) -> Case {
     })
 }
 
-/// Position of a light relative to the wall that it belongs to.
+/// Position of an area light relative to the ceiling of [`wall`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
-    /// In the plane of the wall.
+    /// In the plane of the ceiling.
     Flush,
-    /// In front of the wall, by [`HAIR`].
+    /// Below the ceiling, by the gap of [`HAIR`].
     Before,
-    /// Behind the wall, by [`HAIR`].
+    /// Above the ceiling, by the gap of [`HAIR`].
     Behind,
 }
 
-/// Distance of a light before or behind its wall: far more than the rounding of corners, far less
-/// than a picture shows.
+/// Gap between a light and the ceiling of a room at the origin, in sizes. It is far larger than the
+/// rounding of corners and far smaller than a picture shows.
 const HAIR: f64 = 1e-5;
 
-/// A mesh of n x n cells. Vertices are numbered row by row, and `split` gets the first of a cell.
+/// Returns a mesh of n x n cells. Its vertices are indexed row by row. `split` gets the index of a
+/// cell's first vertex and returns the cell's two triangles.
 fn grid(
     n: u32,
     vertex: impl Fn(u32, u32) -> [f32; 3],
@@ -177,8 +180,8 @@ fn grid(
     TriangleMesh::new(vertices, triangles, false)
 }
 
-/// A floor, a side wall and a ceiling at z = 1, transformed by `place`. The ceiling is a quad or a
-/// grid of small triangles.
+/// Returns a floor at z = -1, a side wall at x = 2 and a ceiling at z = 1, transformed by `place`.
+/// The ceiling is one quad if `quads`, else a grid of small triangles.
 fn wall(quads: bool, place: &Place) -> Geometry {
     let rounded = |x: f64, y: f64, z: f64| place.at(DVec3::new(x, y, z)).as_vec3().to_array();
     let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
@@ -197,22 +200,24 @@ fn wall(quads: bool, place: &Place) -> Geometry {
     geometry(vec![grid(n, vertex, split)], vec![floor, side], vec![])
 }
 
-/// A case with an area light at a wall: the wall must shadow it only if the light lies behind.
+/// A case with an area light at the ceiling. The ceiling must occlude the light only if the light
+/// lies above it.
 fn flush(side: Side, what: &str) -> Case {
     let name = format!("area light {what}");
     let text = format!(
-        "a light {what} of quads or of triangles, turned, of sizes 1e-3 to 1e3: points of a floor, and of a wall up \
-         to the light's plane, {}",
+        "an area light {what}, the ceiling (a quad or a grid of triangles), in 3 rotations, of size 1e-3, 1 and 1e3 at \
+         the origin, and of size 1 at 10 and 1e3 sizes from it: points of the floor, and of a side wall up to the \
+         ceiling, {}",
         if side == Side::Behind { "must not see it" } else { "must see it" }
     );
-    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays have no t"), move |run| {
+    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays report no t"), move |run| {
         let mut salt = 0;
         for (scale, distance) in PLACES {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
                 salt += 1;
                 let place = Place::new(scale, distance, turn(k));
                 let geometry = wall(quads, &place);
-                // Far from the origin f32 is coarser, so the distance grows with it.
+                // Far from the origin f32 is coarser, so the gap grows with the distance.
                 let hair = HAIR * (1.0 + distance);
                 let z = match side {
                     Side::Flush => 1.0,
@@ -235,7 +240,7 @@ fn flush(side: Side, what: &str) -> Case {
                             q.as_dvec3()
                         });
                         for (i, occluded) in seen.occluded(&lights, Some(&area), counts) {
-                            // Points on the ceiling itself are not judged.
+                            // Points in the light's plane are not judged.
                             if seen.is_off_plane(&area, i) {
                                 let right = occluded == (side == Side::Behind);
                                 let kind = if occluded {
@@ -254,8 +259,9 @@ fn flush(side: Side, what: &str) -> Case {
     })
 }
 
-/// 16 rays from the middle of the room to its floor and its side wall, up to the ceiling. Some aim
-/// at the wall's diagonal: a rotated quad is not flat, so the diagonal is an inner or outer edge.
+/// Returns 16 rays from one point near the middle of the room to its floor and its side wall. Some
+/// aim at the wall's diagonal: a rotated quad is not flat in f32, so its diagonal is an inner or
+/// outer edge.
 fn at_room(random: &mut Random, place: &Place) -> RayPacket {
     let from = place.at(random.cube() * 0.5);
     towards(|| {
@@ -266,18 +272,18 @@ fn at_room(random: &mut Random, place: &Place) -> RayPacket {
                 let below = 10f64.powf(random.within(-2.5, 0.2));
                 DVec3::new(2.0, 2.0 * below - 2.0, 1.0 - below)
             }
-            // At least 0.003 below the light's plane.
+            // At least 0.003 sizes below the ceiling.
             _ => DVec3::new(2.0, y, 1.0 - 10f64.powf(random.within(-2.5, 0.2))),
         };
         [from, place.at(goal)]
     })
 }
 
-/// A case with mirrored rays at a small angle: they must not hit the mirror itself.
+/// A case with rays that a flat mirror reflects at a small angle. They must not hit the mirror.
 fn mirrors() -> Case {
-    let what = "a floor of coplanar triangles, turned, mirrors rays that come at 1e-6 to 0.1 of a right angle: there is \
-                nothing above it to be hit";
-    let criterion = PassCriterion::Zero("mirrored rays that hit nothing have no t");
+    let what = "a mirror of coplanar triangles in 6 rotations reflects rays that arrive with a slope of 1e-6 to 0.1: nothing \
+                lies above it, so no reflected ray may hit";
+    let criterion = PassCriterion::Zero("rays that hit nothing report no t");
     Case::new(GROUP, "grazing mirrors", what, criterion, move |run| {
         for k in 0..6 {
             let turn = turn(k);

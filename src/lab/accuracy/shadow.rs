@@ -1,5 +1,5 @@
-//! Secondary rays from hits, created and traced as in a render. For `coursework` shadow rays are
-//! created as its own program did.
+//! Secondary rays from hits, created and traced as in a render. For `coursework`, shadow rays are
+//! created as the coursework's program did.
 
 use glam::{DVec3, Vec3};
 

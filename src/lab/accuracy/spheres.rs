@@ -1,5 +1,5 @@
-//! Cases with spheres: tiny and far, huge and near, from inside, from their surface, along their
-//! outline. The right answers are roots computed in integers.
+//! Cases with spheres: tiny and far, huge and near, seen from inside, from their surface, along
+//! their outline. The right answers are roots computed in integers.
 
 use crate::shading::lane;
 use glam::DVec3;
@@ -21,7 +21,7 @@ const GROUP: &str = "spheres";
 /// Number of packets in the quick run.
 const PACKETS: u64 = 150;
 
-/// Slow columns trace one packet in this many.
+/// Slow columns trace one of this many packets.
 const SLOW: u64 = 2;
 
 /// Distance from the outline within which f64 cannot decide a hit, relative to the distance from
@@ -34,7 +34,7 @@ struct Exact {
 }
 
 impl Exact {
-    /// Chooses the power of two for these finite numbers.
+    /// Chooses the power of two of which all these finite numbers are multiples.
     fn of(numbers: &[f64]) -> Self {
         let least = numbers.iter().filter(|&&x| x != 0.0).map(|&x| parts(x).1).min();
         Self { exponent: least.unwrap_or(0) }
@@ -71,8 +71,8 @@ fn dot(a: &[BigInt; 3], b: &[BigInt; 3]) -> BigInt {
 
 /// Returns both t at which the line of a ray hits a sphere, or `None` for a miss.
 ///
-/// Each t has a relative error of about 2^-52. The second value is whether the line passes the
-/// outline so closely that f64 cannot decide.
+/// Each t has a relative error of about 2^-52. The second value is true if the line passes the
+/// outline so closely that f64 cannot decide the hit.
 fn roots(ray: &Ray, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
     let Ray { origin, direction, .. } = *ray;
     let numbers = [origin.to_array(), direction.to_array(), sphere.center.to_array()].concat();
@@ -84,7 +84,8 @@ fn roots(ray: &Ray, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
     let (a, b) = (dot(&d, &d), dot(&d, &f));
     let discriminant = &b * &b - &a * (dot(&f, &f) - &r * &r);
     let zero = BigInt::from(0);
-    // Compare the square of half the chord with the error that the distance causes in it.
+    // Compare the square of half the chord, relative to the squared radius, with its error in f64,
+    // which grows with the distance.
     let half2 = Fraction::new(discriminant.clone(), &a * &r * &r).to_f64();
     let distance = (sphere.center - origin).length();
     let unsure = half2.abs() <= 4.0 * OUTLINE * distance.max(sphere.radius) / sphere.radius;
@@ -140,7 +141,7 @@ fn trace_packet(built: &Built, setup: &Setup, random: &mut Random, index: u64) -
             (Some([a, b]), false) => ([a, b].into_iter().find(|&t| t > 0.0), unsure),
             (Some([a, b]), true) => {
                 let other = if a.abs() < b.abs() { b } else { a };
-                // The origin is rounded, so a crossing at about that distance is uncertain.
+                // The origin is rounded, so a root within a few ulp of it is uncertain.
                 let unsure =
                     other.abs() * direction.length() <= 4.0 * ulp(origin.abs().max_element());
                 (Some(other).filter(|&t| t > 0.0), unsure)
@@ -178,7 +179,8 @@ fn judge(
             (Some(_), false) | (None, true) if unsure => counts.within_bound += 1,
             (Some(_), false) => counts.fail(WrongKind::Leak, setup.sphere.center),
             (None, true) => counts.fail(WrongKind::FalseHit, setup.sphere.center),
-            // A leaving ray is judged below: its far root is as uncertain as its origin.
+            // A ray that leaves the sphere is judged below: its other root is as uncertain as its
+            // origin.
             (Some(exact), true) if !leaving => {
                 counts.measure((ray.tfar - exact).abs() / ulp(exact));
                 let point = ray.origin + ray.direction * exact;
@@ -192,8 +194,8 @@ fn judge(
                 let off = (ray.tfar - exact).abs() * ray.direction.length();
                 let slack = 8.0 * ulp(ray.origin.abs().max_element());
                 let flat = (ray.direction.length() * exact).max(f64::from(f32::MIN_POSITIVE));
-                // On a chord of length l, the rounding of the origin moves the far end 2 r / l
-                // times as far.
+                // On a chord of length l, the rounding of the origin moves the other end by 2 r / l
+                // times as much.
                 if off > slack * (1.0 + 2.0 * setup.sphere.radius / flat) {
                     counts.fail(WrongKind::WrongDistance, setup.sphere.center);
                 }
@@ -202,13 +204,13 @@ fn judge(
     }
 }
 
-/// Direction from `origin` to a point of the sphere's disk, at `share` of the radius from its
-/// middle.
+/// Direction from `origin` to a point of the disk that the sphere shows, at `share` of the disk's
+/// radius from its middle.
 fn at_share(random: &mut Random, sphere: &Sphere, origin: DVec3, share: f64) -> DVec3 {
     let origin = origin.as_vec3().as_dvec3();
     let axis = sphere.center - origin;
     let side = random.direction().cross(axis).normalize_or(DVec3::X);
-    // The tangent's angle has sin = r / distance: the outline is nearer than the centre.
+    // The angle between a tangent and the axis has the sine r / distance.
     let sine = (sphere.radius / axis.length() * share).min(1.0);
     let cosine = (1.0 - sine * sine).sqrt();
     axis.normalize() * cosine + side * sine
@@ -224,7 +226,7 @@ pub fn cases() -> Vec<Case> {
     vec![
         case(
             "tiny and far",
-            "radius 1e-3 at 1e5, seen from the origin and from anywhere",
+            "radius 1e-3 at distance 1e5, seen from the origin and from points 1e4 around it",
             PassCriterion::Exact,
             [[0.0, 0.0, 1e5], [7e4, -3e4, 6.5e4]]
                 .map(|center| Setup {
@@ -242,7 +244,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "huge ground, camera 1 above it",
-            "radius 1e7, rays from 1 above its surface in any direction below the horizon",
+            "radius 1e7, rays from 1 above its surface in any direction that points down",
             PassCriterion::Exact,
             vec![Setup {
                 sphere: sphere([0.0, -1e7, 0.0], 1e7),
@@ -255,7 +257,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "from inside",
-            "origins anywhere within the sphere: every ray meets it",
+            "origins inside the sphere: every ray hits it",
             PassCriterion::Exact,
             units(|random, sphere| {
                 let origin = sphere.center + random.cube() * 0.57 * sphere.radius;
@@ -264,8 +266,8 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "from its own surface",
-            "rays that leave the sphere: outwards nothing, inwards the other side",
-            PassCriterion::Zero("t is as uncertain as the rounded origin; held to that"),
+            "rays that leave the sphere: outwards they hit nothing, inwards its other side",
+            PassCriterion::Zero("t is as uncertain as the rounded origin, and held to that bound"),
             units(|random, sphere| {
                 let origin = sphere.center + random.direction() * sphere.radius;
                 (origin, random.direction(), true)
@@ -273,7 +275,7 @@ pub fn cases() -> Vec<Case> {
         ),
         case(
             "grazing within 1e-7 of tangency",
-            "rays that pass the outline at 1e-7 of the radius inside or outside",
+            "rays that pass within 1e-7 of the radius inside or outside the outline",
             PassCriterion::Exact,
             units(|random, sphere| {
                 let from =

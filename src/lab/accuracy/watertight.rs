@@ -63,14 +63,14 @@ fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
     Place { mesh: shape.placed(center, scale), center, core: half * shape.core }
 }
 
-/// 16 rays that must all hit. Half of the packets start inside. The others start outside and point
-/// through their goals at a point well inside.
+/// 16 rays that must all hit. Half of the packets start at points well inside. The others start
+/// outside and point through their goals at such points.
 fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
     let count = at.mesh.triangles().len() as u32;
     let mut aimed = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
     let mut before = [f64::INFINITY; LANES];
     let outside = random.below(2) == 0;
-    // Half of the packets have one origin and neighbouring goals.
+    // Half of the packets have one point inside and neighbouring goals.
     let together = random.below(2) == 0;
     let start = random.below(count);
     let (mut inner, mut steps) = (at.center, 1.0);
@@ -83,7 +83,7 @@ fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
         let goal = target.point(random, corners(&at.mesh, triangle));
         let origin = if outside { goal + (goal - inner) * steps } else { inner };
         aimed.through(i, origin, goal);
-        // The hit must lie before the point inside; the far side lies behind it.
+        // The hit must lie before the point inside. The far side lies behind that point.
         if outside {
             before[i] = 1.0 + 0.9 / steps;
         }
@@ -110,8 +110,8 @@ fn closed(
     })
 }
 
-/// A case with rays along the axes on the lines of a grid: they pass exactly through edges and
-/// vertices.
+/// A case with rays along the axes on the lines of a cube's grid. They pass exactly through edges
+/// and vertices.
 fn grid_lines() -> Case {
     let what = "axis-parallel rays exactly on the lines of a cube's grid, from inside and outside";
     Case::new(GROUP, "cube grid, along the axes on grid lines", what, PassCriterion::Exact, |run| {
@@ -145,8 +145,8 @@ fn grid_lines() -> Case {
 }
 
 fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
-    let what = "hits along lines from outside, one behind the other: as many as there are, an even \
-                number; lines that pass no edge within the error bound";
+    let what = "lines from outside hit the mesh as often as the oracle, an even number of times; only \
+                lines that pass no edge within the error bound are judged";
     let criterion = PassCriterion::Zero("t is held to its bound in the other rows");
     Case::new(GROUP, format!("{name}, crossings along lines"), what, criterion, move |run| {
         let at = place(&shape(), DVec3::ZERO, 1.0);
@@ -194,7 +194,7 @@ pub fn cases() -> Vec<Case> {
     cases.push(grid_lines());
     let name = "cells that share walls, at vertices, edges, anywhere".to_owned();
     cases.push(closed(name, || cells(true), Target::Any, DVec3::ZERO, 1.0));
-    // The spiky ball is left out: a line crosses it more often than is followed.
+    // The spiky ball is left out: a line crosses it more often than crossings are counted.
     for (name, make, _) in shapes.into_iter().filter(|(name, ..)| *name != SPIKY) {
         cases.push(crossings(name, make));
     }

@@ -10,7 +10,8 @@
 //!
 //! PNG: decoded to linear light, premultiplied by alpha.
 //!
-//! Refused: deep data, subsampled channels, EXRs and PNGs with more than 4 GiB of pixels.
+//! Refused: deep data, subsampled channels, two layers of one name, EXRs and PNGs with more than
+//! 4 GiB of pixels.
 
 use std::{
     collections::BTreeMap,
@@ -63,7 +64,7 @@ impl Picture {
     /// Reads an EXR or a PNG. The first bytes decide the format.
     ///
     /// # Errors
-    /// If the file is missing, truncated, too large, or neither EXR nor PNG.
+    /// If the file is missing, truncated, neither EXR nor PNG, or refused (see the module's head).
     pub fn read(path: &Path) -> Result<Self> {
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
         let mut start = Vec::new();
@@ -127,7 +128,7 @@ fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<PictureLayer>> {
     Ok(layers.into_values().collect())
 }
 
-/// Returns whether a part's name means the picture itself.
+/// Returns whether a part of this name is the picture itself.
 fn is_beauty(name: &str) -> bool {
     ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }

@@ -4,7 +4,8 @@ use crate::lab::metrics::ValueErrors;
 
 /// Expected errors of two pictures that differ only by rounding to half floats.
 ///
-/// A value that lies anywhere between two halves has a squared error of step^2 / 12.
+/// A value that may lie anywhere between two half floats has an expected squared error of
+/// step^2 / 12.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfRounding {
     /// Expected root mean squared error, as

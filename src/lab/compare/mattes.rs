@@ -34,7 +34,8 @@ pub fn kind<'a>(layer: &str, names: &'a Names) -> Option<&'a str> {
     Some(known.0)
 }
 
-/// Reads the cryptomatte manifests of a part into `names`.
+/// Reads the cryptomatte manifests of a part into `names`, from its attributes or from the file
+/// that they name.
 ///
 /// `attributes` are the text attributes of one part of the file at `path`. If a manifest is missing
 /// or damaged, its mattes have no names.
@@ -66,7 +67,7 @@ pub fn read_names<'a>(
     }
 }
 
-/// Compares the mattes of one kind. `layers` contain its ranks.
+/// Compares the mattes of one kind. `layers` must contain all its ranks.
 ///
 /// The result is empty if ids or coverages of the first rank are missing.
 pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> ComparedMattes {

@@ -64,7 +64,8 @@ pub struct Compared {
     pub non_finite: Option<NonFinite>,
     /// Whether picture and reference are stored as half floats.
     pub half: [bool; 2],
-    /// Expected errors by rounding to half floats alone.
+    /// Expected errors if only rounding to half floats caused them. `None` for ids, for values that
+    /// are not finite, and if no file stores half floats.
     pub floor: Option<HalfRounding>,
     /// Picture and reference as tone mapped 8-bit pixels, for light.
     pub pictures: Option<[Vec<[u8; 3]>; 2]>,

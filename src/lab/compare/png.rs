@@ -1,6 +1,7 @@
 //! Reads PNG files as linear light: grey, palettes, 1 to 16 bits, alpha.
 //!
-//! A `gAMA` chunk defines the curve. Without one, values are sRGB.
+//! A `gAMA` chunk defines the curve. Values are sRGB without that chunk, with an `sRGB` chunk, or
+//! if gamma is 1 / 2.2.
 
 use std::{fs::File, io::BufReader, path::Path};
 
@@ -13,7 +14,7 @@ use crate::{
 
 use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
 
-/// Reads the light of a PNG file, and its alpha if it has any.
+/// Reads the light of a PNG file, premultiplied by alpha, and its alpha if it has any.
 pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     let failed = |error| decoding_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;

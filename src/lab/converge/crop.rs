@@ -15,12 +15,12 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// Finds the part with the largest relative error (relmse).
+    /// Finds the part with the largest relative error (relmse), among parts that overlap by half.
     pub fn of_largest_error(values: &[f32], reference: &[f32], width: usize) -> Self {
         let height = values.len() / 3 / width.max(1);
         let size = [SIZE[0].min(width), SIZE[1].min(height)];
         let mut best = (-1.0, Self { corner: [0; 2], size });
-        // Parts overlap by half. The last ones end at the edges of the picture.
+        // The last parts end at the edges of the picture, so they may overlap by more than half.
         let places = |whole: usize, part: usize| {
             (0..=whole - part).step_by((part / 2).max(1)).chain([whole - part])
         };

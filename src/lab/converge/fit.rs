@@ -39,8 +39,8 @@ pub fn slope(points: &[[f64; 2]]) -> Option<Slope> {
     })
 }
 
-/// Pareto front: indices of the points (cost, error) that no other point beats in both, cheapest
-/// first.
+/// Returns the Pareto front of points (cost, error): the indices of all points with a smaller error
+/// than every point of at most their cost. The cheapest comes first. Of equal points one is kept.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| {

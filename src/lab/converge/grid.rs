@@ -22,7 +22,8 @@ impl Setting {
         u64::from(self.spp) * u64::from(self.light_samples.unwrap_or(1))
     }
 
-    /// Work of a render, roughly proportional to its time: rays of a pixel whose camera rays hit.
+    /// Work of a render, roughly proportional to its time: the rays of a pixel whose camera rays
+    /// hit, in a scene with at most one area light.
     pub fn work(&self) -> f64 {
         f64::from(self.spp) * (1.0 + f64::from(self.light_samples.unwrap_or(0)))
     }
@@ -57,13 +58,13 @@ impl StudyGrid {
         all
     }
 
-    /// Returns whether the picture that the study converges to is antialiased. With one camera
-    /// sample per pixel it is not: such renders converge to a different picture.
+    /// Returns whether the picture that the study converges to is antialiased: whether any setting
+    /// has more than one camera sample per pixel. Renders with one converge to another picture.
     pub fn antialiased(&self) -> bool {
         self.spp.iter().any(|&spp| spp > 1)
     }
 
-    /// The setting of a backend with the least work, with the Sobol sampler.
+    /// The Sobol setting of a backend with the least work.
     pub fn least(&self, backend: usize) -> Setting {
         self.times(backend, 1.0)
     }
@@ -81,13 +82,14 @@ impl StudyGrid {
         let light_samples = (!lights.is_empty()).then_some(light);
         let sampler = SamplerKind::Sobol;
         match (self.antialiased(), light_samples) {
-            // More camera samples would give a different, antialiased picture.
+            // More camera samples would give another picture, an antialiased one.
             (false, Some(_)) => Setting { backend, sampler, spp, light_samples: Some(more(light)) },
             _ => Setting { backend, sampler, spp: more(spp), light_samples },
         }
     }
 
-    /// The setting of a reference, with about `samples` samples per pixel, a power of two.
+    /// The setting of a reference, with about `samples` samples per pixel. Numbers are rounded down
+    /// to powers of two. An antialiased reference has at least 16 camera samples.
     pub fn reference(&self, samples: f64) -> Setting {
         let power = |n: f64| 1u32 << n.max(1.0).log2().floor().min(20.0) as u32;
         let sampler = SamplerKind::Sobol;

@@ -44,10 +44,10 @@ use crate::shading::Emitter;
 use crate::simd::Isa;
 use crate::world::World;
 
-/// Value in place of a signal number that means: the budget is used up.
+/// Value in place of a signal number. It means that the budget is used up.
 const BUDGET: i32 = -1;
 
-/// What a study renders, and its limits.
+/// Backends, settings and limits of a study.
 #[derive(Debug, Clone)]
 pub struct StudySettings {
     /// Backends to compare. The first renders the reference.
@@ -56,7 +56,7 @@ pub struct StudySettings {
     pub grid: StudyGrid,
     /// Budget, number of renders and first seed.
     pub limits: Limits,
-    /// Start of the study, from which its budget counts.
+    /// Start of the study. Its budget counts from there.
     pub started: Instant,
     /// Instruction set of the shading.
     pub isa: Isa,

@@ -45,7 +45,8 @@ pub struct StudyReport {
     pub series: Vec<Series>,
     /// Error of `random` divided by the error of `sobol`, at equal settings.
     pub ratios: Vec<SamplerRatio>,
-    /// Indices of points that no other point beats in time and relmse.
+    /// Pareto front: indices of points with a smaller relmse than every point of at most their
+    /// time. The fastest comes first.
     pub front: Vec<usize>,
     /// The cheapest points that reach given errors.
     pub reached: Vec<CheapestPoint>,
@@ -108,10 +109,10 @@ pub struct PointResult {
     pub mae: MeanWithError,
     /// Mean signed error: mean d.
     pub bias: MeanWithError,
-    /// Whether the reference's own error is a considerable part of the squared error.
+    /// Whether the reference's own error is more than a tenth of the squared error.
     pub at_floor: bool,
-    /// Whether it has one camera sample per pixel and the reference more. Then its error is mostly
-    /// that of edges.
+    /// Whether it has one camera sample per pixel and another setting of the study has more. Then
+    /// its error is mostly that of edges.
     pub not_antialiased: bool,
 }
 
@@ -153,7 +154,7 @@ pub struct CheapestPoint {
     pub relmse: f64,
     /// Index of the point with the shortest time.
     pub point: usize,
-    /// Indices of the fastest points of every other backend and sampler that reach it.
+    /// Indices of the fastest points of every other pair of backend and sampler that reaches it.
     pub others: Vec<usize>,
 }
 
@@ -342,7 +343,8 @@ fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {
     ratios
 }
 
-/// Finds the cheapest points for every power of ten of relmse that some points reach, but not all.
+/// Finds the cheapest points for every power of ten of relmse, from 1e-12 to 100, that some points
+/// reach, but not all.
 fn reached(points: &[PointResult]) -> Vec<CheapestPoint> {
     let mut reached = Vec::new();
     let largest = points.iter().map(|p| p.relmse.value).fold(0.0, f64::max);

@@ -23,7 +23,7 @@ pub struct Limits {
     pub budget: f64,
     /// Number of renders of each setting, each with its own seed.
     pub repeats: u32,
-    /// Seed of the first round; the rounds after it count up.
+    /// Seed of the first round. Later rounds count up, and the passes of the reference count down.
     pub seed: i64,
 }
 
@@ -60,7 +60,7 @@ pub struct StudyPoint {
     pub rays: u64,
     /// Errors of each render.
     pub errors: Vec<ValueErrors>,
-    /// The part [`Study::crop`] of the first picture.
+    /// The part [`Study::crop`] of the first picture of this setting.
     pub crop: Vec<f32>,
     /// Whether renders of this setting do not fit the budget.
     pub left_out: bool,
@@ -79,11 +79,12 @@ pub struct Study {
     pub points: Vec<StudyPoint>,
     /// The reference, once it is known.
     pub reference: Option<ReferencePicture>,
-    /// Setting of the reference's passes; `None` for a file.
+    /// Setting of the reference's passes; `None` before the first pass, or if the reference is a
+    /// file.
     pub pass: Option<Setting>,
     /// Sums of the reference's passes so far.
     pub passes: PassSums,
-    /// Part of the pictures that is kept, chosen from the first picture.
+    /// Part of the pictures that is kept. The first picture of the study decides which.
     pub crop: Option<Crop>,
 }
 
@@ -138,7 +139,7 @@ impl Study {
                 }
                 Stage::Probe(backend, second) => {
                     let least = self.grid.least(backend);
-                    // A hundredth of the budget is long enough to time, and costs little.
+                    // A hundredth of the budget is long enough for a timing, and costs little.
                     let factor = 0.01 * budget / (self.cost[backend] * least.work());
                     let setting = match second {
                         true => self.grid.times(backend, factor.min(256.0)),
@@ -215,7 +216,7 @@ impl Study {
     }
 
     /// Leaves out the most expensive settings, so that the time suffices to render all others
-    /// twice.
+    /// twice, or once if there is only one round.
     fn begin_grid(&mut self, left: f64) {
         let mut order: Vec<usize> = (0..self.points.len()).collect();
         order.sort_by(|&a, &b| self.expected(a).total_cmp(&self.expected(b)));

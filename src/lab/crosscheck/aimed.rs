@@ -33,7 +33,8 @@ impl<'g> Aim<'g> {
         center.is_finite().then_some(Self { geometry, center, half, sizes })
     }
 
-    /// A packet of rays of one source. Shadow rays end before or behind their target.
+    /// Returns a packet of rays of one source. If `shadow`, the rays end before their target,
+    /// behind it or never.
     pub fn packet(&self, source: RaySource, shadow: bool, random: &mut Random) -> Recorded {
         let mut rays = Rays::EMPTY;
         for i in 0..LANES {
@@ -54,7 +55,7 @@ impl<'g> Aim<'g> {
         self.center + self.half * times * random.cube()
     }
 
-    /// Returns origin, direction, and t of the target.
+    /// Returns origin, direction, and t of the target: 1 if the ray has no target.
     fn ray(&self, source: RaySource, random: &mut Random) -> (DVec3, DVec3, f64) {
         let count = self.geometry.bases().last().copied().unwrap_or(1);
         let primitive = random.below(count);
@@ -73,8 +74,8 @@ impl<'g> Aim<'g> {
                 if random.bits() % 2 == 0 {
                     (from, corner - from)
                 } else {
-                    // A step of few bits, so that the ray passes exactly through the corner where
-                    // its coordinates allow.
+                    // A direction of few bits, so that the ray passes exactly through the corner
+                    // where the corner's coordinates allow.
                     let step = rounded((random.cube() * 4.0).round())
                         * 2f64.powi(random.below(6) as i32 - 3);
                     (corner - step, step)

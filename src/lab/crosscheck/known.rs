@@ -10,7 +10,7 @@ const FEW: u64 = 10;
 
 /// Share of answers to the rays of a source that may be wrong; `None` if all must be right.
 ///
-/// It is generous: about twice the largest share of any scene that was measured.
+/// It is generous: at least 1.7 times the largest share that was measured in any scene.
 pub fn rate(backend: Backend, source: &str) -> Option<f64> {
     match (backend, source) {
         (Backend::Bvh(_) | Backend::Brute, _) => None,

@@ -5,8 +5,8 @@
 //! wrong.
 //!
 //! Error bounds are multiples of the bound of `bvh`'s test ([`Brute::near`]): 1 for `bvh` and
-//! `coursework`, 4 for Embree, 0 for `brute`. Embree's own bound is not published. `coursework`
-//! works in f64.
+//! `coursework`, 4 for Embree, 0 for `brute`. Embree's own bound is not published, so 4 is an
+//! assumption. `coursework` works in f64.
 
 mod aimed;
 mod known;
@@ -37,8 +37,8 @@ use crate::monitor::{Monitor, Phase};
 use crate::ray::{Coherence, LANES};
 use crate::world::World;
 
-/// Largest number of primitives that the plain loop of `coursework` tests in all. It bounds the
-/// time.
+/// Largest number of primitive tests of the plain loop of `coursework` in all, unless one packet
+/// needs more. It bounds the time.
 const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
 /// Largest number of wrong answers that are kept for each backend, verdict and source of rays.
@@ -53,7 +53,7 @@ pub struct CrossCheck<'a> {
     pub oracle: &'a Brute<'a>,
     /// The backends to check. The first one finds the camera hits.
     pub built_backends: &'a [BuiltBackend<'a>],
-    /// `coursework`, to compare with its own plain loop.
+    /// `coursework`, if its trees are to be compared with its own plain loop.
     pub coursework: Option<&'a Coursework<'a>>,
     /// Largest number of rays. At least one packet of each source is checked.
     pub rays: u64,
@@ -71,7 +71,7 @@ pub fn check_rays(check: &CrossCheck, monitor: &Monitor) -> Result<CrosscheckRep
     let plan = CheckPackets::new(check, monitor)?;
     let primitives = check.world.geometry.count();
     let loops = (PLAIN_LOOP_TESTS / primitives.max(1)).max(1);
-    // The plain loop traces one packet in `stride`.
+    // The plain loop traces one of `stride` packets.
     let stride = (plan.packets() as u64 * LANES as u64).div_ceil(loops).max(1);
     let mut report = CrosscheckReport::new(check);
     monitor.begin(Phase::Check, plan.packets() as u64);
@@ -97,9 +97,9 @@ pub struct PacketVerdicts {
     verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
     /// The oracle's answer for each lane.
     truths: Vec<Answer>,
-    /// Number of rays that the plain loop traced.
+    /// Number of rays that the plain loop of `coursework` traced.
     looped: u64,
-    /// Lanes where trees and plain loop differ, with the answers of both.
+    /// Lanes where the answers of trees and plain loop differ, with both answers.
     unlike_loop: Vec<(usize, Answer, Answer)>,
 }
 

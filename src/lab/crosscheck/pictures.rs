@@ -1,5 +1,5 @@
-//! Compares the pictures of two backends: counts pixels that differ, and checks whether their rays
-//! explain it.
+//! Compares the pictures of two backends: counts the pixels that differ, and checks whether their
+//! rays explain the difference.
 
 use std::sync::Mutex;
 
@@ -42,15 +42,15 @@ pub struct PictureReport {
     pub pixels: u64,
     /// Number of pixels that are the same, to a relative 1e-5.
     pub same: u64,
-    /// Number of other pixels explained by the error bounds: a ray passes an outline, or two
+    /// Number of other pixels that the error bounds explain: a ray passes an outline, or hits two
     /// surfaces at the same depth.
     pub explained: u64,
     /// Number of other pixels with a ray that the first backend, or the second, answers wrong. A
     /// pixel with wrong rays of both counts for both.
     pub wrong: [u64; 2],
-    /// Number of other pixels without a ray that differs.
+    /// Number of other pixels that no ray explains.
     pub unexplained: u64,
-    /// Number of other pixels that were not checked, because there are too many.
+    /// Number of other pixels that were not checked: those after the first 10,000.
     pub not_looked_into: u64,
     /// Column and row, from the top left, of the first pixel that nothing explains.
     pub first_unexplained: Option<[u32; 2]>,
@@ -142,7 +142,7 @@ fn same(a: &[f32; 4], b: &[f32; 4]) -> bool {
 /// Reasons why a pixel differs. The default value means that nothing explains it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Reason {
-    /// A ray has answers that differ within the error bounds.
+    /// A ray has two different answers, and they do not both agree with the oracle.
     bound: bool,
     /// The first backend, or the second, answers a ray wrong.
     wrong: [bool; 2],
@@ -167,7 +167,7 @@ fn explain(
     witness.reason.into_inner().unwrap_or_default()
 }
 
-/// An accelerator that answers like its first backend, and records rays for which the second
+/// An accelerator that answers like its first backend, and judges the rays for which the second
 /// differs.
 ///
 /// Packets are the same as in the render, so some of their rays belong to neighbours of the pixel.
@@ -179,7 +179,7 @@ struct Witness<'a> {
 
 impl Witness<'_> {
     /// Traces the packet on both backends and judges the rays for which they differ. The caller
-    /// traces it on the first backend once more, which is simpler.
+    /// then traces the packet on the first backend again, which is simpler.
     fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
         let packet = Recorded { active: *active, rays: rays.clone() };
         let case = QueryPacket { source: String::new(), shadow, coherence, packet };

@@ -1,4 +1,5 @@
-//! The packets of a check: rays of the scene and aimed rays, equally many of each class and source.
+//! The packets of a check: rays of the scene and aimed rays. Each class and source has the same
+//! largest number of packets.
 
 use super::CrossCheck;
 use super::aimed::Aim;
@@ -45,7 +46,7 @@ impl<'g> CheckPackets<'g> {
         self.recorded.len() + aimed
     }
 
-    /// Packet number `index`, which is below [`CheckPackets::packets`].
+    /// Returns packet `index`, which must be below [`CheckPackets::packets`].
     pub fn case(&self, index: usize) -> QueryPacket {
         let aimed = index.checked_sub(self.recorded.len()).zip(self.aim.as_ref());
         let Some((index, aim)) = aimed else {

@@ -53,7 +53,7 @@ pub struct BackendReport {
     pub version: String,
     /// Instruction set in use.
     pub isa: String,
-    /// Error bound that explains answers, in units of the bound of the shear.
+    /// Error bound of the backend's own test, in units of the bound of `bvh`'s test.
     pub bound: f64,
     /// Name and verdicts of each source of rays, in the order of the check.
     pub sources: Vec<(String, VerdictCounts)>,
@@ -66,7 +66,7 @@ pub struct BackendReport {
 }
 
 impl BackendReport {
-    /// Counts the verdict on an answer to a ray of `source`.
+    /// Counts the verdict on an answer to a ray of `source`. Sources must come one after the other.
     fn count(&mut self, source: &str, verdict: Verdict) {
         self.total.count(verdict);
         if self.sources.last().is_none_or(|(last, _)| last != source) {
@@ -144,11 +144,11 @@ pub struct SavedRay {
     pub tnear: f32,
     /// End of the segment; `None` is infinity.
     pub tfar: Option<f32>,
-    /// Primitive number that the ray leaves, if any.
+    /// Index of the primitive that the ray leaves, if any.
     pub leaving: Option<u32>,
 }
 
-/// A wrong answer with everything that is needed to reproduce it.
+/// A wrong answer with all that reproduces it in the same scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finding {
@@ -307,7 +307,7 @@ impl CrosscheckReport {
         }
     }
 
-    /// Sets the numbers of wrong answers that known rates allow. Call it when all rays are counted.
+    /// Sets the numbers of wrong answers that known rates allow. All rays must be counted before.
     pub fn allow_known(&mut self, built_backends: &[BuiltBackend]) {
         for (report, built) in self.backends.iter_mut().zip(built_backends) {
             report.allow(built.tested.backend);

@@ -3,7 +3,7 @@
 use crate::lab::named::named;
 
 named! {
-    /// Source of aimed rays.
+    /// Source of aimed rays: where they start and what they are aimed at.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum RaySource {
         /// Rays from anywhere in any direction.
@@ -14,11 +14,12 @@ named! {
         Edge = "edge",
         /// Rays along an axis, mostly through a corner.
         Axis = "axis",
-        /// Rays from a face of a primitive's bounding box, often within that face.
+        /// Rays from the plane of a face of a primitive's bounding box, often along that plane.
         BoxFace = "box-face",
-        /// Rays from 10 to 10^4 times the size of a mesh away.
+        /// Rays from 10 to 10^4 times half the size of their target's geometry away.
         Far = "far",
-        /// Rays with a direction of length 1e-37 to 1e-30.
+        /// Rays with a direction of length 1e-37 to 1e-30, longer only to keep t in the range of
+        /// f32.
         Tiny = "tiny",
     }
 }

@@ -4,7 +4,7 @@
 //! pixels and channels. Names of metrics are ambiguous: the relative errors of pbrt and tev differ
 //! by a factor of 100 where the reference is black. So no number is shown without its formula.
 //!
-//! ValueErrors are undefined for pictures with NaN or infinities. Callers check with [`non_finite`]
+//! The errors of pictures with NaN or infinities are undefined. Callers check with [`non_finite`]
 //! first.
 
 mod errors;
@@ -34,7 +34,7 @@ named! {
         Mrse = "mrse",
         /// Symmetric mean absolute error (SMAPE).
         Smape = "smape",
-        /// Mean signed difference; > 0 where the picture is brighter.
+        /// Mean signed difference; > 0 if the picture is brighter than the reference on average.
         Bias = "bias",
         /// Largest absolute difference of a value.
         Max = "max",
@@ -165,8 +165,8 @@ pub fn mean(values: &[f64]) -> f64 {
     if values.is_empty() { 0.0 } else { super::stats::mean(values) }
 }
 
-/// Number of pixels, of `channels` values each, with a NaN or an infinity, and the index of the
-/// first.
+/// Returns the number of pixels with a NaN or an infinity, and the index of the first. A pixel has
+/// `channels` values.
 pub fn non_finite(values: &[f32], channels: usize) -> (u64, Option<usize>) {
     let pixels = values.chunks(channels.max(1)).enumerate();
     let mut bad = pixels.filter(|(_, p)| p.iter().any(|v| !v.is_finite())).map(|(i, _)| i);

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use crate::accel::brute::{Near, Outline};
 
-/// Range of t of one layer of surface, with the errors of t.
+/// A layer of surface that the ray certainly hits: the range of its t, widened by the errors of t.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceLayer {
     /// Smallest t of the layer.
@@ -32,7 +32,7 @@ type Edge = [[u64; 3]; 2];
 /// by its error bound.
 ///
 /// Triangles that share edges form a patch, and their shared corners move together. The rim of a
-/// patch consists of the edges that an odd number of its triangles has.
+/// patch consists of the edges that belong to an odd number of its triangles.
 ///
 /// Suppose that no edge of the rim can reach the ray, and that the rim winds around the ray an odd
 /// number of times. Both stay true after any move. The number of triangles that contain the ray
@@ -138,7 +138,7 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
 
 /// Returns whether closed polygons wind around the origin an odd number of times.
 ///
-/// It counts the crossings of edges with the positive x axis. No edge may come near the origin.
+/// Counts the crossings of edges with the positive x axis. No edge may pass through the origin.
 fn goes_round(edges: impl Iterator<Item = [DVec2; 2]>) -> bool {
     let crosses = |[p, q]: [DVec2; 2]| {
         (p.y > 0.0) != (q.y > 0.0) && {

@@ -22,24 +22,24 @@ named! {
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Verdict {
-        /// The same primitive at the same t, within the backend's own error. Or both miss, or both
-        /// are occluded.
+        /// The same primitive at the same t, within the error bound. Or both answers are misses, or
+        /// both are occlusions.
         Agree = "agree",
         /// A different primitive at the same t, within the errors. The ray hits both within the
         /// error bound.
         Tie = "tie",
-        /// A different depth: the ray passes an outline within the error bound.
+        /// Another answer: the ray passes an outline within the error bound.
         Edge = "edge",
-        /// Not judged: more than a thousand primitives lie within the error bound, because the ray
-        /// comes from far away.
+        /// Not judged: the ray has more than [`MAX_NEAR`] hits and near hits within the error
+        /// bound, mostly because it comes from far away.
         Crowd = "crowd",
         /// The answer misses a surface, and no error within the bound explains it.
         Leak = "leak",
-        /// A hit of a primitive that the ray passes by more than the error bound.
+        /// A hit on a primitive that the ray misses by more than the error bound.
         FalseHit = "false hit",
-        /// The right t, but on a primitive that the ray passes by more than the error bound.
+        /// The right t, but on a primitive that the ray misses by more than the error bound.
         WrongPrimitive = "wrong primitive",
-        /// The right primitive at a wrong t.
+        /// A primitive that the ray hits within the error bound, but at a wrong t.
         WrongDistance = "wrong distance",
     }
 }
@@ -51,14 +51,14 @@ impl Verdict {
     }
 }
 
-/// Largest number of primitives within the error bound for a ray that is judged. A ray from far
+/// Largest number of hits and near hits of a ray that is judged ([`Brute::near`]). A ray from far
 /// away may have more: then right and wrong answers cannot be distinguished.
 pub const MAX_NEAR: usize = 1000;
 
 /// Judges `answer` by `truth`, the oracle's answer to the same query.
 ///
-/// `factor` is the error bound of the backend's own test, in units of the bound of the shear
-/// ([`Brute::near`]).
+/// `factor` is the error bound of the backend's own test, in units of the bound of `bvh`'s test:
+/// [`TestedBackend::error_factor`](super::backend::TestedBackend::error_factor).
 pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f64) -> Verdict {
     match (truth, answer) {
         (Answer::Hit { geom, prim, t: exact }, Answer::Hit { geom: g, prim: p, t })
@@ -81,14 +81,15 @@ pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f
     }
 }
 
-/// Returns whether `t`, an f32, is `exact` to within rounding. An infinite `t` is, if `exact`
-/// exceeds the range of f32.
+/// Returns whether `t`, an f32, is `exact` to within rounding. An infinite `t` is the rounding of
+/// an `exact` beyond the range of f32.
 fn same(t: f64, exact: f64) -> bool {
     (t - exact).abs() <= f64::from(f32::EPSILON) * exact.abs() || t == f64::from(exact as f32)
 }
 
+/// Judges an answer that differs from `truth`, by the primitives near the ray.
 fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
-    // Whether a certain layer lies between the start of the ray and `end`.
+    // Whether the ray certainly hits a layer between its start and `end`.
     let passed =
         |end: f64| layers(near).iter().any(|layer| layer.near > ray.tnear && layer.far < end);
     let within =

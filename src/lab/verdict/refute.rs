@@ -25,12 +25,12 @@ const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 /// Result of the check of one reported hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum HitCheck {
-    /// The ray certainly misses the primitive, or must not hit it: it leaves the primitive, or its
-    /// segment ends elsewhere.
+    /// The ray certainly misses the primitive, or must not hit it: the ray leaves the primitive, or
+    /// the hit lies outside the ray's segment.
     Impossible,
-    /// The ray passes an edge too closely to decide.
+    /// The ray passes an edge, or an end of its segment, too closely to decide.
     Edge,
-    /// The ray certainly hits the primitive, at a t between these two.
+    /// The ray certainly hits the primitive, at a t between these two values.
     Certain([f64; 2]),
 }
 
@@ -73,8 +73,8 @@ pub fn occluded(
     answers.iter().map(|&hit| if hit { !certain && !edge } else { certain }).collect()
 }
 
-/// Checks one reported hit, without its t: does the ray hit that primitive within its segment?
-/// `None` if the answer is no hit.
+/// Checks whether the ray hits the reported primitive within its segment. The reported t is not
+/// used. `None` if the answer names no primitive.
 fn check(geometry: &Geometry, rays: &Rays, i: usize, answer: &Answer) -> Option<HitCheck> {
     let [geom, prim] = answer.primitive()?;
     let ray = Ray::of(rays, i);

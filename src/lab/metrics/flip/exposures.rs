@@ -3,7 +3,7 @@
 use crate::math::luminance;
 use glam::DVec3;
 
-/// Tone mapped value of a bright pixel that is not yet white.
+/// Tone mapped value of a bright pixel that is not yet white: that of the authors' code.
 const BRIGHT: f64 = 0.85;
 
 /// Coefficients of the ACES curve (a x^2 + b x) / (c x^2 + d x + e) of Narkowicz 2016, without its
@@ -17,7 +17,8 @@ pub fn aces(light: DVec3) -> DVec3 {
     ((x * x * a + x * b) / (x * x * c + x * d + DVec3::splat(e))).clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// A range of exposures in stops. The first makes the brightest pixel bright, the last the median.
+/// A range of exposures in stops. The first maps the brightest pixel to [`BRIGHT`], the last the
+/// median.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposures {
     start: f64,
@@ -28,7 +29,7 @@ pub struct Exposures {
 impl Exposures {
     /// Exposures for a reference in linear RGB.
     ///
-    /// If half of it or more is black, the median is taken over the other pixels. A reference
+    /// If more than half of it is black, the median is taken over the other pixels. A reference
     /// without light gets one exposure of 0 stops. The authors' code does not handle these two
     /// cases.
     pub fn of(reference: &[[f32; 3]]) -> Self {

@@ -48,8 +48,8 @@ pub fn ldr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> 
 
 /// HDR-FLIP of each pixel: the largest LDR-FLIP over several exposures, tone mapped by ACES.
 ///
-/// At the first exposure the brightest pixel of the reference begins to clip, at the last its
-/// median. Negative values count as 0.
+/// At the first exposure the brightest pixel of the reference is tone mapped to 0.85, at the last
+/// its median. Negative values count as 0.
 pub fn hdr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> {
     let mut worst = vec![0.0; test.len()];
     for gain in Exposures::of(reference).gains() {
