@@ -1,7 +1,8 @@
 //! The error type: what is wrong, where, and what to do about it.
 //!
 //! An error carries every problem that was found, not only the first, so that a user can fix all of
-//! them at once. Only `main` prints errors and chooses the exit code.
+//! them at once. `main` prints the error of a command and sets the exit code. A batch also prints
+//! the failure of an input when it happens.
 
 mod printable;
 
@@ -19,13 +20,15 @@ pub enum Kind {
     Invalid,
     /// The input may be valid, but this program or this machine does not support it. Exit code 2.
     Unsupported,
-    /// A limit that the user set (`--max-memory`), or a size that no machine can hold. Exit code 2.
+    /// A limit that the user set (`--max-memory`, `ulimit -f`), or a size that no machine can hold.
+    /// Exit code 2.
     Limit,
     /// A check or threshold failed. Exit code 1.
     Check,
-    /// Disk full, out of memory, a file that vanished: a retry may help. Exit code 3.
+    /// Disk full, out of memory, a file that changed while it was read: a retry may help. Exit code
+    /// 3.
     Retry,
-    /// Stopped by a signal (its number). Exit code 128 + signal.
+    /// Stopped by the signal of this number. Exit code 128 + signal.
     Interrupted(i32),
 }
 
@@ -68,12 +71,12 @@ impl fmt::Display for Problem {
     }
 }
 
-/// One or more problems of the same kind. Never empty.
+/// One or more problems, and one class for all of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
     /// The class, which decides the exit code.
     pub kind: Kind,
-    /// All problems, in the order of the input.
+    /// All problems, in the order in which they were found. Never empty.
     pub problems: Vec<Problem>,
 }
 
@@ -84,10 +87,10 @@ impl Error {
         Self { kind, problems: vec![problem] }
     }
 
-    /// Returns an error of all `problems`, or `Ok` if there are none.
+    /// Returns `Ok` if there are no problems.
     ///
     /// # Errors
-    /// Of the kind `kind`.
+    /// An error of class `kind` with all `problems`.
     pub fn check(kind: Kind, problems: Vec<Problem>) -> Result<()> {
         match problems.is_empty() {
             true => Ok(()),
@@ -95,11 +98,10 @@ impl Error {
         }
     }
 
-    /// Returns an error (exit code 1) that lists all failures of `check`, or `Ok` if there are
-    /// none.
+    /// Returns `Ok` if there are no failures. `check` is the place of the problems.
     ///
     /// # Errors
-    /// Of the kind [`Kind::Check`].
+    /// [`Kind::Check`] (exit code 1), with one problem per failure.
     pub fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()> {
         let problems = failures.into_iter().map(|failure| Problem::new(check, failure));
         Self::check(Kind::Check, problems.collect())
@@ -115,7 +117,8 @@ impl Error {
     /// "create").
     ///
     /// Errors that the user must fix first (missing file, a folder, no permission) are
-    /// [`Kind::Invalid`]. All others (disk full, device error) are [`Kind::Retry`].
+    /// [`Kind::Invalid`]. A file beyond a size limit is [`Kind::Limit`]. All other errors (disk
+    /// full, device error) are [`Kind::Retry`].
     #[doc(hidden)]
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
@@ -130,7 +133,8 @@ impl Error {
             | E::InvalidInput => Kind::Invalid,
             // The limit of the file system or of `ulimit -f`.
             E::FileTooLarge => Kind::Limit,
-            // ENAMETOOLONG and ELOOP: the oldest supported compiler has no stable names for them.
+            // ENAMETOOLONG and ELOOP by their numbers on Linux: the oldest supported compiler has
+            // no stable names for them.
             _ if matches!(error.raw_os_error(), Some(36 | 40)) => Kind::Invalid,
             _ => Kind::Retry,
         };
@@ -138,13 +142,13 @@ impl Error {
         Self::new(kind, Problem::new(place, format!("cannot {what}: {error}")))
     }
 
-    /// Adds a next step to the last problem.
+    /// Sets the next step of the last problem.
     #[doc(hidden)]
     pub fn help(self, help: impl Into<String>) -> Self {
         self.maybe_help(Some(help))
     }
 
-    /// Adds the help, if there is one, to the last problem.
+    /// Sets the next step of the last problem, if there is one.
     #[doc(hidden)]
     pub fn maybe_help(mut self, help: Option<impl Into<String>>) -> Self {
         if let (Some(problem), Some(help)) = (self.problems.last_mut(), help) {
@@ -178,7 +182,7 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// Collects the errors of independent parts, so that all are reported and not only the first.
+/// Collects the errors of independent steps into one error, so that all problems are reported.
 #[derive(Debug, Default)]
 pub struct Failures(Option<Error>);
 
@@ -191,7 +195,8 @@ impl Failures {
                 match &mut self.0 {
                     None => self.0 = Some(error),
                     Some(all) => {
-                        // If one part must be fixed, a retry does not help.
+                        // If one step needs a fix, a retry alone does not help. Otherwise the
+                        // first error decides the class.
                         if all.kind == Kind::Retry {
                             all.kind = error.kind;
                         }
@@ -203,7 +208,7 @@ impl Failures {
         }
     }
 
-    /// Returns all stored errors as one error.
+    /// Returns `Ok` if no error was stored, else one error with all their problems.
     pub fn check(self) -> Result<()> {
         self.0.map_or(Ok(()), Err)
     }

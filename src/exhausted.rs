@@ -11,8 +11,8 @@ use std::{
 };
 
 thread_local! {
-    /// True after a failed allocation of this thread. It is never cleared: Rust's library may
-    /// allocate for a backtrace before it aborts.
+    /// True after a failed allocation of this thread. It is never cleared: between the failure and
+    /// the abort, Rust's library may allocate for a backtrace, with success.
     static FAILED: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -70,7 +70,8 @@ pub fn exit_instead_of_abort() {
 #[cfg(not(unix))]
 pub fn exit_instead_of_abort() {}
 
-/// Runs in the thread that aborts, outside any allocator call. The abort proceeds if it returns.
+/// Handles SIGABRT in the thread that aborts, outside any allocator call. The process aborts if
+/// this function returns.
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
     if !FAILED.get() {

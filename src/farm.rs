@@ -1,4 +1,4 @@
-//! Jobs for a farm: the distribution of frames over the tasks of an array job, and the arguments of
+//! Jobs for a farm: distributes frames over the tasks of an array job, and writes the arguments of
 //! `sbatch`. Slurm does all scheduling, retrying and waiting.
 
 /// Distribution of a batch's frames over tasks.
@@ -14,12 +14,12 @@ impl Chunks {
     /// Makes tasks that take about `seconds`, if a frame takes `frame_seconds`, and at most `most`
     /// tasks.
     ///
-    /// A mesh has `per_mesh` frames. Tasks take whole meshes, or divide a mesh evenly. So no task
-    /// reads two meshes to render the frames of one.
+    /// A mesh has `per_mesh` frames. A task takes the frames of whole meshes, or an equal share of
+    /// one mesh. So no task reads a mesh for a few leftover frames.
     pub fn new(frames: u64, per_mesh: u64, frame_seconds: f64, seconds: f64, most: u64) -> Self {
         let frames = frames.max(1);
         let per_mesh = per_mesh.clamp(1, frames);
-        // The cast saturates: a frame that takes no time gives one task.
+        // The cast saturates: frames that take no time all go into one task.
         let wanted = ((seconds / frame_seconds).round() as u64).clamp(1, frames);
         let needed = frames.div_ceil(most.max(1));
         let divides = |n: &u64| per_mesh % n == 0;
@@ -45,11 +45,11 @@ impl Chunks {
 
 /// Script of a task of the array job. Arguments: program, job, folder, frames, frames per task.
 pub const FRAMES_SCRIPT: &str = include_str!("../farm/slurm-frames.sh");
-/// Script of the job that follows. Arguments: program, job, folder.
+/// Script of the job for the contact sheet. Arguments: program, job, folder.
 pub const SHEET_SCRIPT: &str = include_str!("../farm/slurm-sheet.sh");
 
-/// Settings of an array job. Names go to `sbatch` and its scripts as arguments, so they are never
-/// read as options, as `#SBATCH` lines or as commands.
+/// Settings of an array job. Names go to `sbatch` and its scripts as single arguments. So no name
+/// is read as an option, as an `#SBATCH` line or as a command.
 #[derive(Debug, Clone)]
 pub struct Slurm {
     /// Name of the job in the queue.
@@ -86,8 +86,8 @@ impl Slurm {
         words
     }
 
-    /// Returns the arguments of `sbatch` for the job that follows the array job `after`, however
-    /// that ends.
+    /// Returns the arguments of `sbatch` for the contact sheet. The job runs after the array job of
+    /// id `after` has ended, whether that succeeded or failed.
     pub fn sheet(&self, script: &str, after: &str) -> Vec<String> {
         let mut words = self.options("-sheet", "%j", &[format!("--dependency=afterany:{after}")]);
         words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
@@ -101,12 +101,12 @@ impl Slurm {
         words.push(format!("--cpus-per-task={}", self.cpus));
         words.push(format!("--mem={}M", self.memory_mib));
         words.extend(self.time.as_ref().map(|time| format!("--time={time}")));
-        // One minute before the time limit, so that the program ends in order and keeps finished
-        // frames.
+        // The script gets SIGUSR1 one minute before the time limit. So the program can stop and
+        // remove unfinished files.
         words.push("--signal=B:USR1@60".to_string());
         words.push("--open-mode=append".to_string());
-        // Slurm replaces a percent sign and the character after it; two percent signs stand for
-        // one.
+        // Slurm replaces a percent sign and the character after it. Two percent signs stand for
+        // one percent sign.
         words.push(format!("--output={}/slurm/{log}.log", self.folder.replace('%', "%%")));
         words.extend_from_slice(&self.options);
         words

@@ -1,5 +1,5 @@
-//! Identity of files: no output may overwrite an input, and a file that is read twice must not
-//! change.
+//! Identity of files: refuses outputs that would overwrite an input, and detects files that change
+//! between two reads.
 
 use std::{
     collections::HashSet,
@@ -14,10 +14,11 @@ use crate::error::{Error, Kind, Problem, Result};
 /// Device and inode of a file.
 type Node = (u64, u64);
 
-/// Identity and version of a file. Two reads with equal stamps have read the same bytes.
+/// Identity and version of a file: device and inode, size, time of the last write. Two reads with
+/// equal stamps have read the same bytes, with two exceptions.
 ///
-/// It misses two writes of equally many bytes within one tick of the file system's clock, and a
-/// writer that sets the time back.
+/// A stamp misses two writes of equally many bytes within one tick of the file system's clock. It
+/// also misses a writer that restores size and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Stamp {
     node: Option<Node>,
@@ -34,7 +35,7 @@ impl Stamp {
     }
 }
 
-/// The error for a file whose stamp has changed since it was first read.
+/// Makes the error for a file whose stamp has changed since it was first read.
 pub fn changed(path: &Path) -> Error {
     let message = "changed while it was read";
     let problem = Problem::new(path.display().to_string(), message);
@@ -52,7 +53,7 @@ fn node(_: &Metadata) -> Option<Node> {
     None
 }
 
-/// A set of files, identified by their paths without links, and by device and inode.
+/// A set of files. A file is identified by its path with links resolved, and by device and inode.
 #[derive(Debug, Default)]
 pub struct FileSet {
     paths: HashSet<PathBuf>,
@@ -76,13 +77,13 @@ impl FileSet {
         self.paths.is_empty()
     }
 
-    /// Returns true if `path` is one of the files, through any link, or by the path that a new file
-    /// would get.
+    /// Returns true if `path` is one of the files, also through links. A file that does not exist
+    /// yet is identified by its future path.
     pub fn has(&self, path: &Path) -> bool {
         match std::fs::metadata(path) {
             Ok(data) if node(&data).is_some_and(|node| self.nodes.contains(&node)) => true,
-            // Compares only names first: a check of many new outputs then needs one disk access
-            // each.
+            // A new file whose name is not in the set needs no second disk access. So a check of
+            // many new outputs takes one access each.
             Err(_) if !path.file_name().is_some_and(|name| self.names.contains(name)) => false,
             _ => self.paths.contains(&real(path)),
         }
@@ -120,13 +121,13 @@ pub fn refuse_overwrites<P: AsRef<Path>, Q: AsRef<Path>>(
     Ok(())
 }
 
-/// The error for an output that would overwrite an input or another output.
+/// Makes the error for an output that would overwrite an input or another output.
 pub fn over(output: &Path, help: &str) -> Error {
     let message = "would overwrite an input or another output";
     Error::invalid(output.display().to_string(), message).help(help)
 }
 
-/// Resolves links in a path. For a file that does not exist, in its folder.
+/// Resolves the links in a path. If the file does not exist, resolves those of its folder.
 fn real(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     path.canonicalize().unwrap_or_else(|_| {
@@ -148,7 +149,7 @@ fn absolute(folder: &Path) -> PathBuf {
             part => plain.push(part),
         }
     }
-    // Links may occur in the part that exists.
+    // Resolves links in the part of the path that exists.
     let there = plain.ancestors().find_map(|above| Some((above, above.canonicalize().ok()?)));
     match there {
         Some((above, real)) => match plain.strip_prefix(above) {

@@ -4,7 +4,7 @@
 ///
 /// Computed in f64 without branches, from bits and polynomials: log2 by the series of atanh, 2^f by
 /// Taylor's series. So a loop over lanes compiles to SIMD code, and every machine computes the same
-/// bits. libm's `pow` differs between C libraries.
+/// bits. `pow` of libm differs between C libraries.
 #[inline(always)]
 pub fn pow(x: f32, n: f32) -> f32 {
     let bits = f64::from(x).to_bits();
@@ -35,10 +35,10 @@ pub fn pow(x: f32, n: f32) -> f32 {
 }
 
 /// Angle of the vector (x, y) from the x axis, in [-pi, pi], as `f32::atan2`. Absolute error below
-/// 4e-7; atan2(0, 0) is 0.
+/// 4e-7. A negative zero x counts as 0, so atan2(0, 0) is 0 for both signs of x.
 ///
-/// Without branches, and with the same bits on every machine, as [`pow`]. The polynomial is that of
-/// `atanf` in the Cephes library (Moshier 1989).
+/// Has no branches, and gives the same bits on every machine, as [`pow`] does. The polynomial is
+/// from `atanf` in the Cephes library (Moshier 1989).
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};

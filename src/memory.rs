@@ -1,6 +1,7 @@
-//! Predicts how much memory a render will need, from headers and the accelerator's footprint.
-//! `info` prints it, and `--max-memory` is checked against it before the first mesh is read. Also
-//! returns what the system can still provide.
+//! Predicts how much memory a render will need, from file headers and the accelerator's footprint.
+//!
+//! `info` prints the prediction. `--max-memory` is compared with it before the first mesh is read.
+//! This module also returns how much memory the system can still provide.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -37,6 +38,7 @@ const FILM_BYTES: u64 = 16;
 const PNG_BYTES: u64 = 4;
 /// Estimated bytes of the program, its threads and its tables.
 const BASE_BYTES: u64 = 30 << 20;
+
 /// Predicted memory of a render.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Prediction {
@@ -46,13 +48,13 @@ pub struct Prediction {
     pub mesh_bytes: u64,
     /// Bytes of the decoded images.
     pub texture_bytes: u64,
-    /// Maximum number of bytes that decoding an image needs in addition.
+    /// Maximum number of bytes that decoding one image needs beside the decoded image.
     pub decoding_bytes: u64,
     /// Bytes of the accelerator after its build, if they are known.
     pub accelerator_bytes: Option<u64>,
     /// Maximum number of bytes during the build of the accelerator, if it is known.
     pub accelerator_peak_bytes: Option<u64>,
-    /// Maximum of all bytes together at any time.
+    /// Maximum of all bytes that are held at the same time.
     pub peak_bytes: u64,
     /// Number of triangles in all shapes (a plane counts as two), and of spheres.
     pub primitives: u64,
@@ -62,29 +64,29 @@ pub struct Prediction {
     pub accelerated: u64,
 }
 
-/// The sizes that a mesh header declares, if the size of the file allows them.
+/// The sizes that a mesh header declares. All are 0 if the file is too small for them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct DeclaredSizes {
     /// Bytes of the vertex and index arrays.
     pub array_bytes: u64,
-    /// Bytes of the vertex normals, if the file has none.
+    /// Bytes of the vertex normals to compute; 0 if the file has normals.
     pub missing_normal_bytes: u64,
     /// Number of triangles after polygons are split, or of points drawn as spheres.
     pub triangles: u64,
 }
 
-/// Bytes of the sphere of a point and the number of its shape.
+/// Bytes of a point that is drawn as a sphere: the sphere in f64, and the index of its shape.
 const SPHERE_BYTES: u64 = 36;
 
-/// Maximum number of bytes that one byte of gzip data can unpack to. zstd can reach more, but not
-/// on a mesh.
+/// Maximum number of bytes that one byte of gzip data can unpack to. zstd can reach more, but
+/// hardly on a mesh.
 const MAX_PACKING_RATIO: u64 = 1032;
 
-/// Reads the sizes from the header of a PLY file, for a reader with these options.
+/// Returns the sizes that the header of a PLY file declares, for a reader with these options.
 pub fn promise(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
     let summary = mesh::inspect_ply_with(path, options)?;
-    // The reader refuses a header that declares more rows than the file has bytes. The prediction
-    // must not fail on such a header before that.
+    // The reader refuses a header that declares more rows than the file has bytes. Its message is
+    // the better one, so the prediction must not fail first.
     let maximum = match summary.packed {
         None => summary.file_bytes,
         Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
@@ -108,7 +110,7 @@ pub fn promise(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
     })
 }
 
-/// Returns the additional bytes of a PNG with two bytes per channel.
+/// Returns the bytes that a PNG of this depth needs beyond 8 bits per channel.
 pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
     let pixels = u64::from(window.width()) * u64::from(window.height());
     PNG_BYTES.saturating_mul(pixels) * u64::from(depth.bits() / 8 - 1)
@@ -164,8 +166,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     Ok(sum.with_peak())
 }
 
-/// Predicts the memory of a mesh alone, independent of the scene. It is known before the mesh is
-/// read for its framing.
+/// Predicts the memory of a mesh alone, without a scene. The studio reads a mesh before it makes
+/// the scene, because the camera depends on the mesh.
 ///
 /// # Errors
 /// A header that cannot be read.
@@ -180,8 +182,8 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
     .with_peak())
 }
 
-/// Adds the images of all materials that shapes use, each as often as it is loaded, and those of
-/// the environments. Files that are not images are reported later.
+/// Adds the images of the materials that shapes use, and of the environments. A texture is loaded
+/// once for each colour space, an environment once. Files that are not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
     let used = scene.shapes.iter().filter_map(|s| scene.materials[s.material].texture.as_ref());
     let mut keys = HashMap::new();
@@ -191,7 +193,8 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
     }
     let images = keys.into_iter().filter_map(|((path, _), areas)| {
         let size = Texture::size(path).ok()?;
-        // The smaller copies take some two thirds of it, those of floats a third.
+        // A mip map has a third of the texels. Where the image has 8 bits a channel, its levels
+        // have 16, so they take two thirds. That is an upper bound for other images.
         let copies = if areas { size.stored - size.stored / 3 } else { 0 };
         Some((size, copies))
     });
@@ -206,7 +209,7 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
 }
 
 impl Prediction {
-    /// Returns the prediction with the accelerator.
+    /// Returns the prediction with an accelerator of this footprint.
     pub fn with(self, footprint: &Footprint) -> Self {
         Self {
             accelerator_bytes: Some(footprint.built_bytes(self.accelerated)),
@@ -221,8 +224,8 @@ impl Prediction {
         Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
     }
 
-    /// Computes `peak_bytes`. Images are decoded before meshes are read, and the film is allocated
-    /// after the accelerator is built.
+    /// Computes `peak_bytes`: the maximum over decoding, building and rendering. Images are decoded
+    /// before meshes are read, and the film is allocated after the accelerator is built.
     fn with_peak(self) -> Self {
         let world = [self.mesh_bytes, self.texture_bytes];
         let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
@@ -235,7 +238,7 @@ impl Prediction {
         Self { peak_bytes: world.saturating_add(maximum), ..self }
     }
 
-    /// Returns an error if the render does not fit into `limit` bytes.
+    /// Checks that the render fits into `limit` bytes.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -257,7 +260,7 @@ fn over_limit(message: String) -> Error {
     Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh"))
 }
 
-/// The limit of `--max-memory`, with the prediction for the scene.
+/// The limit of `--max-memory`, with a prediction that fits into it.
 #[derive(Debug)]
 pub struct Budget {
     limit: u64,
@@ -265,9 +268,9 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Returns an error if a scene does not fit. The film is given by its window, its channels in
-    /// addition to R, G, B, A, and further bytes. The check reads the headers, then makes a small
-    /// build to measure the accelerator's footprint.
+    /// Checks that a scene fits. The film is given by its window, its number of channels besides R,
+    /// G, B, A, and further bytes. Reads the headers of all files. For Embree, also builds two
+    /// small meshes to measure the footprint.
     ///
     /// # Errors
     /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
@@ -282,7 +285,7 @@ impl Budget {
         Self::new(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
 
-    /// Returns an error if the prediction does not fit into the limit.
+    /// Checks that a prediction fits into the limit.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -291,12 +294,12 @@ impl Budget {
         Ok(Self { limit, prediction })
     }
 
-    /// Returns the bytes left for images after the meshes are subtracted.
+    /// Returns the bytes left for images: the limit without the program and the predicted meshes.
     pub fn for_textures(&self) -> u64 {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
     }
 
-    /// Returns the memory left for meshes.
+    /// Returns the memory left for meshes: the limit without the program.
     pub fn for_meshes(&self) -> MemoryLimit {
         room(self.limit)
     }
@@ -306,8 +309,7 @@ impl Budget {
         self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
     }
 
-    /// Returns an error if the film does not fit in addition to `held` bytes of world and
-    /// accelerator.
+    /// Checks that the film fits in addition to `held` bytes of world and accelerator.
     ///
     /// # Errors
     /// `Limit`, with the numbers.
@@ -347,7 +349,7 @@ impl std::fmt::Display for Prediction {
     }
 }
 
-/// Returns the memory that a user's limit leaves for meshes.
+/// Returns the memory that the user's limit of `limit` bytes leaves for meshes.
 pub fn room(limit: u64) -> MemoryLimit {
     MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
 }
@@ -357,14 +359,14 @@ pub fn peak_bytes() -> u64 {
     kib("/proc/self/status".as_ref(), "VmHWM:").unwrap_or(0)
 }
 
-/// Returns the memory for meshes or textures if the user sets no limit: all that the machine can
-/// still provide, including swap.
+/// Returns the limit for meshes or textures if the user sets none: the memory that this process can
+/// still get, swap included.
 pub fn machine() -> Option<MemoryLimit> {
     available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, asked: false })
 }
 
-/// Returns the same as [`machine`] before `bytes` are needed. If they are not available, freed
-/// memory is returned to the system first.
+/// Returns the same as [`machine`]. If fewer than `bytes` are available without swap, it first
+/// returns freed memory to the system.
 pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
     if available_bytes().is_some_and(|available| available < bytes) {
         release_freed();
@@ -372,19 +374,22 @@ pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
     machine()
 }
 
-/// Returns the memory of a whole run, beyond which the system kills the process.
+/// Returns the memory that this process can still get before the system kills it.
 pub fn kill_limit() -> Option<MemoryLimit> {
     bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, asked: false })
 }
 
-/// Upper bound of the bytes per primitive for any accelerator at any time.
+/// Upper bound of the bytes per primitive of any accelerator, during the build and after it. It is
+/// above every [`Footprint`].
 const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 
-/// Returns an error if an accelerator does not fit into the memory that the machine still has.
-/// After the build there is also a film of `film_bytes`.
+/// Checks that an accelerator fits into the memory that the machine still has. After the build
+/// there is also a film of `film_bytes`.
+///
+/// The footprint is computed only if memory may be short: for Embree it takes two small builds.
 ///
 /// # Errors
-/// `Retry`, with the numbers.
+/// `Retry`, with the numbers; a backend that cannot run here.
 pub fn ensure_build_fits(
     backend: Backend,
     threads: usize,

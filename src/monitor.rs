@@ -1,4 +1,4 @@
-//! State that a long job shares with its watchers: its progress, and whether it must stop.
+//! State that a long job shares with other threads: its progress, and a request to stop.
 
 use std::sync::{
     Arc,
@@ -19,7 +19,7 @@ pub enum Phase {
     Render = 2,
     /// Writes the output files.
     Write = 3,
-    /// Judges answers. `done` and `total` count packets of rays.
+    /// Compares answers with the oracle. `done` and `total` count packets of rays.
     Check = 4,
 }
 
@@ -38,7 +38,8 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Returns a monitor with its own counters for a part of the job. A signal stops both.
+    /// Returns a monitor with its own counters for a part of the job. A signal stops the part and
+    /// the job.
     pub fn part(&self) -> Self {
         Self { signal: Arc::clone(&self.signal), ..Self::default() }
     }
@@ -71,7 +72,10 @@ impl Monitor {
         self.signal.load(Relaxed) != 0
     }
 
-    /// Returns an error once a signal has asked the job to stop.
+    /// Returns `Ok` until a signal has asked the job to stop.
+    ///
+    /// # Errors
+    /// `Interrupted` after such a signal.
     pub fn check(&self) -> Result<()> {
         match self.signal.load(Relaxed) {
             0 => Ok(()),

@@ -2,7 +2,8 @@
 
 /// Returns the candidate that a misspelt `word` most likely means, if one is near enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Such long words are not spelling mistakes, and the distance takes length x length memory.
+    // Longer words are not spelling mistakes, and the memory for a distance grows with the square
+    // of the length.
     let short = |w: &&str| w.len() <= 100;
     let lower = Some(word).filter(short)?.to_lowercase();
     let near = lower.chars().count().div_ceil(3).max(1);

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// folder.
 ///
 /// `-o out/` and an existing folder mean the stem in that folder. `-o a.png` and `-o a.exr` mean
-/// `a`, because nobody wants `a.png.exr`.
+/// `a`, because nobody wants `a.png.exr`. The stem of `-` is `stdin`.
 pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     let stem = match stem(input) {
         Some(stem) if input != Path::new("-") => stem.to_owned(),
@@ -32,14 +32,14 @@ pub fn prefix(output: Option<&Path>, input: &Path) -> PathBuf {
     }
 }
 
-/// Returns the path with `ending` after its name. Unlike an extension, it replaces nothing.
+/// Returns the path with `ending` appended. An extension that the path has already stays.
 pub fn with_ending(prefix: &Path, ending: &str) -> PathBuf {
     let mut name = prefix.as_os_str().to_owned();
     name.push(ending);
     name.into()
 }
 
-/// Returns the file name without its ending. A compressed mesh has two endings.
+/// Returns the file name without its ending. Drops both endings of a compressed mesh: `.ply.gz`.
 pub fn stem(path: &Path) -> Option<&OsStr> {
     let stem = Path::new(path.file_stem()?);
     let ends = |path: &Path, ends: &[&str]| {
@@ -64,7 +64,8 @@ pub fn named(path: &Path) -> Result<String> {
     })
 }
 
-/// Refuses names that a terminal, a log or a farm could read as more than a name.
+/// Refuses output names with control characters, which a terminal, a log or a farm could take for
+/// more than a name.
 ///
 /// # Errors
 /// `Invalid` for control characters, which include line breaks.
@@ -79,13 +80,13 @@ pub fn printable(path: &Path) -> Result<()> {
     }
 }
 
-/// Returns `path` relative to `folder`, with `/`. Both are absolute or relative to the working
-/// folder.
+/// Returns `path` relative to `folder`, with `/` between its parts. `path` and `folder` are
+/// absolute or relative to the working folder.
 ///
 /// # Errors
 /// A name that is not UTF-8.
 pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
-    // Resolve only the folder. The file keeps its name, even if it is a link.
+    // Resolves only the folder: a file that is a link keeps its name.
     let path = match (path.parent(), path.file_name()) {
         (Some(parent), Some(name)) => real(parent).join(name),
         _ => real(path),

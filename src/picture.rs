@@ -19,15 +19,16 @@ use crate::{
 /// Storage options of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Storage {
-    /// Whether the EXR has 32-bit floats, not halves.
+    /// True for 32-bit floats in the EXR, false for 16-bit floats.
     pub float: bool,
     /// Compression of the EXR's blocks.
     pub compression: exr::Compression,
-    /// Whether each layer is a part of its own in the EXR.
+    /// True if each layer is a part of its own in the EXR.
     pub multipart: bool,
     /// Bits per channel of the PNG.
     pub depth: Depth,
-    /// Whether the names of cryptomattes are in files beside the EXR, not in its header.
+    /// True if the manifests of cryptomattes (names and ids) are files beside the EXR, not in its
+    /// header.
     pub crypto_sidecar: bool,
 }
 
@@ -42,7 +43,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Paths of the files, the EXR and the PNG first.
+    /// Returns the paths of the files: the EXR, the PNG, then the manifests.
     pub fn names(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Vec<PathBuf> {
         let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar);
         let manifests = manifests.map(|mattes| manifest_path(prefix, mattes.kind));
@@ -73,12 +74,12 @@ impl Files {
 /// Kinds of cryptomattes that can have a manifest beside the picture.
 pub const MANIFESTS: [&str; 2] = ["CryptoObject", "CryptoMaterial"];
 
-/// Path of the manifest for one kind of cryptomattes, if it is not in the header.
+/// Returns the path of the manifest file for one kind of cryptomattes.
 pub fn manifest_path(prefix: &Path, kind: &str) -> PathBuf {
     paths::with_ending(prefix, &format!(".{kind}.json"))
 }
 
-/// Name of a file within its folder, for an EXR attribute.
+/// Returns the name of a file within its folder, for an EXR attribute.
 ///
 /// # Errors
 /// A name that no EXR attribute can hold.
@@ -92,7 +93,7 @@ fn file_name(path: &Path) -> Result<String> {
 /// A cryptomatte manifest that moves from the EXR header to a file of its own.
 #[derive(Debug)]
 pub struct Manifest {
-    /// Path of that file.
+    /// Path of the manifest's file.
     pub path: PathBuf,
     text: String,
 }
@@ -117,7 +118,8 @@ impl Manifest {
     }
 }
 
-/// Replaces cryptomatte manifests in `attributes` by the names of files, and returns the manifests.
+/// Takes the cryptomatte manifests out of `attributes` and returns them. An attribute with the name
+/// of its file replaces each.
 ///
 /// # Errors
 /// A file name that an EXR attribute cannot hold.
@@ -150,7 +152,7 @@ pub struct PictureHeader<'a> {
     pub scene_hash: Option<&'a str>,
     /// Samples per pixel, if they are not just the scene's.
     pub spp: Option<&'a str>,
-    /// Colours behind the PNG's pixels, row by row.
+    /// Colours of the plate behind the PNG's pixels, row by row, as linear light.
     pub over: Option<&'a [[f32; 3]]>,
     /// Position of the picture in a sequence.
     pub sequence: exr::Sequence,
@@ -218,8 +220,8 @@ pub fn check_storage(scene: &Scene, storage: Storage) -> Result<()> {
     Ok(())
 }
 
-/// Header attributes of the EXR's origin. They are equal for equal pictures, so they do not hold
-/// the instruction set.
+/// Returns the header attributes that say how the EXR was made. They are equal for equal pictures,
+/// so they do not hold the instruction set.
 fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
     let mode = match scene.backend {
         Backend::Embree(mode) => format!(", {mode:?}").to_lowercase(),
@@ -238,7 +240,7 @@ fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
     values.map(|(name, value)| (format!("lightpath:{name}"), value)).collect()
 }
 
-/// Header attributes that describe the layers.
+/// Returns the header attributes that describe the layers.
 fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     let mut attributes: Vec<_> = plan.mattes.iter().flat_map(Mattes::attributes).collect();
     let mut add = |name: &str, text: &str| {
@@ -265,8 +267,8 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     attributes
 }
 
-/// Header attributes of cameras that OpenEXR's own attributes do not describe. A text of the same
-/// name replaces the one before it.
+/// Returns the header attributes of a camera that OpenEXR's own attributes do not describe. Of two
+/// attributes with the same name, the later one counts: here `lightpath:Z`, whose meaning differs.
 fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String, String)> {
     let camera = camera::described(&scene.camera);
     let camera = camera.map(|camera| ("lightpath:camera".to_string(), camera));
@@ -276,7 +278,7 @@ fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String,
     camera.into_iter().chain(distance.then(|| (z, text.to_string()))).collect()
 }
 
-/// The camera matrices of the picture.
+/// Returns the camera matrices of the picture.
 fn view(camera: &Camera) -> exr::CameraMatrices {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
     let screen = camera::screen(camera);
@@ -289,7 +291,7 @@ fn view(camera: &Camera) -> exr::CameraMatrices {
     }
 }
 
-/// Warnings about values that the files could not hold.
+/// Returns warnings about values that the files could not hold.
 pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
@@ -310,7 +312,7 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     warnings
 }
 
-/// A warning if more things cover a pixel than its cryptomattes have ranks.
+/// Returns a warning if more objects or materials cover a pixel than its cryptomattes have ranks.
 fn dropped(dropped: &Dropped) -> Option<Problem> {
     let Dropped { pixels, share, things } = *dropped;
     let message = format!(

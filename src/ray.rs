@@ -4,13 +4,13 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Id of no primitive and no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
+/// Index that stands for no primitive or no geometry (Embree's `RTC_INVALID_GEOMETRY_ID`).
 pub const NONE: u32 = u32::MAX;
 
 /// Number of rays per packet.
 pub const LANES: usize = 16;
 
-/// Kind of a ray: where it starts and what for. A shape may be visible to some kinds only.
+/// Kind of a ray, by its start and purpose. A shape may be visible to some kinds only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RayKind {
     /// From the camera.
@@ -22,7 +22,7 @@ pub enum RayKind {
 }
 
 impl RayKind {
-    /// All kinds, in the order of their numbers.
+    /// All kinds, in the order of their discriminants.
     pub const ALL: [Self; 3] = [Self::Camera, Self::Shadow, Self::Reflection];
 }
 
@@ -32,13 +32,13 @@ impl RayKind {
 pub struct Mask(pub [i32; LANES]);
 
 impl Mask {
-    /// The set without lanes.
+    /// The empty set.
     pub const NONE: Self = Self([0; LANES]);
 
     /// The set of all lanes.
     pub const ALL: Self = Self([-1; LANES]);
 
-    /// Whether the set contains any lane.
+    /// Returns true if the set contains any lane.
     #[inline(always)]
     pub fn any(&self) -> bool {
         self.0.iter().fold(0, |all, &lane| all | lane) != 0
@@ -72,7 +72,7 @@ impl Mask {
     }
 }
 
-/// The vector of lane `i`.
+/// Returns the vector of lane `i`.
 #[inline(always)]
 pub fn lane(v: &[[f32; LANES]; 3], i: usize) -> Vec3 {
     Vec3::new(v[0][i], v[1][i], v[2][i])
@@ -102,8 +102,8 @@ pub struct Rays {
     pub tfar: [f32; LANES],
     /// Embree's ray mask: all bits set.
     pub mask: [u32; LANES],
-    /// Number ([`crate::geometry::Geometry::primitive`]) of the primitive that the ray leaves and
-    /// cannot hit again, or [`NONE`].
+    /// Index ([`crate::geometry::Geometry::primitive`]) of the primitive that the ray leaves, or
+    /// [`NONE`]. The ray does not hit that primitive at its origin.
     pub leaving: [u32; LANES],
     /// Embree's ray flags: unused, 0.
     pub flags: [u32; LANES],
@@ -129,10 +129,10 @@ impl Rays {
         set_lane(&mut self.dir, i, direction);
     }
 
-    /// The active lanes whose rays can hit anything: finite origin and direction, direction neither
-    /// zero nor denormal, `tnear <= tfar`. A NaN in one lane can make a packet's bounds useless for
-    /// all lanes. The renderer's own rays are valid by construction; rays from elsewhere are masked
-    /// with this function first.
+    /// Returns the active lanes whose rays can hit anything: finite origin and direction, direction
+    /// neither zero nor denormal, `tnear <= tfar`. A NaN in one lane can make a packet's bounds
+    /// useless for all lanes. The renderer's own rays are valid by construction. Mask rays of a
+    /// caller with this function first.
     #[inline(always)]
     pub fn possible(&self, active: &Mask) -> Mask {
         let ([ox, oy, oz], [dx, dy, dz]) = (&self.org, &self.dir);
@@ -160,9 +160,9 @@ pub struct Hits {
     pub u: [f32; LANES],
     /// Barycentric weight of the third corner.
     pub v: [f32; LANES],
-    /// Primitive number within its geometry.
+    /// Index of the primitive within its geometry.
     pub prim: [u32; LANES],
-    /// Geometry id, or [`NONE`] for a miss.
+    /// Index of the geometry, or [`NONE`] for a miss.
     pub geom: [u32; LANES],
     /// Unused; part of Embree's layout.
     pub instance: [u32; LANES],
@@ -171,7 +171,7 @@ pub struct Hits {
 }
 
 impl Hits {
-    /// No lane has a hit.
+    /// Misses in all lanes.
     pub const EMPTY: Self = Self {
         ng: [[0.0; LANES]; 3],
         u: [0.0; LANES],
@@ -194,10 +194,10 @@ pub struct RayPacket {
 }
 
 impl RayPacket {
-    /// A packet without rays and hits.
+    /// A packet without rays or hits.
     pub const EMPTY: Self = Self { rays: Rays::EMPTY, hits: Hits::EMPTY };
 
-    /// The active lanes that have a hit.
+    /// Returns the active lanes that have a hit.
     #[inline(always)]
     pub fn hit(&self, active: &Mask) -> Mask {
         let mut hit = Mask::NONE;
@@ -207,14 +207,14 @@ impl RayPacket {
         hit
     }
 
-    /// Turns all lanes into misses.
+    /// Turns all lanes into misses. `tfar` and the other fields keep their values.
     #[inline(always)]
     pub fn clear_hits(&mut self) {
         self.hits.geom = [NONE; LANES];
     }
 }
 
-/// How similar the rays of a packet are.
+/// How similar the rays of a packet are. It selects how a backend traverses its tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Coherence {

@@ -21,8 +21,9 @@ use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Renders the film's window on the threads of the current rayon pool. The bits are the same for
-/// any number of threads and any window. A film can be used again for the next frame.
+/// Renders the film's window, without layers, on the threads of the current rayon pool. The bits of
+/// a pixel are the same for any number of threads and any window. A film can be used again for the
+/// next frame.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -37,8 +38,8 @@ pub fn render(
     render_with(world, accelerator, isa, film, 0..world.spp, || Beauty(None), monitor)
 }
 
-/// [`render`] with the layers of a plan. The beauty is the same bit for bit. The film's planes must
-/// be the planes of the plan.
+/// [`render`] with the layers of a plan. R, G, B, A are the same bit for bit. The film's planes
+/// must be the planes of the plan.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.
@@ -57,9 +58,9 @@ pub fn render_layers(
     render_with(world, accelerator, isa, film, 0..world.spp, record, monitor)
 }
 
-/// [`render_layers`] for a part of the samples. The film's planes must be the words of `raw`, which
-/// is made for the plan's recipe. A merge computes the bits of the whole render from them. The
-/// film's pixels become the mean of these samples.
+/// [`render_layers`] for a part of the samples. The film's planes must be the planes of `raw`,
+/// which is made for the plan's recipe. They receive partial sums, from which a merge computes the
+/// bits of the whole render. The film's pixels become the mean of these samples.
 ///
 /// # Errors
 /// `Interrupted` after a signal; the film is then unfinished.

@@ -73,12 +73,13 @@ impl LoadedScene {
         Self::with_meshes(text, overrides, Vec::new())
     }
 
-    /// [`LoadedScene::from_json`] with meshes from memory. Each tuple is a shape's name, the name
-    /// of a material of the scene, and a mesh in world space. Normals are interpolated if the mesh
-    /// has normals.
+    /// Takes a scene from its JSON text, with meshes from memory. Each tuple is a shape's name, the
+    /// name of a material of the scene, and a mesh in world space. Normals are interpolated if the
+    /// mesh has normals.
     ///
     /// # Errors
-    /// A material that the scene does not have; all problems of the scene or its files.
+    /// A material that the scene does not have; all problems of the scene, or else of its files and
+    /// meshes.
     pub fn with_meshes(
         text: &str,
         overrides: &[&str],
@@ -88,21 +89,22 @@ impl LoadedScene {
         Self::load(source, overrides, meshes)
     }
 
-    /// A mesh alone, in its own coordinates, for rays of one's own. A picture of it is black.
+    /// Makes a scene of a mesh alone, in its own coordinates, for tracing rays. It has no light, so
+    /// its picture is black.
     ///
     /// # Errors
-    /// A mesh that is too large for f32.
+    /// A mesh whose coordinates are too large for f32.
     pub fn of_mesh(mesh: Mesh) -> Result<Self> {
         let scene = r#"{ "camera": { "type": "pinhole", "width": 1, "height": 1, "fov": 40,
               "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
             "scene": { "materials": { "mesh": {} }, "shapes": [] } }"#;
         let loaded = Self::with_meshes(scene, &[], vec![("mesh", "mesh", mesh)])?;
-        // The camera looks nowhere, so the only warnings would be about that.
+        // Nobody uses the camera, so a warning that it does not see the mesh would be noise.
         Ok(Self { warnings: Vec::new(), ..loaded })
     }
 
-    /// A mesh in the built-in studio: scaled, set on the ground, lit, with a camera that sees all
-    /// of it.
+    /// Makes a scene of a mesh in the built-in studio: scaled, set on the ground, lit, with a
+    /// camera that sees all of the mesh.
     ///
     /// `path` names the mesh in messages. A texture that the mesh names is looked for beside it.
     ///
@@ -147,7 +149,7 @@ impl LoadedScene {
     /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
     ///
     /// # Errors
-    /// All problems of the overrides.
+    /// As [`LoadedScene::in_studio`].
     pub fn of_mesh_in_studio(mesh: Mesh, overrides: &[&str]) -> Result<Self> {
         Self::in_studio(mesh, scene::IN_MEMORY, overrides)
     }
@@ -180,7 +182,7 @@ impl LoadedScene {
                     format!("found the material {material:?}, which the scene does not have");
                 return Err(Error::invalid(name, message));
             };
-            // The NUL at the start keeps the name apart from all file names.
+            // No file name contains a NUL, so this path cannot be the path of a file.
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
             let name = Some(name.to_string());
@@ -191,7 +193,7 @@ impl LoadedScene {
         Self::with_ready(scene, ready, warnings)
     }
 
-    /// Loads the files of a scene, except the meshes that are ready.
+    /// Loads the files of a scene, except the meshes in `ready`, by the path in the scene.
     fn with_ready(
         scene: Scene,
         ready: Vec<(PathBuf, Mesh)>,
@@ -205,7 +207,7 @@ impl LoadedScene {
     }
 }
 
-/// The shape of a mesh from memory.
+/// Returns the shape for a mesh from memory, without any transformation.
 fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
     Trimesh {
         place: name.to_string(),
@@ -295,9 +297,9 @@ impl Renderer<'_> {
         Ok(film)
     }
 
-    /// Writes a film to `PREFIX.exr` and `PREFIX.png`, whole or not at all. Returns their names.
-    /// The header is the same as the command line's, `accelerator` included, but without
-    /// `lightpath:sceneHash`, which covers files.
+    /// Writes a film to `PREFIX.exr` and `PREFIX.png` and returns these paths. Neither file ever
+    /// appears incomplete. The EXR's header is the header of `lightpath render`, without
+    /// `lightpath:sceneHash`: that hash covers the files of a scene.
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
@@ -305,14 +307,13 @@ impl Renderer<'_> {
         self.writer().write(self.loaded, film, prefix)
     }
 
-    /// Returns what [`Renderer::write`] needs, for films that are written later.
+    /// Returns a writer for films of this renderer. It may outlive the renderer.
     pub fn writer(&self) -> PictureWriter {
         PictureWriter { info: self.accelerator.info() }
     }
 }
 
-/// Writes films after their [`Renderer`] is gone. It holds what their headers say about the
-/// accelerator.
+/// Writes the films of a [`Renderer`], also after the renderer is dropped.
 #[derive(Debug, Clone)]
 pub struct PictureWriter {
     info: BuildInfo,

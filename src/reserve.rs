@@ -1,5 +1,5 @@
-//! Reserves memory whose size comes from a file or a scene, before it is used. So a lack of memory
-//! is an error and does not end the process.
+//! Reserves memory whose size comes from a file or a scene, before the memory is used. So a lack of
+//! memory is an error and does not end the process.
 
 use crate::{
     error::{Error, Kind, Problem, Result},
@@ -11,12 +11,12 @@ use crate::{
 pub struct MemoryLimit {
     /// The limit in bytes.
     pub bytes: u64,
-    /// True if the user set it (`--max-memory`); otherwise it is what the machine has.
+    /// True if the user set the limit (`--max-memory`). False if it is the memory of the machine.
     pub asked: bool,
 }
 
 impl MemoryLimit {
-    /// Returns an error if `bytes` exceeds the limit. `what` names the object that needs them.
+    /// Checks that `bytes` do not exceed the limit. `what` names the object that needs them.
     ///
     /// # Errors
     /// `Limit` if the user set the limit, else `Retry`.
@@ -53,19 +53,19 @@ pub fn exact<T>(all: &mut Vec<T>, more: usize, what: &str) -> Result<()> {
     all.try_reserve_exact(more).map_err(|_| lack(bytes_of::<T>(more), what))
 }
 
-/// Reserves capacity for `more` elements, and for some beyond them.
+/// Reserves capacity for `more` elements, and for further growth if there is memory.
 ///
 /// # Errors
 /// `Retry` if the system refuses the memory.
 pub fn growing<T>(all: &mut Vec<T>, more: usize, what: &str) -> Result<()> {
-    // Doubling a large array may fail where the exact size succeeds.
+    // `try_reserve` may double the array. That can fail where the exact size succeeds.
     all.try_reserve(more)
         .or_else(|_| all.try_reserve_exact(more))
         .map_err(|_| lack(bytes_of::<T>(all.len().saturating_add(more)), what))
 }
 
-/// Makes an array of `count` copies of `value`. Pages of zeros are allocated only when they are
-/// touched.
+/// Makes an array of `count` copies of `value`. If `value` is zero, the system provides the memory
+/// only when it is touched.
 ///
 /// # Errors
 /// `Retry` if the system refuses the memory.
@@ -74,7 +74,7 @@ pub fn filled<T: Clone>(value: T, count: usize, what: &str) -> Result<Vec<T>> {
     Ok(vec![value; count])
 }
 
-/// Checks that `bytes` of memory can be reserved, and releases them. For work whose many small
+/// Checks that `bytes` of memory can be reserved, and releases them. Call it before work whose own
 /// allocations cannot return an error.
 ///
 /// # Errors

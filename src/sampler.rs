@@ -1,13 +1,14 @@
-//! Sample points: every point is a function of (seed, pixel, sample, purpose).
+//! Sample points: every point is a function of (seed, pixel, sample index, purpose).
 //!
-//! By default Owen-scrambled Sobol; also independent points, as in the coursework, as the baseline
-//! of reports.
+//! The default are Owen-scrambled Sobol points. Independent points, as in the coursework, are the
+//! baseline of reports.
 //!
 //! Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4), by the crate `sobol_burley`.
-//! Each purpose (pixel and lens; one per light and bounce) has its own set of points. A set is
-//! scrambled and shuffled by its own seed and uses the lowest dimensions, which are distributed
-//! best. [`Sampler::camera_lanes`] and [`Sampler::light_lanes`] compute many points at once in SIMD
-//! lanes. They give the bits of the crate in a fraction of its time.
+//! A purpose is the camera (pixel and lens), or one light after one number of bounces. Each purpose
+//! of a pixel has its own set of points. A set is scrambled and shuffled by its own seed. It uses
+//! the lowest dimensions, which are distributed best. [`Sampler::camera_lanes`] and
+//! [`Sampler::light_lanes`] compute many points at once in SIMD lanes. They give the bits of the
+//! crate in a fraction of its time.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,14 +17,14 @@ use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 /// Length of the Sobol tables' sequences; longer sequences continue with a new scramble.
 const SEQUENCE: u32 = 1 << 16;
 
-/// Length of a stretch: this many indices from a multiple of it on stay together when a sequence is
-/// shuffled. The same holds for every power of two.
+/// Length of a stretch: an aligned block of sample indices. A shuffle maps each stretch to an
+/// aligned block of Sobol's sequence. The same holds for every power of two.
 pub const STRETCH: usize = 64;
 
-/// Block number for the keys of independent points; no Sobol sequence has it.
+/// Index of a sequence, in the keys of independent points. No Sobol sequence has it.
 const INDEPENDENT: u32 = u32::MAX;
 
-/// Number, in place of a light's, of the points that draw a light.
+/// Index in place of a light's, for the set of points that draw a light.
 pub const DRAWN_LIGHT: u32 = u32::MAX - 1;
 
 /// Sampler that chooses the points on pixels, the lens and area lights.
@@ -39,7 +40,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All kinds of points.
+    /// All samplers, the default first.
     pub const ALL: [Self; 2] = [Self::Sobol, Self::Random];
 
     /// Name in the scene format.
@@ -59,24 +60,25 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// A Sobol sampler for the scene's seed.
+    /// Makes a Sobol sampler for the scene's seed.
     pub fn new(seed: i64) -> Self {
         Self::with_kind(Kind::Sobol, seed)
     }
 
-    /// A sampler of this kind for the scene's seed.
+    /// Makes a sampler of this kind for the scene's seed.
     pub fn with_kind(kind: Kind, seed: i64) -> Self {
         // Only the bits matter; a negative seed is valid.
         Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()), kind }
     }
 
-    /// Camera sample `index`: pixel offset x, y and lens coordinates, all in [0, 1).
+    /// Returns camera sample `index` of a pixel: offset x, y in the pixel and two coordinates for
+    /// the lens, all in [0, 1).
     pub fn camera(&self, pixel: [u32; 2], index: u32) -> [f32; 4] {
         self.point(pixel, index, 0)
     }
 
-    /// Point `index`, in [0, 1)^2, of the pixel's sample set for `light` after `bounce` mirror
-    /// bounces. The set serves all camera samples of the pixel.
+    /// Returns point `index`, in [0, 1)^2, of the pixel's sample set for `light` after `bounce`
+    /// mirror bounces. All camera samples of the pixel take their points from this set.
     pub fn light(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f32; 2] {
         let [s, t, ..] = self.point(pixel, index, light_purpose(light, bounce));
         [s, t]
@@ -105,8 +107,9 @@ impl Sampler {
         self.lanes([x, y], index, light_purpose(light, bounce))
     }
 
-    /// Numbers that draw a light and a point on it, in N lanes: the first three coordinates, in
-    /// [0, 1), of a set of its own. Lane i is point `index[i]` of the pixel `[x[i], y[i]]`.
+    /// Returns three numbers in [0, 1) per lane: the first draws a light, the others a point on the
+    /// light. They come from a set of their own. Lane i is point `index[i]` of the pixel
+    /// `[x[i], y[i]]`.
     #[inline(always)]
     pub fn drawn_light_lanes<const N: usize>(
         &self,
@@ -118,7 +121,8 @@ impl Sampler {
         [u, s, t]
     }
 
-    /// Prepares the points `first .. first + count` of a light in N lanes: see [`LightPoints`].
+    /// Prepares points of a light in N lanes: `first[i] .. first[i] + count` in lane i. See
+    /// [`LightPoints`].
     #[inline(always)]
     pub fn light_points<'a, const N: usize>(
         &'a self,
@@ -136,8 +140,8 @@ impl Sampler {
         LightPoints { sampler: self, pixels, purpose, sets }
     }
 
-    /// Two independent numbers in [0, 1) for random decisions, independent of all sample points. A
-    /// function of camera sample `index`, and of `light` after `bounce` mirror bounces.
+    /// Returns two random numbers in [0, 1), independent of each other and of all sample points.
+    /// They are a function of camera sample `index` and of `light` after `bounce` mirror bounces.
     pub fn choices(&self, pixel: [u32; 2], index: u32, light: u32, bounce: u32) -> [f64; 2] {
         let purpose = (1 << 63) | (u64::from(bounce) << 32) | u64::from(light);
         let key = self.key(pixel, index, purpose);
@@ -147,6 +151,7 @@ impl Sampler {
     fn point(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
         if self.kind == Kind::Random {
             let [x, y] = self.independent(pixel, index, purpose);
+            // The complement is no set's purpose: purposes below 2^31 bounces leave bit 63 at 0.
             let [s, t] = self.independent(pixel, index, !purpose);
             return [x, y, s, t];
         }
@@ -154,7 +159,7 @@ impl Sampler {
         sobol_burley::sample_4d(index % SEQUENCE, 0, seed)
     }
 
-    /// The first D coordinates of [`Sampler::point`] in lanes; D is 2 or 4.
+    /// The first D coordinates of [`Sampler::point`] in N lanes; D is 2 or 4.
     #[inline(always)]
     fn lanes<const D: usize, const N: usize>(
         &self,
@@ -176,7 +181,7 @@ impl Sampler {
         self.sets([x, y], index, purpose).points(index)
     }
 
-    /// The set of each lane.
+    /// Returns the seeds of the set to which point `index[i]` of lane i belongs.
     #[inline(always)]
     fn sets<const D: usize, const N: usize>(
         &self,
@@ -185,7 +190,7 @@ impl Sampler {
         purpose: u64,
     ) -> Sets<D, N> {
         let key = |i: usize| self.key([x[i], y[i]], index[i] / SEQUENCE, purpose) as u32;
-        // A loop, because a closure would be compiled for the portable tier and called.
+        // A loop: a closure in an iterator would be a call, and compiled for the portable tier.
         let mut others = 0;
         for i in 0..N {
             let block = (index[i] / SEQUENCE) ^ (index[0] / SEQUENCE);
@@ -213,8 +218,8 @@ impl Sampler {
     }
 
     /// [`Sampler::camera`] for N of the samples `first .. first + STRETCH`; `first` is a multiple
-    /// of [`STRETCH`]. `places`, each below [`STRETCH`], are positions of the samples in the order
-    /// of Sobol's sequence.
+    /// of [`STRETCH`]. `places` selects the samples by their positions in the order of Sobol's
+    /// sequence, each below [`STRETCH`]. [`Sampler::camera_stretch_samples`] returns this order.
     #[inline(always)]
     pub fn camera_stretch<const N: usize>(
         &self,
@@ -235,8 +240,8 @@ impl Sampler {
         scrambled(&indices, &scrambles)
     }
 
-    /// The samples of a stretch in the order of Sobol's sequence, each as its distance from
-    /// `first`.
+    /// Returns the samples `first .. first + STRETCH` in the order of Sobol's sequence. Each is
+    /// given relative to `first`, a multiple of [`STRETCH`].
     #[inline(always)]
     pub fn camera_stretch_samples(&self, pixel: [u32; 2], first: u32) -> [u8; STRETCH] {
         let Set { shuffle, .. } = Set::<0>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
@@ -251,7 +256,7 @@ impl Sampler {
         samples
     }
 
-    /// Independent point `index`: an output of SplitMix64 with the set's key as its start.
+    /// Independent point `index`: an output of SplitMix64 whose initial state is the set's key.
     #[inline(always)]
     fn independent(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 2] {
         let key = self.key(pixel, INDEPENDENT, purpose);
@@ -266,8 +271,9 @@ impl Sampler {
     }
 }
 
-/// Index in Sobol's sequence that the shuffle of a set assigns to a sample. Samples of an aligned
-/// block whose size is a power of two stay together, because high bits decide about lower ones.
+/// Returns the index in Sobol's sequence that the shuffle of a set assigns to a sample. A shuffled
+/// bit depends only on its own and higher bits. So an aligned block of samples, with a power of two
+/// as its size, maps to an aligned block.
 #[inline(always)]
 fn shuffled(sample: u32, shuffle: u32) -> u32 {
     owen_scramble_rev((sample % SEQUENCE).reverse_bits(), shuffle).reverse_bits() % SEQUENCE
@@ -284,7 +290,7 @@ fn scrambled<const D: usize, const N: usize>(
         let index = indices[i];
         let later = if D > 2 { product(&MATRICES, index) } else { 0 };
         for d in 0..D {
-            // With its bits reversed, Sobol's first dimension is the index itself.
+            // Coordinates have their bits reversed here. Sobol's first dimension is then the index.
             let sobol = match d {
                 0 => index,
                 1 => pascal(index),
@@ -298,7 +304,7 @@ fn scrambled<const D: usize, const N: usize>(
     points
 }
 
-/// Seeds of one set in each of N lanes.
+/// Seeds of the sets of N lanes, one set per lane.
 #[derive(Debug)]
 struct Sets<const D: usize, const N: usize> {
     shuffles: [u32; N],
@@ -306,7 +312,7 @@ struct Sets<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Sets<D, N> {
-    /// The first D coordinates of point `index[i]` of each lane's set.
+    /// Returns the first D coordinates of point `index[i]` of lane i's set.
     #[inline(always)]
     fn points(&self, index: &[u32; N]) -> [[f32; N]; D] {
         let mut indices = [0; N];
@@ -323,7 +329,7 @@ pub struct LightPoints<'a, const N: usize> {
     sampler: &'a Sampler,
     pixels: [&'a [u32; N]; 2],
     purpose: u64,
-    /// `None` if the points of a lane do not belong to one set.
+    /// `None` if the points of some lane do not all belong to one set.
     sets: Option<Sets<2, N>>,
 }
 
@@ -338,7 +344,7 @@ impl<const N: usize> LightPoints<'_, N> {
     }
 }
 
-/// Seeds of a set: of its shuffle, and of the scramble of each dimension.
+/// Seeds of a set of points: for its shuffle, and for the scramble of each dimension.
 struct Set<const D: usize> {
     shuffle: u32,
     scrambles: [u32; D],
@@ -357,13 +363,13 @@ impl<const D: usize> Set<D> {
     }
 }
 
-/// Purpose of the points of a light at a bounce; 0 is the camera.
+/// Purpose of the points of a light after `bounce` bounces. Purpose 0 is the camera.
 #[inline(always)]
 fn light_purpose(light: u32, bounce: u32) -> u64 {
     1 + ((u64::from(bounce) << 32) | u64::from(light))
 }
 
-/// Constants of `sobol_burley` that separate the shuffle and the dimensions.
+/// Constants of `sobol_burley`: they give the shuffle and each dimension a seed of its own.
 const SHUFFLE: u32 = 0x79c6_8e4a;
 const SCRAMBLES: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
 
@@ -377,8 +383,9 @@ fn pascal(index: u32) -> u32 {
     sum ^ ((sum >> 8) & 0x00ff)
 }
 
-/// Matrices of `sobol_burley`'s third dimension and, from bit 16 on, fourth dimension. Entry i is
-/// what bit i of the index adds to the coordinates. The bits of the coordinates are reversed.
+/// Matrices of `sobol_burley`'s third dimension and, from bit 16 on, fourth dimension. If bit i of
+/// the index is set, entry i is added to the coordinates modulo 2. The bits of the coordinates are
+/// reversed.
 const MATRICES: [u32; 16] = [
     0x0001_0001,
     0x0003_0003,
@@ -398,7 +405,7 @@ const MATRICES: [u32; 16] = [
     0xa0c3_aa09,
 ];
 
-/// Product of a matrix and the bits of an index, modulo 2.
+/// Product of a matrix and the low 16 bits of an index, modulo 2.
 #[inline(always)]
 fn product(matrix: &[u32; 16], index: u32) -> u32 {
     let mut sum = 0;
@@ -408,8 +415,8 @@ fn product(matrix: &[u32; 16], index: u32) -> u32 {
     sum
 }
 
-/// A seed whose points are independent of the points of `seed`, for decisions that must not depend
-/// on the picture's own samples.
+/// Returns a seed whose points are independent of the points of `seed`. It is for decisions that
+/// must not depend on the picture's own samples.
 pub fn independent_seed(seed: i64) -> i64 {
     mix(!u64::from_ne_bytes(seed.to_ne_bytes())) as i64
 }

@@ -11,7 +11,7 @@ use crate::error::{Error, Kind, Problem, Result};
 /// An instruction set for which kernels are compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
-    /// What the target guarantees: SSE2 on x86-64.
+    /// The instructions that the target guarantees: SSE2 on x86-64.
     Portable,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
@@ -69,8 +69,8 @@ impl Isa {
         return &[Self::Portable];
     }
 
-    /// Returns the instruction set itself if kernels can run with it. `flag` is the place in
-    /// messages.
+    /// Returns the instruction set itself if this build contains it and this machine supports it.
+    /// `flag` is the place in messages.
     ///
     /// # Errors
     /// `Unsupported` if this machine or this build lacks it.
@@ -179,8 +179,8 @@ mod sealed {
 
 /// Returns `rows[index[i]]` for 16 lanes i, as one array per component.
 ///
-/// With AVX-512 each component is one instruction. Copying the rows number by number and then
-/// reading them as vectors would stall the loads.
+/// With AVX-512, one gather instruction loads each component. Scalar stores followed by a vector
+/// load of the same memory would stall that load.
 ///
 /// # Panics
 /// If an index is not below `rows.len()`.
@@ -209,10 +209,12 @@ fn gather_portable<T: Word>(rows: &[[T; 3]], index: &[u32; 16]) -> [[T; 16]; 3] 
     gathered
 }
 
-/// Up to this many rows, the offset of every row fits into a signed 32-bit number.
+/// Maximum number of rows for [`gather_avx512`]: its offsets are signed 32-bit numbers.
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 const MAX_ROWS: usize = i32::MAX as usize / 3;
 
+/// [`gather`] with AVX-512.
+///
 /// # Safety
 /// The processor must support AVX-512 F. Every index must be below `rows.len()`, which must be at
 /// most [`MAX_ROWS`].

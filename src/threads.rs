@@ -17,7 +17,7 @@ pub fn pool(threads: usize) -> Result<ThreadPool> {
     })
 }
 
-/// Locks the mutex, also after a thread panicked while it held the lock.
+/// Locks a mutex, even if a thread panicked while it held the lock.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -22,7 +22,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     }
 }
 
-/// Parses a picture size: `1920x1080` -> [1920, 1080]. The scene checks the limits.
+/// Parses a picture size: `1920x1080` -> [1920, 1080]. The check of the scene limits the values.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let expected = || "expected WIDTHxHEIGHT in pixels, for example 1920x1080".to_string();
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(expected)?;
@@ -57,7 +57,7 @@ pub fn parse_angles(text: &str) -> Result<[f64; 3], String> {
     angles.ok_or_else(|| "expected three angles in degrees, for example -90,0,0".to_string())
 }
 
-/// Parses a point in world units: `0,1.5,-2`. The limit of the coordinates is the limit of scenes.
+/// Parses a point in world units: `0,1.5,-2`. Scenes have the same limit of coordinates.
 pub fn parse_point(text: &str) -> Result<[f64; 3], String> {
     let point = three(text).filter(|point| point.iter().all(|x| x.abs() <= 1e18));
     point.ok_or_else(|| {
@@ -78,7 +78,7 @@ pub fn parse_two(text: &str) -> Result<[f64; 2], String> {
     range.ok_or_else(|| "expected two different numbers, for example -0.5,2".to_string())
 }
 
-/// Parses a margin: `0.08`. It must be below 0.5, where nothing would be left of the picture.
+/// Parses a margin: `0.08`. It must be below 0.5: two margins of 0.5 would fill the picture.
 pub fn parse_margin(text: &str) -> Result<f64, String> {
     let margin = text.parse().ok().filter(|margin| (0.0..0.5).contains(margin));
     margin.ok_or_else(|| "expected a fraction from 0 to below 0.5".to_string())
@@ -109,7 +109,7 @@ pub fn bytes(count: u64) -> String {
     in_units(count, |tenths| tenths)
 }
 
-/// Formats a number of bytes, rounded up. So the text, used as a limit, is sufficient.
+/// Formats a number of bytes, rounded up. So the text is sufficient as a value of `--max-memory`.
 pub fn bytes_rounded_up(count: u64) -> String {
     in_units(count, f64::ceil)
 }
@@ -141,7 +141,7 @@ pub fn count(count: u64) -> String {
     text
 }
 
-/// Formats ascending numbers as ranges: `0-3, 7, 9-12`. A long list is shortened.
+/// Formats ascending numbers as ranges: `0-3, 7, 9-12`. Beyond 20 ranges it counts the others.
 pub fn ranges(numbers: &[u32]) -> String {
     const MAX_RANGES: usize = 20;
     let mut ranges = numbers.chunk_by(|a, b| a.checked_add(1) == Some(*b));

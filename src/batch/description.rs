@@ -146,11 +146,12 @@ pub struct TurntableKeys {
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct OutputKeys {
-    /// Output folder; default `out`.
+    /// Output folder. Default: `out` in the working folder.
     pub folder: Option<Name>,
     /// Name of a frame within the folder. Fields: `{stem}` (the input's file name without its
-    /// ending), `{parent}` (the name of the input's folder), `{input}` and `{frame}` (numbers from
-    /// 0). `{frame:04}` pads with zeros to 4 digits.
+    /// ending), `{parent}` (the name of the input's folder), `{image}` (the picture's name in
+    /// `cameras`), `{input}` and `{frame}` (numbers from 0). `{frame:04}` pads with zeros to 4
+    /// digits.
     pub name: Option<Name>,
     /// Stores 32-bit floats in the EXR instead of 16-bit floats.
     pub float: bool,

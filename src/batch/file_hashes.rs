@@ -42,8 +42,8 @@ pub fn sum(path: &Path) -> Result<String> {
 
 /// Hashes from all journals of a folder, by path relative to the folder.
 ///
-/// A file that was written several times has several hashes. Each belongs to a complete file, and
-/// the file's own fingerprint tells which version it is.
+/// A file that was written several times has several hashes. Each is the hash of a complete file.
+/// The fingerprint in a file says which version it is.
 #[derive(Debug)]
 pub struct FileHashes {
     folder: PathBuf,

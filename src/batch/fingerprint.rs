@@ -1,8 +1,9 @@
 //! Fingerprint of a frame in one line. Two frames with the same fingerprint are the same picture.
+//! With Embree, last bits may still depend on its version and on the processor.
 //!
-//! Its form is `picture=HASH scene=HASH settings=... program=VERSION`. The first hash covers the
-//! scene and its files, the second one only the scene, so that a difference can be named. Paths of
-//! files do not count.
+//! The form is `picture=HASH scene=HASH settings=... program=VERSION`. The first hash covers the
+//! scene and the contents of its files. The second covers only the scene, so that a message can
+//! name what differs. Paths of files do not count.
 
 use crate::{
     output::{exr::Sequence, tonemap::Depth},
@@ -16,7 +17,7 @@ const DIGITS: usize = 32;
 /// Settings outside the scene that change the files of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
-    /// Triangles with invalid vertices are dropped.
+    /// True if triangles with invalid vertices are dropped.
     pub repair: bool,
     /// Format of the pictures.
     pub storage: Storage,

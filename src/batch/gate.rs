@@ -1,5 +1,6 @@
-//! Orders the workers of a batch. Meshes enter memory in their order, as long as it lasts. A
-//! limited number of frames is rendered at a time, and frames of earlier meshes come first.
+//! Orders the workers of a batch. Meshes are read in the order of the run, while there is memory
+//! for the next one. A limited number of frames is rendered at a time, and frames of earlier meshes
+//! come first.
 
 use std::{
     collections::BTreeMap,
@@ -8,7 +9,7 @@ use std::{
 
 use crate::threads::lock;
 
-/// Admits meshes into memory one after the other, within a limit.
+/// Admits meshes in the order of their indices, within a limit of memory.
 #[derive(Debug)]
 pub struct MemoryGate {
     limit: u64,
@@ -18,7 +19,7 @@ pub struct MemoryGate {
 
 #[derive(Debug, Default)]
 struct Admitted {
-    /// Number of the mesh that enters next.
+    /// Index of the mesh that enters next.
     next: usize,
     meshes: usize,
     bytes: u64,
@@ -29,19 +30,20 @@ struct Admitted {
 pub struct Reservation<'a> {
     memory: &'a MemoryGate,
     bytes: u64,
-    /// Bytes of the limit that were free for this mesh when it entered.
+    /// Bytes of the limit that were free when this mesh entered, its own bytes included.
     pub share: u64,
 }
 
 impl MemoryGate {
-    /// Creates a gate for `limit` bytes. A mesh that is alone may exceed the limit.
+    /// Creates a gate for `limit` bytes. A single mesh inside may exceed the limit.
     pub fn new(limit: u64) -> Self {
         Self { limit, state: Mutex::default(), changed: Condvar::new() }
     }
 
-    /// Waits until mesh `number` is next and `bytes` are free, or no other mesh is inside.
+    /// Waits for the turn of the mesh with index `number`. Then waits until `bytes` are free or no
+    /// other mesh is inside.
     ///
-    /// Each number, counted from 0, must enter exactly once.
+    /// Each index, counted from 0, must enter exactly once.
     pub fn enter(&self, number: usize, bytes: u64) -> Reservation<'_> {
         let waits = |s: &mut Admitted| {
             let fits = s.bytes.saturating_add(bytes) <= self.limit;
@@ -77,11 +79,11 @@ pub struct Turns {
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// Number of waiting frames, by the number of their mesh.
+    /// Number of waiting frames, by the index of their mesh.
     frames: BTreeMap<usize, usize>,
 }
 
-/// Permission to render one frame, until it is dropped.
+/// Permission to render one frame; dropping it ends the permission.
 #[derive(Debug)]
 pub struct Turn<'a>(&'a Turns);
 

@@ -49,8 +49,8 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// Keeps one path of those that reach the same file through links to folders: the shortest. A link
-/// to a file is a file of its own.
+/// Keeps the shortest of several paths that reach the same file through links to folders. A link to
+/// a file counts as a file of its own.
 fn once(paths: impl Iterator<Item = PathBuf>) -> Vec<PathBuf> {
     let mut found: HashMap<PathBuf, PathBuf> = HashMap::new();
     for path in paths {
@@ -92,7 +92,7 @@ fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::Patter
         let start = match folder.to_str() {
             Some("") => String::new(),
             Some(name) => format!("{}/", glob::Pattern::escape(name.trim_end_matches('/'))),
-            // A job file cannot name such a folder (not UTF-8) either.
+            // Not UTF-8: a job file cannot name such a folder either.
             None => continue,
         };
         found.extend(matches(&(start + below))?);

@@ -37,15 +37,15 @@ pub struct Job {
     pub template: Template,
     /// Free space around a mesh at each border, as a fraction of the picture.
     pub margin: f64,
-    /// Smoothing, texture and ground of the meshes.
+    /// How meshes look: smoothing, texture, colours, points, studio, ground.
     pub looks: Appearance,
-    /// Turntable of each input. `None`: one frame per input.
+    /// Turntable of each input. Without turntable and `poses`, an input has one frame.
     pub turntable: Option<Turntable>,
-    /// Cameras of each input, in place of a turntable.
+    /// List of cameras: each input has one frame per camera, in place of a turntable.
     pub poses: Option<Poses>,
     /// A point on the turntable's axis, if the job file sets it.
     pub pivot: Option<DVec3>,
-    /// Samples of every area light, if a flag sets it.
+    /// Samples on every area light per shading point, if a flag sets them.
     pub light_samples: Option<u32>,
     /// Drops triangles with invalid vertices.
     pub repair: bool,
@@ -59,11 +59,11 @@ pub struct Job {
     pub folder: PathBuf,
     /// Name pattern of the frames within the output folder.
     pub name: NamePattern,
-    /// The job file itself and the file of its template.
+    /// Files of the job beside its inputs: the job file, the template, the lists of cameras.
     pub files: Vec<PathBuf>,
 }
 
-/// A scene or mesh file of a job, with its own settings.
+/// A scene or mesh file of a job, with the settings for this file.
 #[derive(Debug)]
 pub struct JobInput {
     /// Path of the scene or mesh.
@@ -76,12 +76,13 @@ pub struct JobInput {
     pub overrides: Overrides,
 }
 
-/// Settings that only the command line has, and overrides that win over the job file.
+/// Settings from the command line that a job file does not hold, and overrides that win over those
+/// of the job file.
 #[derive(Debug, Default)]
 pub struct Flags {
     /// Overrides that are applied after the overrides of the job file.
     pub overrides: Overrides,
-    /// Samples of every area light.
+    /// Samples on every area light per shading point.
     pub light_samples: Option<u32>,
     /// Drops triangles with invalid vertices.
     pub repair: bool,
@@ -122,7 +123,7 @@ impl Job {
         let images = poses.iter().flat_map(|poses| &poses.list);
         let images: Vec<String> = images.map(|pose| pose.image.clone()).collect();
         let name = NamePattern::parse("output name", pattern);
-        // A list that cannot be read has its own error.
+        // Without names, the list of cameras could not be read. That error is already kept.
         let named = |name: NamePattern| match file.cameras.is_some() && images.is_empty() {
             true => Ok(name),
             false => name.with_images("output name", images),
@@ -203,7 +204,7 @@ impl Job {
         }
     }
 
-    /// Returns frame number and frame rate for the EXR header. There is no number if an input has
+    /// Returns frame index and frame rate for the EXR header. There is no index if an input has
     /// one frame.
     pub fn sequence(&self, frame: u32) -> Sequence {
         let numbered = (self.frames() > 1).then_some(frame);
@@ -213,7 +214,7 @@ impl Job {
         }
     }
 
-    /// Returns the path of a frame without the ending.
+    /// Returns the path of a frame's files without the ending.
     pub fn prefix(&self, input: usize, frame: u32) -> PathBuf {
         self.folder.join(self.name.of(&self.inputs[input].path, input, frame))
     }
@@ -222,7 +223,8 @@ impl Job {
 /// Reads the list of cameras, if the job has one.
 ///
 /// # Errors
-/// A list that cannot be read; keys and flags that the list replaces.
+/// A list that cannot be read; a turntable, or a size or camera of the job, its entries or the
+/// flags.
 fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
     let Some(Name(path)) = &file.cameras else {
         return match file.undistort {
@@ -249,8 +251,8 @@ fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
     Poses::read(&base.join(path), file.undistort).map(Some)
 }
 
-/// Returns the files of one entry. Later overrides win: first the job's, then the entry's, then the
-/// flags'.
+/// Returns the files of one entry of `inputs`. Overrides are applied in this order: the job's, the
+/// entry's, the flags'. Later ones win.
 fn input(
     written: &Written,
     file: &JobFile,
@@ -286,7 +288,7 @@ fn input(
     Ok(files.into_iter().map(one).collect())
 }
 
-/// Returns the overrides that the job sets in every scene.
+/// Returns the overrides that the job applies to every scene.
 fn common(file: &JobFile) -> Overrides {
     let mut all = Overrides::default();
     if let Some([width, height]) = file.size {

@@ -1,7 +1,7 @@
 //! The journal `batch.jsonl`: one line of JSON per event.
 //!
-//! Each line is appended in a single write, so the file stays readable after a kill at any time.
-//! Later runs append to it, and the last record about a frame counts.
+//! Each line is appended in a single write, so a kill at any time loses at most the last line.
+//! Later runs append to the file. The last record about a frame counts.
 
 use std::{
     collections::BTreeMap,
@@ -32,7 +32,7 @@ pub enum JournalRecord {
         time: f64,
         /// Version of the program.
         version: String,
-        /// Frame numbers of this run: first, and one past the last.
+        /// Frame indices of this run: the first, and one past the last.
         range: [u64; 2],
     },
     /// A mesh or scene was loaded and its accelerator built.
@@ -43,14 +43,14 @@ pub enum JournalRecord {
     Kept {
         /// Path of the input, as in [`FrameRecord`].
         input: String,
-        /// Numbers of the frames, as in [`FrameRecord`].
+        /// Indices of the frames within the input, as in [`FrameRecord`].
         frames: Vec<u32>,
     },
     /// An input, or a frame of it, failed.
     Failed {
         /// Path of the input.
         input: String,
-        /// Number of the frame; `None` if all frames failed.
+        /// Index of the frame within the input; `None` if all frames failed.
         frame: Option<u32>,
         /// Text of the error.
         message: String,
@@ -92,11 +92,11 @@ pub struct MeshRecord {
 /// Files and cost of a rendered frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FrameRecord {
-    /// Number of the frame among all frames of the job.
+    /// Index of the frame among all frames of the job.
     pub index: u64,
     /// Path of the input.
     pub input: String,
-    /// Number of the frame, counted within its input.
+    /// Index of the frame within its input.
     pub frame: u32,
     /// Paths of its files, relative to the journal.
     pub outputs: Vec<PathBuf>,
@@ -162,8 +162,8 @@ impl Journal {
     }
 }
 
-/// Opens a journal, which must be a regular file. Through a link it would grow elsewhere, and
-/// opening a pipe blocks until it has a reader.
+/// Opens a journal, which must be a regular file. A link could lead out of the folder, and opening
+/// a pipe could block.
 fn open(path: &Path) -> Result<File> {
     let place = || path.display().to_string();
     let expected = "expected the journal of this folder, a regular file";
@@ -189,8 +189,8 @@ fn open(path: &Path) -> Result<File> {
     }
 }
 
-/// Returns all records of all journals in a folder, journal after journal in the order of their
-/// names. Lines that cannot be parsed are skipped.
+/// Returns the records of all journals in a folder, journal after journal in the order of their
+/// names. Skips lines that cannot be parsed.
 pub fn read(folder: &Path) -> Vec<JournalRecord> {
     let mut all = Vec::new();
     each(folder, |record| all.push(record));

@@ -1,5 +1,5 @@
-//! Renders one mesh of a batch: reads it, builds its accelerator, renders its frames in parallel,
-//! and drops it.
+//! Renders one input of a batch, a mesh or a scene: reads it, builds its accelerator, renders its
+//! frames in parallel, and drops it.
 
 use std::{
     sync::{
@@ -30,9 +30,9 @@ use super::{
     workers::{Run, guarded, together},
 };
 
-/// A built mesh, shared by all its frames.
+/// A loaded input with its accelerator, shared by all its frames.
 struct Built<'a> {
-    /// Position among the meshes of the run.
+    /// Index among the tasks of the run.
     number: usize,
     input: &'a str,
     world: &'a World,
@@ -41,7 +41,8 @@ struct Built<'a> {
 }
 
 impl Run<'_> {
-    /// Renders the frames of a task. `share` is its limit of memory in bytes if the run has one.
+    /// Renders the frames of a task. If the run has a limit of memory, `share` is the part of it in
+    /// bytes that this task may use.
     ///
     /// # Errors
     /// Errors that concern all frames of this input.
@@ -124,8 +125,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Renders frames on one thread more than frames rendered at a time: one frame is written while
-    /// the next one is traced.
+    /// Renders frames on one thread more than frames are rendered at a time. So a frame can be
+    /// written while the next frames are traced.
     fn frames(&self, built: &Built, frames: &[Frame]) {
         let next = AtomicUsize::new(0);
         let work = || {
@@ -161,7 +162,7 @@ impl Run<'_> {
             film => {
                 let window = Window::full(world.frame[0], world.frame[1]);
                 let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone())?;
-                // Else the film would lie beside what the build has freed.
+                // Otherwise the film would need memory beside the memory that the build has freed.
                 memory::release_freed();
                 film.insert(self.pool.install(|| blank.film()))
             }

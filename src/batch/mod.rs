@@ -43,12 +43,14 @@ use crate::{
 
 use journal::{Journal, now};
 
-/// Renders a job, writes its journal, and returns what was rendered, kept and failed.
+/// Renders a job, writes its journal, and returns the numbers of frames rendered and kept, and the
+/// failures. Calls `tell` with each event.
 ///
-/// A finished frame gets its final file names at once.
+/// The files of a frame get their final names as soon as the frame is finished.
 ///
 /// # Errors
-/// Errors that concern all inputs: an invalid range, a folder that cannot be written, a full disk.
+/// Errors that concern all inputs: an invalid range, an output that would overwrite an input, a
+/// folder that cannot be written, a full disk.
 pub fn run(
     job: &Job,
     options: &BatchOptions,
@@ -84,7 +86,7 @@ pub fn run(
 }
 
 /// Returns the path of the journal: `batch.jsonl`. A range of frames has a journal of its own, so
-/// that no two tasks write to the same file.
+/// that no two tasks of a farm write to the same file.
 fn journal_path(job: &Job, range: Option<&Range<u64>>) -> PathBuf {
     job.folder.join(match range {
         None => "batch.jsonl".to_string(),

@@ -29,11 +29,11 @@ enum Piece {
     Stem,
     /// The name of the input's folder.
     Parent,
-    /// Number of the input, counted from 0, with at least this many digits.
+    /// Index of the input, from 0, with at least this many digits.
     Input(usize),
-    /// Number of the frame, counted from 0, with at least this many digits.
+    /// Index of the frame, from 0, with at least this many digits.
     Frame(usize),
-    /// The name of the picture in the list of cameras.
+    /// Name of the frame's picture in the list of cameras.
     Image,
 }
 
@@ -190,11 +190,11 @@ pub fn sheets(inputs: usize) -> Vec<String> {
     (1..=inputs.div_ceil(PICTURES_PER_SHEET).max(1)).map(name).collect()
 }
 
-/// Hash of a frame's name, number of its input, and number of the frame.
+/// Hash of a frame's name, index of its input, and index of the frame within the input.
 type HashedName = (u64, u32, u32);
 
-/// Refuses two frames with the same name, and a frame with the name of a contact sheet. `text` is
-/// the pattern for messages.
+/// Refuses two frames with the same name, and a frame with the name of a contact sheet's PNG.
+/// `text` is the pattern, for messages.
 ///
 /// # Errors
 /// The first such pair in the order of the job.

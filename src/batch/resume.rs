@@ -11,24 +11,24 @@ use super::{file_hashes::FileHashes, fingerprint::difference};
 pub enum Resume<'a> {
     /// No frame may stay.
     Nothing,
-    /// Frames with the expected fingerprint may stay. With hashes, their bytes must match these,
-    /// too.
+    /// Frames with the expected fingerprint may stay. If there are hashes, the bytes of their files
+    /// must match these, too.
     Keep(Option<&'a FileHashes>),
 }
 
 /// Decision about one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decision {
-    /// All files are complete and have the expected fingerprint.
+    /// The frame stays: all files are complete and have the expected fingerprint.
     Keep,
-    /// No file exists yet.
+    /// The frame is rendered: no file exists, or existing files do not count.
     Render,
-    /// Files exist, but must be replaced for this reason.
+    /// The frame is rendered again for this reason, although files exist.
     Again(String),
 }
 
-/// Decides about a frame by its files: see [`Files::names`](crate::picture::Files::names). With
-/// `sums`, all their bytes are read.
+/// Decides about a frame by its files ([`Files::names`](crate::picture::Files::names)). With
+/// `sums`, reads all bytes of files that may stay.
 pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&FileHashes>) -> Decision {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),

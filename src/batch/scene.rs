@@ -32,7 +32,7 @@ const FRAMES_PER_CHECK: usize = 256;
 /// An input that is read and, if it is a mesh, framed.
 #[derive(Debug)]
 pub struct Ready {
-    /// Scene of the input. For a turntable: of frame 0 if it starts at angle 0.
+    /// Scene of the input: the scene of frame 0, unless a turntable starts at another angle than 0.
     pub loaded: Loaded,
     /// The mesh with its path; empty for a scene.
     pub mesh: Vec<(PathBuf, Mesh)>,
@@ -47,23 +47,23 @@ pub struct Ready {
 /// A frame that has to be rendered.
 #[derive(Debug)]
 pub struct Frame {
-    /// Number of the frame among all frames of the job.
+    /// Index of the frame among all frames of the job.
     pub index: u64,
-    /// Number of the frame, counted within its input.
+    /// Index of the frame within its input.
     pub number: u32,
     pub loaded: Loaded,
     /// Path of its files without the ending.
     pub prefix: PathBuf,
     /// Hash of all that determines its pixels. `None` if a mesh came through a pipe.
     pub hash: Option<String>,
-    /// `hash` together with the settings of the files; `None` if there is no hash.
+    /// [`fingerprint()`] of the frame; `None` if there is no hash.
     pub fingerprint: Option<String>,
     /// Reason why it is rendered although its files exist.
     pub again: Option<String>,
 }
 
 /// Predicts the memory of an input from file headers, without the accelerator. Also returns its
-/// scene, not framed yet.
+/// scene, with a mesh in its default placement and the largest picture of a list of cameras.
 ///
 /// # Errors
 /// Errors of the scene and of the headers.
@@ -82,7 +82,7 @@ pub fn predict(job: &Job, input: &JobInput) -> Result<(Scene, Prediction)> {
     Ok((scene, prediction))
 }
 
-/// Returns the scene of an input. A mesh is neither turned nor framed.
+/// Returns the scene of an input without reading a mesh: the mesh is neither rotated nor framed.
 ///
 /// # Errors
 /// Errors of the scene.
@@ -100,7 +100,8 @@ pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
     Ok(loaded.scene)
 }
 
-/// Reads an input: a scene, or a mesh that is framed in the template. `room` limits its arrays.
+/// Reads an input: a scene, or a mesh that is framed in the template. `room` limits the mesh's
+/// arrays.
 ///
 /// # Errors
 /// All problems of the input.
@@ -150,7 +151,8 @@ pub fn read(
     Ok(Ready { loaded, mesh: Vec::new(), warnings, folder, pivot })
 }
 
-/// Gives a scene the first camera of the job's list: the origin of coordinates depends on it.
+/// Gives a scene the first camera of the job's list. The world of all frames is loaded with this
+/// camera, because the origin of coordinates depends on a camera.
 fn first_pose(job: &Job, loaded: Loaded, folder: &Path) -> Result<Loaded> {
     let pose = job.poses.as_ref().and_then(|poses| poses.list.first());
     let Some(pose) = pose else { return Ok(loaded) };
@@ -160,7 +162,7 @@ fn first_pose(job: &Job, loaded: Loaded, folder: &Path) -> Result<Loaded> {
 }
 
 impl Ready {
-    /// Splits a task into the frames to render and the numbers of the frames to keep.
+    /// Splits a task into the frames to render and the indices of the frames to keep.
     ///
     /// `contents` caches the files of the scene, which are read once for all frames. Runs on the
     /// threads of the current rayon pool.

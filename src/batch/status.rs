@@ -33,7 +33,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// Includes the progress of a frame until [`Status::ended`].
+    /// Adds a frame whose progress counts until [`Status::ended`].
     pub fn began(&self, monitor: &Arc<Monitor>) {
         let mut running = lock(&self.running);
         running.push(Arc::clone(monitor));
@@ -45,7 +45,7 @@ impl Status {
         running.retain(|other| !Arc::ptr_eq(other, monitor));
     }
 
-    /// Returns the progress of the frames under way, as a sum of fractions, and their rays so far.
+    /// Returns the sum of the finished fractions of the frames in work, and their rays so far.
     pub fn under_way(&self) -> (f64, u64) {
         let running = lock(&self.running);
         running.iter().fold((0.0, 0), |(frames, rays), monitor| {
@@ -86,7 +86,7 @@ pub enum Event<'a> {
     },
     /// An existing frame is rendered again.
     Again {
-        /// Why the existing files may not stay.
+        /// Reason why the existing files may not stay.
         reason: &'a str,
     },
     /// A frame was written, and its files have their final names.

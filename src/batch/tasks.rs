@@ -7,18 +7,20 @@ use crate::error::{Error, Result};
 /// The frames of one input that belong to a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Task {
-    /// Number of the input.
+    /// Index of the input in the job.
     pub input: usize,
-    /// Numbers of the frames, counted within the input.
+    /// Indices of the frames within the input.
     pub frames: Range<u32>,
 }
 
-/// Returns the number of a frame among all frames of a job, as `--range` counts them.
+/// Returns the index of a frame among all frames of a job, as in `--range`. `frames` is the number
+/// of frames per input. For `input` equal to the number of inputs, it is the number of all frames.
 pub fn index(frames: u32, input: usize, frame: u32) -> u64 {
     input as u64 * u64::from(frames) + u64::from(frame)
 }
 
-/// Returns one task per input that has frames in `range`. A job has `inputs` times `frames` frames.
+/// Returns one task per input that has frames in `range`. A job has `inputs` inputs of `frames`
+/// frames each.
 ///
 /// # Errors
 /// A range that is empty or exceeds the job.

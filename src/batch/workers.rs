@@ -1,8 +1,8 @@
 //! The workers of a batch run.
 //!
-//! Each worker takes the next mesh, reads it, builds its accelerator, renders its frames and drops
-//! it. There is one more worker than frames rendered at a time, so the next mesh is ready when the
-//! previous one is done. [`gate`](super::gate) keeps the order.
+//! Each worker takes the next input (a mesh or scene), reads it, builds its accelerator, renders
+//! its frames and drops it. There is one worker more than frames rendered at a time. So the next
+//! mesh is ready when the previous mesh is done. [`gate`](super::gate) keeps the order.
 
 use std::{
     ops::Range,
@@ -52,10 +52,10 @@ const SHARE_OF_AVAILABLE: f64 = 0.6;
 pub struct BatchOptions {
     /// Number of worker threads, at least 1.
     pub threads: usize,
-    /// Number of frames rendered at a time. `None`: chosen from the size of the first input's
-    /// frames.
+    /// Number of frames rendered at a time. `None`: derived from the picture size of the first
+    /// input.
     pub jobs: Option<usize>,
-    /// Limit in bytes for meshes, accelerators and films together.
+    /// Limit in bytes for the whole run: meshes, textures, accelerators and films together.
     pub max_memory: Option<u64>,
     /// Keeps existing frames that are complete and have the expected fingerprint.
     pub resume: bool,
@@ -63,7 +63,7 @@ pub struct BatchOptions {
     pub verify: bool,
     /// Starts nothing new after the first failure.
     pub fail_fast: bool,
-    /// Range of frame numbers to render. Frames are numbered mesh after mesh. `None`: all frames.
+    /// Range of frame indices to render ([`super::index`]). `None`: all frames.
     pub range: Option<Range<u64>>,
 }
 
@@ -74,7 +74,7 @@ pub struct Outcome {
     pub rendered: u64,
     /// Number of existing frames that were kept.
     pub kept: u64,
-    /// Errors by input file: an input that failed, or one of its frames.
+    /// Path of an input, and the error of this input or of one of its frames.
     pub failures: Vec<(String, Error)>,
     /// Number of the signal that stopped the run.
     pub signal: Option<i32>,
@@ -95,14 +95,14 @@ pub struct Run<'a> {
     pub pool: ThreadPool,
     /// Threads that read meshes and build accelerators, so that these do not wait for rays.
     pub loading: ThreadPool,
-    /// Files that the job reads, as far as they were known at the start.
+    /// Files that the job reads, as far as they are known before a mesh is read.
     inputs: FileSet,
     /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
     pub sums: Option<FileHashes>,
     pub turns: Turns,
     pub jobs: usize,
     memory: MemoryGate,
-    /// Memory of the machine when the run began.
+    /// Memory that the process could still get when the run began.
     room: Option<MemoryLimit>,
     next: AtomicUsize,
     footprints: Mutex<Vec<(Backend, Footprint)>>,
@@ -165,11 +165,12 @@ pub fn run(
     })
 }
 
-/// Runs `work` on this thread and on up to `count - 1` more, as many as the system can start.
+/// Runs `work` on this thread and on up to `count - 1` further threads, as many as the system can
+/// start. Returns when all have returned.
 pub fn together(count: usize, work: impl Fn() + Sync) {
     std::thread::scope(|scope| {
         for _ in 1..count {
-            // Fewer threads are no error: each would only take a share of the same work.
+            // Fewer threads are no error: the threads share the work.
             if std::thread::Builder::new().spawn_scoped(scope, &work).is_err() {
                 break;
             }
@@ -178,8 +179,8 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
     });
 }
 
-/// Number of frames to render at a time: one if a frame keeps all threads busy, more if frames are
-/// small.
+/// Returns the number of frames to render at a time: one if a frame keeps all threads busy, more if
+/// frames are small.
 fn jobs(job: &Job, options: &BatchOptions) -> usize {
     let threads = options.threads;
     let first = job.inputs.first().map(|input| scene::predict(job, input));
@@ -212,7 +213,7 @@ impl Run<'_> {
                 room.map_or(Ok(()), |room| room.check(bytes, &input))?;
                 Ok(prediction)
             });
-            // Enters even after an error or a stop: the next mesh waits for this number.
+            // Enters even after an error or a stop: the next mesh waits until this one has entered.
             let held = self.memory.enter(number, bytes);
             if self.stopped() {
                 continue;
@@ -226,7 +227,10 @@ impl Run<'_> {
         }
     }
 
-    /// Predicts the memory of a mesh, accelerator included. An error if it exceeds `--max-memory`.
+    /// Predicts the memory of an input, accelerator included.
+    ///
+    /// # Errors
+    /// `Limit` if it exceeds `--max-memory`; headers that cannot be read.
     fn predict(&self, task: &Task) -> Result<Prediction> {
         let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
@@ -246,10 +250,10 @@ impl Run<'_> {
         Ok(prediction)
     }
 
-    /// Refuses an input file that is also an output of this run.
+    /// Refuses outputs of this run that are files which an input has read.
     ///
     /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
-    /// when it is read.
+    /// when the mesh is read.
     pub fn refuse_if_output(&self, read: &ReadFiles) -> Result<()> {
         let new: FileSet = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {
@@ -273,7 +277,8 @@ impl Run<'_> {
         }
     }
 
-    /// Records the failure of an input or of one of its frames. The batch continues.
+    /// Records the failure of an input or of one of its frames. The batch continues, unless
+    /// `fail_fast` is set. An interruption by a signal is not a failure.
     pub fn failed(&self, input: &str, frame: Option<u32>, frames: u64, error: Error) {
         if let Kind::Interrupted(_) = error.kind {
             return;
@@ -292,7 +297,7 @@ impl Run<'_> {
         }
     }
 
-    /// Ends the batch after an error that every later frame would run into, too.
+    /// Ends the batch after an error that every later frame would have, too.
     pub fn end(&self, error: Error) {
         self.stop.store(true, Relaxed);
         if !matches!(error.kind, Kind::Interrupted(_)) {
@@ -329,7 +334,7 @@ impl Run<'_> {
     }
 }
 
-/// Runs the work, and turns a panic into an error: a bug must not end the batch.
+/// Runs `work`, and turns a panic into an error: a bug must not end the batch.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
         let message = "the program failed here because of a bug; the batch goes on";

@@ -64,7 +64,7 @@ pub enum Command {
     /// Measure error against time: samplers, numbers of samples and backends against a reference
     #[command(after_help = EXIT_CODES)]
     Converge(Box<ConvergeArgs>),
-    /// Merge the parts of a picture: the same bytes as by one render
+    /// Merge the parts of a picture into the files that one render would write
     #[command(after_help = EXIT_CODES)]
     Merge(MergeArgs),
     /// Submit a batch to a cluster

@@ -35,7 +35,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 
-    /// Lights that each shading point draws, in place of all: for scenes of many lights
+    /// Number of lights that each shading point draws, in place of all: for scenes of many lights
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub emitter_samples: Option<u32>,
 
@@ -72,8 +72,8 @@ pub struct SceneArgs {
     #[arg(long, value_name = "NAME")]
     pub backend: Option<Accelerator>,
 
-    /// Write coverage to alpha instead of 1, without the background; the studio's ground then shows
-    /// its shadows only
+    /// Write coverage to alpha instead of 1, without the background; the studio's ground then only
+    /// shows the shadows on it
     #[arg(long)]
     pub transparent: bool,
 
@@ -116,7 +116,7 @@ pub struct LookArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub texture: Option<PathBuf>,
 
-    /// Colours of the .ply: of its vertices, of its faces, none, or a number that they have (see
+    /// Colours of the .ply: of its vertices, of its faces, none, or a numeric property of them (see
     /// `info`) through a colour map [default: vertex, else face]
     #[arg(long, value_name = "vertex|face|none|PROPERTY")]
     pub color: Option<String>,
@@ -146,7 +146,8 @@ pub struct LookArgs {
     #[arg(long, value_name = "NAME")]
     pub quality: Option<Quality>,
 
-    /// Remove the plane named `ground`; under --transparent the studio's shows its shadows only
+    /// Remove the plane named `ground`; without this flag, --transparent keeps its shadows in the
+    /// studio
     #[arg(long)]
     pub no_ground: bool,
 }
@@ -155,7 +156,7 @@ impl LookArgs {
     /// Converts the flags to [`Appearance`].
     ///
     /// # Errors
-    /// A colour map for colours that the file stores.
+    /// A colour map or range for colours that the file stores.
     pub fn appearance(&self) -> Result<Appearance> {
         let mut color = self.color.as_deref().map(MeshColor::from_name);
         match &mut color {
@@ -188,7 +189,7 @@ impl LookArgs {
     }
 }
 
-/// Flags for the machine, with their own heading.
+/// Flags for threads, instruction set and memory.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Machine")]
 pub struct MachineArgs {

@@ -22,7 +22,7 @@ pub struct SceneJob {
     pub folder: PathBuf,
     /// Warnings of loading the input.
     pub warnings: Vec<Problem>,
-    /// Meshes that had to be read to frame them.
+    /// Meshes that are read already, because the camera depends on them.
     pub ready: Vec<(PathBuf, Mesh)>,
 }
 
@@ -34,7 +34,7 @@ impl SceneJob {
         [input.to_owned()].into_iter().chain(named).collect()
     }
 
-    /// Loads the world. `note` prints the warnings of the scene and of its files.
+    /// Loads the world. Calls `note` with each warning of the scene and of its files.
     ///
     /// # Errors
     /// As for [`World::load`].
@@ -49,16 +49,16 @@ impl SceneJob {
     }
 }
 
-/// The scene that a command asks [`load`] for: an input with checked options.
+/// Input of [`load`]: the file to load, with checked options.
 #[derive(Debug)]
 pub struct SceneRequest<'a> {
     /// Overrides of the scene's values.
     pub overrides: Overrides,
-    /// Samples on every area light.
+    /// Samples on every area light, per shading point.
     pub light_samples: Option<u32>,
-    /// Scene file in which a mesh is shown.
+    /// Scene file in which a mesh is shown, in place of the studio.
     pub template: Option<&'a Path>,
-    /// Scene in which a mesh is shown if there is no template, in place of the studio.
+    /// Text of a scene in which a mesh is shown, in place of the studio, if `template` is `None`.
     pub studio: Option<&'a str>,
     /// Limit of the memory in bytes.
     pub max_memory: Option<u64>,
@@ -83,7 +83,8 @@ impl<'a> SceneRequest<'a> {
 /// Loads a scene, or a mesh in a scene.
 ///
 /// # Errors
-/// All problems of the scene and its overrides; a mesh that does not fit the memory limit.
+/// All problems of the scene and its overrides; a mesh that cannot be read or does not fit the
+/// memory limit.
 pub fn load(request: SceneRequest) -> Result<SceneJob> {
     let input = request.subject.path;
     if studio::is_mesh(input) {
@@ -101,7 +102,7 @@ pub fn load(request: SceneRequest) -> Result<SceneJob> {
     Ok(SceneJob { loaded, folder, warnings, ready: Vec::new() })
 }
 
-/// Reads a mesh and frames it in the template.
+/// Reads a mesh, and makes a scene of the template that shows the whole mesh.
 fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
     let template = match (template, studio) {
@@ -114,7 +115,8 @@ fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     }
     let room = max_memory.map(memory::room).or_else(memory::machine);
     let subject = Subject { room, ..subject };
-    // Nothing watches signals yet: a signal ends the program at once.
+    // No signal reaches this monitor. Most commands watch signals only after this, so a signal ends
+    // the process. `bench` watches before: it stops once the mesh is read.
     let monitor = Monitor::default();
     let shown = studio::show(&subject, &template, overrides, light_samples, &monitor)?;
     let MeshScene { loaded, warnings, mesh, .. } = shown;

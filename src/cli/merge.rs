@@ -32,7 +32,7 @@ pub struct MergeArgs {
     #[arg(short, long, value_name = "PREFIX", required = true, value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
 
-    /// Write layers as pictures, too: PREFIX.NAME.png each; `all` for every layer
+    /// Also write layers as pictures PREFIX.NAME.png; `all` for every layer
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
 

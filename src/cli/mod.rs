@@ -1,8 +1,8 @@
-//! The command-line program: a folder or file per command, which calls the modules below.
+//! The command-line program: a folder or file per command, which calls the library's modules.
 //!
-//! Results and the paths of written files go to stdout, messages to stderr (`print`). Only `main`
-//! turns an error into an exit code. A flag that changes the scene becomes a `--set` override
-//! (`overrides`), so flags and overrides pass the same checks.
+//! Results and the paths of written files go to stdout, messages to stderr (`print`). `main` turns
+//! an error into an exit code. A flag that sets a value of the scene becomes an override like those
+//! of `--set` (`overrides`). So both pass the same checks.
 
 mod about;
 mod accuracy;
@@ -41,7 +41,8 @@ use crate::error::{Error, Result, printable};
 
 /// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
-    // clap repeats arguments unchanged. Parse again with hidden characters escaped.
+    // clap repeats arguments unchanged in its message. So the arguments are parsed again, with
+    // hidden characters escaped.
     let words = std::env::args_os().map(|word| printable(&word.to_string_lossy()).into_owned());
     let shown = Arguments::try_parse_from(words).err().unwrap_or(error);
     let error = with_hint(shown);
@@ -50,7 +51,7 @@ pub fn usage(error: clap::Error) -> u8 {
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
 
-/// Adds a suggestion if the user gave a file in place of a command.
+/// Adds a suggestion to the message if the user gave a file in place of a command.
 fn with_hint(mut error: clap::Error) -> clap::Error {
     let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
         return error;

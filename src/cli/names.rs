@@ -32,7 +32,7 @@ names! { Compression:
     Zips = "zips", "zlib over single lines";
     Piz = "piz", "Wavelets: good for grain";
     Rle = "rle", "Run lengths";
-    None = "none", "Not at all";
+    None = "none", "No compression";
     Dwaa = "dwaa", "Lossy, small";
 }
 
@@ -68,8 +68,8 @@ names! { SamplerKind:
 // What `--noise` is relative to.
 names! { Relative:
     Pixel = "pixel", "Each pixel's own radiance: all pixels get the same relative error";
-    Picture = "picture", "The frame's mean radiance, and more where a pixel has more samples: the \
-        lowest RMSE for the samples taken";
+    Picture = "picture", "The frame's mean radiance, with a larger error where a pixel has more \
+        samples: the lowest RMSE for the samples taken";
 }
 
 names! { Studio:

@@ -1,4 +1,4 @@
-//! Converts flags that change the scene into overrides of the scene.
+//! Converts flags that set values of the scene into overrides of the scene.
 
 use serde_json::{Value, json};
 
@@ -9,7 +9,8 @@ use crate::{
 
 use super::flags::{MachineArgs, SceneArgs};
 
-/// Returns the overrides of all scene and machine flags.
+/// Returns the overrides of the scene and machine flags. `--light-samples`, `--crop` and
+/// `--overscan` are not among them: they set no single value of the scene.
 ///
 /// # Errors
 /// An instruction set that this machine or this build lacks.

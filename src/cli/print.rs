@@ -35,7 +35,8 @@ fn colored(line: &str) -> String {
     line.to_string()
 }
 
-/// Writes a result to stdout. A closed reader (`| head`) is not an error.
+/// Writes a result to stdout, with hidden characters escaped. A closed reader (`| head`) is not an
+/// error.
 pub fn text(text: &str) -> Result<()> {
     bytes(printable_lines(text).as_bytes())
 }
@@ -61,13 +62,14 @@ pub fn paths(paths: &[PathBuf]) -> Result<()> {
     bytes(&path_lines(paths))
 }
 
-/// Formats the paths of written files, one per line. Output names contain no control characters.
+/// Formats the paths of written files, one per line. The names contain no control characters: part
+/// files refuse them.
 pub fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
     let mut lines = Vec::new();
     for path in paths.iter().filter(|path| *path != Path::new("/dev/stdout")) {
-        // A name may be invalid UTF-8.
+        // Bytes, because a name need not be valid UTF-8.
         let name = path.as_os_str().as_encoded_bytes();
-        // Render farms read such a prefix at the start of a line as a command.
+        // Render farms read a line that begins with such a prefix as a command.
         if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
             lines.extend_from_slice(b"./");
         }

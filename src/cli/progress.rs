@@ -1,8 +1,8 @@
-//! Progress display. One thread polls the counters of the job, which only counts.
+//! Progress display: a thread polls the counters of a job, which only counts.
 //!
-//! On a terminal it is a bar. Elsewhere it is a plain line every 3 seconds: a short job prints
-//! none, and the log of a long one stays readable. Other modes print JSON lines for programs, or
-//! lines for render farms on stdout.
+//! On a terminal the display is a bar on stderr. Elsewhere it is a plain line every 3 seconds. So a
+//! short job prints none, and the log of a long job stays readable. Other modes print JSON lines
+//! for programs to stderr, or lines for render farms to stdout.
 
 use std::{
     io::{IsTerminal, Write},
@@ -21,8 +21,8 @@ use super::print;
 const PLAIN_EVERY: Duration = Duration::from_secs(3);
 const JSON_EVERY: Duration = Duration::from_millis(500);
 const BAR_EVERY: Duration = Duration::from_millis(100);
-/// Interval between readings of the counters. It is short, so that a phase's rate starts with the
-/// phase.
+/// Interval between readings of the counters. It is short, because the rate of a phase is measured
+/// from the first reading in it.
 const POLL_EVERY: Duration = BAR_EVERY;
 
 /// How progress is shown.
@@ -42,7 +42,7 @@ pub enum ProgressMode {
     Off,
 }
 
-/// A display that runs until it is dropped.
+/// A running progress display; it ends when it is dropped.
 #[derive(Debug)]
 pub struct Progress {
     bar: Option<ProgressBar>,
@@ -98,7 +98,7 @@ impl Progress {
         }
     }
 
-    /// Returns the seconds since the start.
+    /// Returns the seconds since the display started.
     pub fn elapsed(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
@@ -155,7 +155,7 @@ pub struct Reading {
     pub total: u64,
     /// Progress of the whole job, from 0 to 1.
     pub overall: f64,
-    /// Rates and remaining time as text.
+    /// Rate and remaining time as text.
     pub message: String,
     /// The whole reading as JSON.
     pub json: Value,

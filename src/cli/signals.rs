@@ -1,5 +1,8 @@
-//! Signals that end a job. The first one asks it to stop and to remove unfinished files. The second
-//! one ends the process at once.
+//! Signals that end a command.
+//!
+//! A job with a monitor ([`watch`]) stops at the first signal and removes its unfinished files. A
+//! second signal does not wait for the job. A command without a monitor ([`end_at_once`]) ends at
+//! the first signal. Before the process ends, its unfinished files are removed.
 
 use std::sync::{
     Arc,
@@ -19,14 +22,14 @@ use crate::{
 };
 
 /// Handles signals until the process ends, for a job that polls the monitor. The first signal is
-/// stored in the monitor; the second ends the process.
+/// stored in the monitor. The second signal removes unfinished files and ends the process.
 ///
 /// # Errors
-/// A handler or thread that the system refuses.
+/// The system refuses the signal handler or the thread.
 pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
     let monitor = Arc::clone(monitor);
     spawn(move |signal| {
-        // The second signal does not wait for the job.
+        // A signal was stored before: the user does not want to wait for the job.
         if monitor.signal.swap(signal, Relaxed) != 0 {
             end(signal);
         }
@@ -37,7 +40,7 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
 /// unfinished files and ends the process.
 ///
 /// # Errors
-/// A handler or thread that the system refuses.
+/// The system refuses the signal handler or the thread.
 pub fn end_at_once() -> Result<()> {
     spawn(|signal| {
         print::note("error: stopped by a signal");
@@ -45,7 +48,7 @@ pub fn end_at_once() -> Result<()> {
     })
 }
 
-/// Ends the process. Besides `main`, this is the only place that does.
+/// Removes unfinished files and ends the process with exit code 128 + `signal`.
 fn end(signal: i32) {
     remove_parts();
     signal_hook::low_level::exit(128 + signal);
@@ -65,14 +68,17 @@ fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     Ok(())
 }
 
-/// Turns a write beyond `ulimit -f` into an ordinary error instead of the end of the process.
+/// Keeps SIGXFSZ from ending the process. A write beyond `ulimit -f` is then an I/O error.
+///
+/// Only the default action of the signal ends the process. With any handler, the write just fails.
+/// The handler here sets a flag that nothing reads.
 pub fn ignore_size_limit_signal() {
     // If the system refuses the handler, the default action stays.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Returns true if the process was started with this signal ignored. False if the system does not
-/// report it.
+/// Returns true if the process was started with this signal ignored. Returns false if the system
+/// does not report ignored signals.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -95,8 +95,8 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
     seconds.ok_or_else(|| "expected seconds above 0, for example 2.5".to_string())
 }
 
-/// Rays per second of one thread, and triangles per second that it reads and builds.
-/// docs/notebook/scaling.md has the measurements. They only decide how many frames a task gets.
+/// Rays that one thread traces per second, and triangles that it reads and builds per second.
+/// docs/notebook/scaling.md has the measurements. The numbers only affect the frames per task.
 const RAYS_PER_SECOND: f64 = 5e6;
 const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 
@@ -137,7 +137,7 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
     print::text(&format!("{array}\n{sheet}\n"))
 }
 
-/// Loads the job exactly as a task will load it.
+/// Loads the job as its tasks will load it.
 fn load(args: &SlurmArgs) -> Result<Job> {
     let found = fs::metadata(&args.job);
     found.map_err(|error| Error::io(&args.job, "read", &error))?;
@@ -210,8 +210,11 @@ struct Needs {
 }
 
 impl Needs {
-    /// Estimates from the headers of all inputs. Inputs that cannot be read are skipped: they fail
-    /// in their task.
+    /// Estimates the memory from the headers of all inputs, and the time from the first input.
+    /// Inputs that cannot be read are skipped: they fail in their task.
+    ///
+    /// # Errors
+    /// The first error, if no input can be read.
     fn of(job: &Job, args: &SlurmArgs) -> Result<Self> {
         let mut needs = Self { memory: 0, frame_seconds: 0.0 };
         let mut first_error = None;
@@ -225,8 +228,8 @@ impl Needs {
             };
             let threads = usize::from(args.cpus);
             let footprint = Footprint::of(scene.backend, threads);
-            // Embree may be missing here and present on the nodes. Then assume half the memory of
-            // meshes and film for it.
+            // Embree may be missing here and present on the nodes. Its memory is then assumed to be
+            // half of the predicted rest.
             let peak = match footprint {
                 Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,
                 Err(_) => prediction.peak_bytes + prediction.peak_bytes / 2,
@@ -249,7 +252,8 @@ impl Needs {
         }
         match first_error {
             Some(error) if needs.memory == 0 => Err(error),
-            // A batch holds up to two meshes: the next one loads while the current one renders.
+            // A batch holds up to two meshes: the next one loads while the current one renders. A
+            // quarter of one is the reserve.
             _ => {
                 needs.memory = needs.memory.saturating_mul(2);
                 needs.memory = needs.memory.saturating_add(needs.memory / 4);
@@ -259,7 +263,8 @@ impl Needs {
     }
 }
 
-/// Returns the median seconds per frame from the journals of earlier runs.
+/// Returns the median seconds per frame from the journals of earlier runs; `None` if there are
+/// none.
 fn median(folder: &Path) -> Option<f64> {
     let mut seconds: Vec<f64> = batch::journal(folder)
         .into_iter()
@@ -282,8 +287,8 @@ fn absolute(path: &Path) -> Result<String> {
     paths::named(&path)
 }
 
-/// Messages of sbatch if the controller does not answer (Slurm's `slurm_errno.c`). The job is not
-/// at fault.
+/// Messages of sbatch if the controller does not answer (Slurm's `slurm_errno.c`). Submitting again
+/// may then help.
 const UNREACHABLE: [&str; 6] = [
     "Unable to contact slurm controller",
     "Communication connection failure",
@@ -293,7 +298,7 @@ const UNREACHABLE: [&str; 6] = [
     "Connection refused",
 ];
 
-/// Submits a job to Slurm and returns its number.
+/// Submits a job to Slurm and returns its id.
 fn submit(words: &[String]) -> Result<String> {
     let output = Command::new("sbatch").args(words).output();
     let output = output.map_err(|error| {

@@ -1,22 +1,23 @@
-//! Makes names and texts from outside safe for a terminal or a log.
+//! Escapes names and texts from outside, so that they are safe for a terminal or a log.
 
 use std::borrow::Cow;
 
 /// Returns `text` on one line without control characters, for terminals and logs.
 ///
 /// Control characters move the cursor. A line break may start a line that a render farm reads as a
-/// command (`openjd_fail:`). Bidirectional control characters show a name in another order. All of
-/// these are escaped as in Rust: `\n`, `\u{1b}`.
+/// command (`openjd_fail:`). Bidirectional embeddings, overrides and isolates show a name in
+/// another order. All of these are escaped as in Rust: `\n`, `\u{1b}`.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_hidden)
 }
 
-/// Escapes a text of several lines. Line breaks are kept.
+/// [`printable`] for a text of several lines: keeps its line breaks.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_hidden(c))
 }
 
-/// Returns true if a terminal does not simply show `c`.
+/// Returns true if [`printable`] escapes `c`: a control character, a line or paragraph separator,
+/// or a bidirectional embedding, override or isolate.
 pub fn is_hidden(c: char) -> bool {
     c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

@@ -1,5 +1,5 @@
-//! The memory that this process can still get. Machine, control groups and the limits of the
-//! process each leave some; the minimum counts.
+//! The memory that this process can still get: the minimum of what the machine, the control groups
+//! and the limits of the process leave.
 
 use std::{
     fs::read_to_string,
@@ -17,14 +17,14 @@ pub fn available_bytes_and_swap() -> Option<u64> {
     available(Path::new("/"), true)
 }
 
-/// Returns the number of bytes, including free swap, beyond which the system kills the process. The
-/// limits of the process itself do not count: beyond them an allocation fails instead.
+/// Returns the number of bytes that the process can still get before the system kills it, including
+/// free swap. The limits of the process itself do not count: beyond them an allocation fails.
 pub fn bytes_before_a_kill() -> Option<u64> {
     let root = Path::new("/");
     [machine(root, true), groups(root)].into_iter().flatten().min()
 }
 
-/// Computes the minimum. `root` is the folder of `/proc` and the control groups.
+/// Returns the minimum over machine, groups and limits. `root` is `/`, or a folder of a test.
 fn available(root: &Path, swap: bool) -> Option<u64> {
     [machine(root, swap), groups(root), limits(root)].into_iter().flatten().min()
 }
@@ -36,7 +36,7 @@ fn machine(root: &Path, swap: bool) -> Option<u64> {
     })
 }
 
-/// Returns the value after `key` in bytes. The file has it in KiB.
+/// Returns in bytes the value after `key`, which the file holds in KiB.
 pub(super) fn kib(file: &Path, key: &str) -> Option<u64> {
     let text = read_to_string(file).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix(key));
@@ -56,7 +56,7 @@ fn limits(root: &Path) -> Option<u64> {
     all.into_iter().flatten().min()
 }
 
-/// The file names of a version of control groups.
+/// File names of one version of control groups.
 struct Version {
     limits: &'static [&'static str],
     current: &'static str,
@@ -98,7 +98,7 @@ fn groups(root: &Path) -> Option<u64> {
 /// A mount of control groups that count memory.
 struct Mount {
     v2: bool,
-    /// The group that appears at the mount point.
+    /// Path of the group that appears at the mount point.
     group: String,
     place: PathBuf,
 }
@@ -118,9 +118,9 @@ impl Mount {
         Some(Self { v2, group: before.next()?.to_string(), place: before.next()?.into() })
     }
 
-    /// Returns the minimum of what the groups from `path` up to the mount leave.
+    /// Returns the minimum of the bytes that the groups from `path` up to the mount point leave.
     fn left(&self, root: &Path, path: &str, version: &Version) -> Option<u64> {
-        // Inside a container the group appears as the root, or not at all.
+        // Inside a container, the process's group is the mount point, or lies outside the mount.
         let below = Path::new(path).strip_prefix(&self.group).unwrap_or(Path::new(""));
         let plain = |part: &Component| matches!(part, Component::Normal(_));
         let below: PathBuf = below.components().filter(plain).collect();
@@ -131,7 +131,7 @@ impl Mount {
 }
 
 impl Version {
-    /// Returns the bytes that one group leaves; `None` if it has no limit.
+    /// Returns the bytes that one group leaves; `None` if the group has no limit.
     fn left(&self, group: &Path) -> Option<u64> {
         let number = |name: &str| -> Option<u64> {
             read_to_string(group.join(name)).ok()?.trim().parse().ok()

@@ -1,10 +1,10 @@
-//! Adaptive sampling: more samples where the error is large, until the error or the time limit is
-//! reached.
+//! Adaptive sampling: more samples where the error is large, until the error is small enough or the
+//! time limit is reached.
 //!
-//! The number of a pixel's samples depends on the other pixels of its tile and on one number of the
-//! whole frame, its brightness. All pixels of the tile count, also where a crop cuts it. So threads
-//! and crops make no difference; only a time limit does. The number does not depend on the pixel's
-//! own samples, so their mean is unbiased.
+//! With a noise target, the number of a pixel's samples depends on the other pixels of its tile and
+//! on the brightness of the whole frame. Where a crop cuts a tile, the whole tile is sampled. So
+//! threads and crops make no difference; only a time limit does. The number does not depend on the
+//! pixel's own samples, so their mean is unbiased.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -26,15 +26,15 @@ use crate::sampler::independent_seed;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
-/// Largest number of pixels that sample the frame's brightness, and the least distance between
-/// them.
+/// Approximate largest number of probes, and the least distance between them in pixels. A probe is
+/// a pixel that samples the frame's brightness.
 const PROBES: f64 = 1024.0;
 const PROBE_DISTANCE: u32 = 4;
 
-/// Heap memory of one pixel's layers beside their sums, in bytes.
+/// Estimated heap memory of one pixel's layers, their sums excluded, in bytes.
 const HELD_BYTES: usize = 256;
 
-/// Memory of one pixel's first plan, in bytes.
+/// Memory of one pixel's first plan in bytes: a number of samples, and sums over its neighbours.
 const PLAN_BYTES: usize = 36;
 
 /// Settings of adaptive sampling. The world's `spp` must equal `most`.
@@ -46,15 +46,16 @@ pub struct Adaptive {
     pub most: u32,
     /// Relative standard error at which a pixel needs no more samples.
     pub noise: Option<f64>,
-    /// What `noise` is relative to.
+    /// Radiance that `noise` is relative to.
     pub relative: Relative,
-    /// Time limit: no pass begins that would end later. The first pass is always taken.
+    /// Time limit: no pass begins that is expected to end later. The first pass is always taken.
     pub time: Option<Duration>,
 }
 
 impl Adaptive {
-    /// Memory per pixel in bytes until its last pass, for a film with `words` words of layers. Only
-    /// a time limit keeps it for all pixels at once; it is 0 without one.
+    /// Returns the bytes per pixel that are kept from the first to the last pass. `words` is the
+    /// number of the film's layer words per pixel. Returns 0 without a time limit: then only the
+    /// tiles in work keep such memory, not all pixels at once.
     pub fn bytes_per_pixel(&self, words: usize) -> u64 {
         let held = if words > 0 { HELD_BYTES + 2 * words * size_of::<f64>() } else { 0 };
         let levels = 1 + (self.most / self.first.max(1)).max(1).ilog2() as usize;
@@ -63,7 +64,7 @@ impl Adaptive {
     }
 }
 
-/// Number of camera samples of a film's pixels.
+/// Statistics of the numbers of camera samples of a film's pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct SampleCounts {
     /// Fewest samples of a pixel.
@@ -158,8 +159,8 @@ impl Job<'_> {
         tiles.into_par_iter().map(render).reduce_with(join)
     }
 
-    /// Renders in passes over the whole film. Each pass is as large as the remaining time allows,
-    /// so the last ones are small.
+    /// Renders in passes over the whole film. Each pass is as large as the remaining time allows.
+    /// So the last passes are small.
     fn in_time<R: Record + Send>(
         &self,
         time: Duration,
@@ -170,7 +171,8 @@ impl Job<'_> {
         let make = |tile| Work::new(self, tile, record());
         let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
         let mut rays = RayCounts::default();
-        // How often the size of the next passes is halved, from a pass that doubles the samples.
+        // A pass takes 2^-shift of a doubling of the samples. Once a whole doubling does not fit
+        // into the remaining time, no further doubling is chosen.
         let mut shift = 0;
         loop {
             let (begun, wanted) = (Instant::now(), wanted(&all));
@@ -206,8 +208,9 @@ impl Job<'_> {
         Some((rays, taken, dropped))
     }
 
-    /// Mean radiance of the frame, over a grid of its pixels, and the rays this took. Its samples
-    /// are independent of the picture's, because the picture's sample counts depend on it.
+    /// Returns the mean radiance of a grid of the frame's pixels, and the number of rays traced for
+    /// it. The picture's sample counts depend on this mean. So the mean has samples of its own,
+    /// which are independent of the picture's samples.
     fn brightness(&self) -> (f64, RayCounts) {
         let world = self.integrator.world;
         let other = World { seed: independent_seed(world.seed), ..world.clone() };
@@ -249,7 +252,7 @@ impl Job<'_> {
     }
 }
 
-/// A tile between its passes.
+/// A tile with its samples so far.
 struct Work<'f, R: Record> {
     tile: Tile<'f>,
     record: R,
@@ -273,7 +276,7 @@ impl<'f, R: Record> Work<'f, R> {
         }
     }
 
-    /// Chooses the pixels that take more samples: the pixels below their plan, or all without a
+    /// Starts the next doubling: of the pixels below their plan, or of all pixels if there is no
     /// goal.
     fn choose(&mut self, job: &Job) {
         match &job.goal {
@@ -284,8 +287,8 @@ impl<'f, R: Record> Work<'f, R> {
         }
     }
 
-    /// Writes the pixels. Writes nothing if the job was stopped, because pixels may have no samples
-    /// then.
+    /// Writes the pixels to the film. Writes nothing if the job was stopped: pixels may then have
+    /// no samples. The mean in the returned counts is still a sum over the pixels.
     fn finish(mut self, monitor: &Monitor) -> (SampleCounts, Dropped) {
         if monitor.stopped() {
             return Default::default();
@@ -302,19 +305,19 @@ impl<'f, R: Record> Work<'f, R> {
     }
 }
 
-/// Number of samples of the next pass, over all tiles.
+/// Returns the number of samples that the next pass takes, over all tiles.
 fn wanted<R: Record>(all: &[Work<R>]) -> u64 {
     all.iter().map(|work| work.passes.wanted()).sum()
 }
 
-/// Halves the next pass `shift` times and returns its number of samples.
+/// Sets the next pass to 2^-shift of the doubling, and returns its number of samples.
 fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
     all.par_iter_mut().for_each(|work| work.passes.want(shift));
     wanted(all)
 }
 
-/// The whole tile of the frame in which `part` lies. If the tile extends beyond the camera's frame,
-/// the part inside the frame or the part beyond it.
+/// Returns the whole tile of the absolute grid in which `part` lies. An edge of the camera's frame
+/// may cut the tile. Then the result is the piece on the same side of the edge as `part`.
 fn whole(part: Window, world: &World) -> Window {
     let limit = limit(world, part);
     let cut = |from: u32, axis: usize| {

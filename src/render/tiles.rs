@@ -3,12 +3,13 @@
 use crate::film::{Film, Window};
 use crate::integrate::TILE;
 
-/// Number of pixels of a window.
+/// Returns the number of pixels of a window.
 pub fn pixels(w: Window) -> u64 {
     u64::from(w.width()) * u64::from(w.height())
 }
 
-/// A tile and its pixels: disjoint pieces of the film's rows.
+/// A tile, with the pieces of the film's rows that it covers. The tiles' pieces are disjoint, so
+/// threads can write them at the same time.
 pub struct Tile<'f> {
     pub window: Window,
     pub rows: Vec<&'f mut [[f32; 4]]>,
@@ -16,7 +17,7 @@ pub struct Tile<'f> {
 }
 
 /// Cuts the film along the frame's absolute tile grid, and at the right and bottom end of the
-/// camera's frame.
+/// camera's frame. So no tile holds pixels of both the frame and its overscan.
 pub fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
     let window = film.window;
     let cuts = |from: u32, to: u32, end: u32| {
@@ -46,7 +47,7 @@ pub fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
                 row = rest;
             }
         }
-        // Empty without layers.
+        // A film without layers has no rows of words.
         for mut row in words.by_ref().take((y1 - y0) as usize) {
             for tile in &mut tiles[first..] {
                 let (piece, rest) = row.split_at_mut(tile.window.width() as usize * stride);

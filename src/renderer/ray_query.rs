@@ -1,4 +1,4 @@
-//! Rays of a library's user in world space: packed by 16, traced, and returned as hits.
+//! Traces the rays of a library's user: packs 16 rays at a time, and returns hits in world space.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -10,36 +10,37 @@ use crate::shading::Owner;
 
 /// A ray `origin + t direction`, with t in (`t_min`, `t_max`), in world space.
 ///
-/// The origin is rounded to f32 relative to the scene's origin before the ray is traced, and so is
-/// the direction. A ray with a NaN or without a direction hits nothing.
+/// Before the ray is traced, its direction and its origin relative to the scene's origin are
+/// rounded to f32. A ray hits nothing if its origin, direction or `t_max` has a NaN, if its origin
+/// or direction is infinite, or if its direction has no length in f32.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Where the ray starts.
     pub origin: [f64; 3],
     /// Direction, of any length > 0.
     pub direction: [f64; 3],
-    /// Start of the segment, >= 0.
+    /// Start of the segment, >= 0. A negative value or NaN counts as 0.
     pub t_min: f64,
     /// End of the segment; may be infinite.
     pub t_max: f64,
-    /// Scene-wide number of the primitive that the ray leaves.
+    /// Scene-wide index of the primitive that the ray leaves, or [`NONE`].
     leaving: u32,
-    /// `origin` relative to the scene's origin, if it is a point of [`Hit::ray`]. The way through
-    /// world space could round it to the other side of the surface.
+    /// `origin` relative to the scene's origin, if the ray is from [`Hit::ray`]. Converting it to
+    /// world space and back could round it to the other side of the surface.
     outside: Option<[f32; 3]>,
 }
 
 impl Ray {
-    /// A ray from `origin` without end.
+    /// Makes a ray from `origin` without end.
     pub fn new(origin: [f64; 3], direction: [f64; 3]) -> Self {
         let (t_min, t_max) = (0.0, f64::INFINITY);
         Self { origin, direction, t_min, t_max, leaving: NONE, outside: None }
     }
 
-    /// The segment between two points. It is occluded if one does not see the other.
+    /// Makes the segment between two points, with t from 0 to 1.
     ///
-    /// The points themselves are rounded. So a surface that contains one of them may occlude it;
-    /// [`Hit::ray`] has no such error at its start.
+    /// The points are rounded. So a surface that contains one of them may occlude the segment. A
+    /// ray from [`Hit::ray`] has no such error at its start.
     pub fn between(from: [f64; 3], to: [f64; 3]) -> Self {
         let direction = DVec3::from(to) - DVec3::from(from);
         Self { t_max: 1.0, ..Self::new(from, direction.to_array()) }
@@ -49,29 +50,30 @@ impl Ray {
 /// The closest hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Ray parameter of the hit, in units of the ray's direction; rounded to f32.
+    /// Ray parameter of the hit, in lengths of the ray's direction; rounded to f32.
     pub t: f64,
-    /// The point that was hit, in world space; rounded to f32 relative to the scene's origin.
+    /// Hit point in world space; rounded to f32 relative to the scene's origin.
     pub point: [f64; 3],
-    /// Unit normal of the surface, on the side that the ray comes from. It is not interpolated.
+    /// Geometric unit normal, on the side that the ray comes from. It is not interpolated.
     pub normal: [f64; 3],
     /// Index of the shape: the shapes of the scene in their order, then the meshes from memory.
     pub shape: usize,
-    /// Index of the triangle in the shape's mesh; 0 for other shapes.
+    /// Index of the triangle in the shape's mesh. For a mesh drawn as points, the index of the
+    /// point if the scene has no other sphere, else 0. For other shapes 0.
     pub primitive: usize,
     /// Barycentric weights of the second and third corner of the triangle; 0 on a sphere.
     pub barycentric: [f64; 2],
-    /// The point, rounded to the outside of the surface, relative to the scene's origin.
+    /// Hit point relative to the scene's origin, rounded to the side that the ray comes from.
     outside: [f32; 3],
     /// The scene's origin in world space.
     scene_origin: [f64; 3],
-    /// Scene-wide number of the primitive.
+    /// Scene-wide index of the primitive.
     leaving: u32,
 }
 
 impl Hit {
-    /// A ray that leaves the surface here, to the side that the first ray came from. It does not
-    /// hit the same surface again, and needs no epsilon.
+    /// Makes a ray that leaves the surface at this hit. Its origin lies on the side that the first
+    /// ray came from. The ray does not hit the surface at its own origin, and needs no epsilon.
     pub fn ray(&self, direction: [f64; 3]) -> Ray {
         let origin = in_world(self.outside, self.scene_origin.into());
         let outside = Some(self.outside);
@@ -80,14 +82,14 @@ impl Hit {
 }
 
 impl Renderer<'_> {
-    /// Finds the closest hit of each ray; `None` for a miss. Uses the threads of the current rayon
-    /// pool. Shapes that camera rays cannot hit (`visible`) do not count.
+    /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
+    /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         rays.par_chunks(LANES).flat_map_iter(|rays| self.closest_of_packet(rays)).collect()
     }
 
-    /// Whether each ray hits anything. Faster than [`Renderer::closest`]. Shapes that cast no
-    /// shadow (`visible`) do not count.
+    /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that
+    /// cast no shadow (`visible`) do not count.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let packets = rays.par_chunks(LANES);
         packets
@@ -114,7 +116,7 @@ impl Renderer<'_> {
         lanes.collect()
     }
 
-    /// The hit of lane `i`, which must have one.
+    /// Returns the hit of lane `i`, which must have a hit.
     fn hit(&self, packet: &RayPacket, surfaces: &Surfaces, i: usize) -> Hit {
         let origin = self.geometry().origin;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
@@ -140,18 +142,18 @@ impl Renderer<'_> {
     }
 }
 
-/// World space coordinates of a point relative to the scene's origin.
+/// Converts a point from coordinates relative to the scene's origin to world space.
 fn in_world(point: [f32; 3], origin: DVec3) -> [f64; 3] {
     (Vec3::from(point).as_dvec3() + origin).to_array()
 }
 
-/// Makes a packet of at most 16 rays, and the set of those that can hit anything.
+/// Packs at most 16 rays. Returns the lanes whose rays can hit anything, and the packet.
 fn pack(rays: &[Ray], origin: DVec3) -> (Mask, RayPacket) {
     let mut packet = RayPacket::EMPTY;
     let mut active = Mask::NONE;
     for (i, ray) in rays.iter().enumerate() {
         active.0[i] = -1;
-        // A caller may have moved the origin since.
+        // `origin` is public: the caller may have changed it since `Hit::ray`.
         let outside = ray.outside.filter(|&outside| in_world(outside, origin) == ray.origin);
         let start = outside.map_or((DVec3::from(ray.origin) - origin).as_vec3(), Vec3::from);
         packet.rays.set(i, start, DVec3::from(ray.direction).as_vec3());

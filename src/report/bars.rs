@@ -102,7 +102,7 @@ fn draw(svg: &mut Svg, bar: &Bar, color: &str, y: f64, x: &impl Fn(f64) -> f64) 
     }
 }
 
-/// The number of a tick without trailing zeros.
+/// Formats the value of a tick without trailing zeros.
 fn axis(tick: f64) -> String {
     let text = number(tick);
     match text.contains('.') {

@@ -15,14 +15,14 @@ pub struct LineChart {
     pub lines: Vec<ChartLine>,
     /// Single points for each line, drawn in its colour. Both coordinates > 0.
     pub dots: Vec<Vec<[f64; 2]>>,
-    /// A marked height > 0 with its label.
+    /// Value > 0 on the vertical axis that a horizontal line marks, and the label of the line.
     pub level: Option<(f64, String)>,
 }
 
 /// One line of the chart.
 #[derive(Debug, Clone)]
 pub struct ChartLine {
-    /// Its name in the legend.
+    /// Name of the line in the legend.
     pub name: String,
     /// Points (x, y) from left to right, both coordinates > 0.
     pub points: Vec<[f64; 2]>,

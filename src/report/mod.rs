@@ -1,4 +1,5 @@
-//! Charts and pages: plain numbers become SVG charts, and these one self-contained HTML file.
+//! Charts and pages: draws numbers as SVG charts, and writes them into one self-contained HTML
+//! file.
 
 mod bars;
 mod lines;

@@ -41,7 +41,7 @@ impl Ratios {
             return String::new();
         }
         let widest = self.rows.iter().map(|r| text_width(&r.label)).fold(0.0, f64::max);
-        // Red text is bold, and so up to a quarter wider.
+        // Red text is bold, so it is up to a quarter wider.
         let bold_factor = |r: &Ratio| if r.wrong.is_some() { 1.25 } else { 1.0 };
         let texts = self.rows.iter().map(|r| text_width(&r.text()) * bold_factor(r));
         let rightmost = texts.fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! The colour scale of a map.
+//! The scale of a colour map: a row of colours with ticks.
 
 use super::svg::{AXIS, Anchor, Svg};
 

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 /// Colours of the backends in order.
 ///
-/// They are distinguishable with most kinds of colour blindness. The palette is that of Okabe and
-/// Ito 2008 with a darker yellow, and without its red, which marks wrong values.
+/// They are distinguishable with most kinds of colour blindness. The palette is from Okabe and Ito
+/// 2008, with a grey added and a darker yellow. Its red is left out: red marks wrong values.
 pub const COLORS: [&str; 8] =
     ["#7f8c9b", "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", INK, "#d6c400"];
 
@@ -34,7 +34,7 @@ pub struct Svg {
     body: String,
 }
 
-/// Which part of a text is at its point.
+/// Position of a text relative to its point.
 #[derive(Debug, Clone, Copy)]
 pub enum Anchor {
     /// The text begins at the point.

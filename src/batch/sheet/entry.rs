@@ -1,4 +1,4 @@
-//! Collects what the files and journals of a batch tell about each input.
+//! Collects the state of each input of a batch from its files and journals.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -21,7 +21,7 @@ use crate::{
 /// State of one input of a job.
 #[derive(Debug, Clone, Default)]
 pub struct SheetEntry {
-    /// Position in the job.
+    /// Index of the input in the job.
     pub number: usize,
     /// Path of the input.
     pub input: String,
@@ -31,7 +31,8 @@ pub struct SheetEntry {
     pub of: u32,
     /// Record of reading and building, if a journal has one.
     pub mesh: Option<MeshRecord>,
-    /// Failures that no later run has resolved, by frame. The key `None` stands for all frames.
+    /// Failures that no later record has resolved, by frame. The key `None` is a failure of the
+    /// whole input; a rendered or kept frame resolves it.
     pub failures: BTreeMap<Option<u32>, String>,
 }
 

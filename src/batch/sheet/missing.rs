@@ -11,7 +11,8 @@ use super::entry::SheetEntry;
 /// Returns one problem per input that lacks frames. The result is empty if the files of every frame
 /// exist and are complete.
 ///
-/// The reason is the last failure in the journals. A task that was killed leaves no reason.
+/// The reason is the first line of a failure in the journals: of the whole input, else of the frame
+/// with the lowest index. A task that was killed leaves no reason.
 pub fn missing(job: &Job) -> Vec<Problem> {
     let entries = SheetEntry::all(job, &journal::read(&job.folder));
     let problem = |entry: &SheetEntry| {

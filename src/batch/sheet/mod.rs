@@ -1,5 +1,5 @@
-//! The contact sheet: an overview of a batch's pictures. It consists of `index.html`, a single file
-//! without dependencies, and `sheet.png`.
+//! The contact sheet: an overview of a batch's pictures. It consists of `index.html`, which needs
+//! no other file to show thumbnails, and of `sheet.png` (`sheet.2.png`... for many inputs).
 
 mod entry;
 mod missing;
@@ -30,7 +30,8 @@ use thumbnails::Strip;
 
 /// File name of the page.
 const PAGE: &str = "index.html";
-/// Maximum number of thumbnails on the page. Few inputs get more frames each, many inputs fewer.
+/// Number of thumbnails on the page to aim for: the more inputs, the fewer frames of each are
+/// shown. Each input gets at least one, so a page of more inputs exceeds it.
 const MAX_THUMBNAILS: usize = 20_000;
 /// Maximum number of thumbnails of one input.
 const MAX_FRAMES: usize = 24;

@@ -108,7 +108,8 @@ fn card(html: &mut String, job: &Job, entry: &SheetEntry, strip: Option<&Strip>)
     html.push_str("</article>\n");
 }
 
-/// Shows one frame as a link to its file. The mouse or the slider selects other frames.
+/// Writes the thumbnail of one frame as a link to its file. The mouse or the slider selects another
+/// frame.
 fn picture(html: &mut String, job: &Job, entry: &SheetEntry, strip: &Strip) {
     let count = strip.frames.len();
     let (width, height) = strip.first.dimensions();

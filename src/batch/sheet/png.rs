@@ -85,7 +85,7 @@ impl Sheet {
         let text: String = text.chars().take(most).collect();
         let at = Point::new(x as i32, y as i32);
         let text = Text::with_baseline(&text, at, MonoTextStyle::new(FONT, ink), Baseline::Top);
-        // Drawing into memory cannot fail.
+        // Drawing into memory cannot fail: the error type has no values.
         let _ = text.draw(self);
     }
 

@@ -16,11 +16,11 @@ const QUALITY: u8 = 82;
 /// Thumbnails of one input's frames, from left to right.
 #[derive(Debug, Clone)]
 pub struct Strip {
-    /// The thumbnails of all frames as one JPEG file.
+    /// The thumbnails side by side, as one JPEG file.
     pub jpeg: Vec<u8>,
-    /// Numbers of the frames.
+    /// Indices of the frames that have a thumbnail, from left to right.
     pub frames: Vec<u32>,
-    /// Thumbnail of the first frame.
+    /// Thumbnail of the first of these frames.
     pub first: RgbImage,
 }
 
@@ -39,7 +39,8 @@ impl Strip {
             }
         }
         let (width, height) = thumbnails.first()?.1.dimensions();
-        // A frame of another size belongs to another job.
+        // The strip has cells of one size, so frames of another size are left out: frames of
+        // another job, or of cameras with another picture size.
         thumbnails.retain(|(_, picture)| picture.dimensions() == (width, height));
         let mut image = RgbImage::new(width * thumbnails.len() as u32, height);
         for (i, (_, picture)) in thumbnails.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! `lightpath accuracy`: runs the hard cases on every backend; writes a table, JSON and pages.
+//! `lightpath accuracy`: traces a catalogue of hard cases on every backend; writes a table, JSON
+//! and pages.
 
 pub mod args;
 mod markdown;
@@ -21,7 +22,7 @@ use super::{machine, print, signals};
 
 use self::args::AccuracyArgs;
 
-/// Factor from the rays of `--quick` to those of `--full`.
+/// Number of rays of `--full` relative to `--quick`.
 const FULL: u64 = 400;
 
 /// Runs the catalogue of hard cases, or the selected ones.

@@ -7,7 +7,8 @@ use crate::units;
 /// Width of the case names on the terminal.
 const NAME: usize = 40;
 
-/// Formats a number of failures: `0`, `1,234`, with a mark if it fails the run.
+/// Formats a number of failures: `0`, `1,234`, or `-` without rays. ` MISSED` follows if the
+/// backend misses the mark of the case.
 pub fn failures(entry: &BackendCounts) -> String {
     let missed = if entry.missed.is_some() { " MISSED" } else { "" };
     match entry.rays {

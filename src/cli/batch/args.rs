@@ -82,7 +82,7 @@ pub struct FrameArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "turntable", value_hint = ValueHint::AnyPath)]
     pub cameras: Option<PathBuf>,
 
-    /// With --cameras: leave the distortion of the lenses out
+    /// With --cameras: ignore the distortion of the lenses
     #[arg(long)]
     pub undistort: bool,
 
@@ -166,7 +166,7 @@ pub struct RunArgs {
     pub sheet_only: bool,
 }
 
-/// Writes the help of [`PlacementArgs`] for many meshes.
+/// Rewords the help of [`PlacementArgs`] for many meshes.
 fn of_meshes(arg: Arg) -> Arg {
     let help = match arg.get_id().as_str() {
         "up" => "Which axis of the meshes points up [default: y]",

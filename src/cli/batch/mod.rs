@@ -94,7 +94,10 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     verdict(&job, outcome)
 }
 
-/// Fails if frames are missing, and lists the reasons.
+/// Checks that no frame is missing.
+///
+/// # Errors
+/// `Check`, with one problem per input that lacks frames.
 fn complete(job: &Job) -> Result<()> {
     let mut problems = sheet::missing(job);
     let message = format!("{} of {} inputs lack frames:", problems.len(), job.inputs.len());
@@ -115,7 +118,7 @@ fn about(input: &str, problem: &Problem) -> Problem {
     Problem { place, ..problem.clone() }
 }
 
-/// Turns the outcome of a run into its error, which lists all failures again.
+/// Turns the outcome of a run into a result. The error lists all failures again.
 fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     if let Some(signal) = outcome.signal {
         let message = "stopped by a signal; finished frames stay";
@@ -125,7 +128,7 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     if outcome.failures.is_empty() {
         return Ok(());
     }
-    // Retry if every failure may go away by itself.
+    // A retry of the batch can help only if every failure may be temporary.
     let retry = outcome.failures.iter().all(|(_, error)| error.kind == Kind::Retry);
     let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
     inputs.dedup();
@@ -299,7 +302,7 @@ fn set_output(file: &mut JobFile, output: Option<&Path>) -> Result<()> {
     Ok(())
 }
 
-/// Lists the frames of a run, one JSON object per line.
+/// Prints the frames of a run, one JSON object per line.
 fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
     for task in tasks {

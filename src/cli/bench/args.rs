@@ -45,7 +45,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u16).range(1..=500))]
     pub rounds: Option<u16>,
 
-    /// A small picture, few rays, few rounds: shows that it works, not how fast it is
+    /// Use a small picture, few rays and few rounds: to test the command, not the speed
     #[arg(long, conflicts_with_all = ["seconds", "rounds", "rays", "size"])]
     pub quick: bool,
 

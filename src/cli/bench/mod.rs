@@ -1,4 +1,4 @@
-//! `lightpath bench`: measures scenes on a set of backends; writes a table, JSON and a page.
+//! `lightpath bench`: times several backends on the same rays; writes tables, JSON and a page.
 
 pub mod args;
 mod page;
@@ -172,7 +172,7 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     })
 }
 
-/// Returns the default backends: Embree and our tree, or our tree alone where Embree is missing.
+/// Returns the default backends: `embree` and `bvh`, or `bvh` alone where Embree is missing.
 fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>> {
     let both = ["embree", "bvh"].map(|name| TestedBackend::parse("--backends", name, isa));
     let both = both.into_iter().collect::<Result<_>>()?;
@@ -194,7 +194,10 @@ fn read_baseline(path: &Path) -> Result<BenchReport> {
     Ok(report)
 }
 
-/// Fails if our own tree gave wrong answers. Wrong answers of other backends are only reported.
+/// Checks that `bvh` gave no wrong answers. Wrong answers of other backends are only reported.
+///
+/// # Errors
+/// `Check`, with one problem per scene and backend.
 fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
     let mut problems = Vec::new();
     for scene in &report.scenes {

@@ -77,7 +77,7 @@ fn cells(rows: Vec<Vec<String>>) -> Vec<Vec<Cell>> {
     rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect()
 }
 
-/// Summarizes the result of a scene in sentences.
+/// Summarises the results of a scene in sentences. True marks wrong answers.
 fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
     let mut findings = Vec::new();
     let first = &scene.backends[0].name;
@@ -182,7 +182,7 @@ fn memory(scene: &SceneResult) -> String {
     .svg()
 }
 
-/// Charts nodes and primitives per ray, for the backends that count them.
+/// Charts visited nodes and primitives per ray, for the backends that count them.
 fn visits(scene: &SceneResult) -> String {
     let rows: Vec<&TimingRow> =
         scene.rows.iter().filter(|r| r.what == WorkKind::Rays && r.threads == 1).collect();

@@ -158,7 +158,7 @@ fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows
 }
 
-/// Names what a row times, with the unit of its rate.
+/// Returns the label of a row: what it times, with the unit of its rate.
 fn label(row: &TimingRow) -> String {
     match row.what {
         WorkKind::Build => "build (triangles)".into(),

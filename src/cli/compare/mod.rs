@@ -124,6 +124,9 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
 }
 
 /// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.
+///
+/// # Errors
+/// A threshold for a metric that no compared layer has.
 fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Vec<String>> {
     let mut failed = Vec::new();
     for layer in &found.layers {
@@ -154,7 +157,8 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
     Ok(failed)
 }
 
-/// Refuses outputs that would overwrite inputs or each other, and error maps that are no PNG.
+/// Refuses outputs that would overwrite inputs or each other, and names of error maps that do not
+/// end in `.png`.
 fn check_outputs(args: &CompareArgs) -> Result<()> {
     let is_png = |path: &PathBuf| {
         path.starts_with("/dev")

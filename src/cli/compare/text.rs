@@ -84,7 +84,7 @@ pub fn number(metric: Metric, value: f64) -> String {
     }
 }
 
-/// Says which of the two files is grey, if the other one has colours.
+/// Returns a note on which file has a grey layer, if that of the other file has colours.
 pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let who = match [layer.test.is_grey(), layer.reference.is_grey()] {
         [true, false] => &args.test,
@@ -94,7 +94,7 @@ pub fn grey(args: &CompareArgs, layer: &Compared) -> Option<String> {
     Some(format!("{} is grey: its Y is taken for R, G and B alike", shown(who)))
 }
 
-/// Says how large the error from rounding to half floats alone may be.
+/// Returns a note on the error that rounding to half floats alone may cause, if a file holds them.
 pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let floor = layer.floor?;
     let who = match layer.half {
@@ -108,7 +108,8 @@ pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
     ))
 }
 
-/// Says which pixels are not finite; empty if all are.
+/// Formats how many pixels of each file are not finite, and the first of them. Empty if all are
+/// finite.
 pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
     let Some(NonFinite { pixels: [a, b], first: [x, y] }) = layer.non_finite else {
         return String::new();

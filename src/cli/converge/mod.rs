@@ -29,7 +29,7 @@ use super::{
 
 use self::args::ConvergeArgs;
 
-/// Default samples on area lights.
+/// Default numbers of samples on area lights.
 const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 
 /// Runs the study of one scene.
@@ -134,12 +134,12 @@ fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Stud
     Ok(StudyGrid { backend_count, samplers, spp: sorted(&args.spp), light_samples })
 }
 
-/// Reads the seed from the EXR header of a picture of this program.
+/// Reads the seed from the header of an EXR; `None` if this program did not write the file.
 fn seed_of(path: &Path) -> Option<i64> {
     exr_read::ExrReader::open(path).ok()?.attribute("lightpath:seed")?.parse().ok()
 }
 
-/// Reads a reference: the light of an EXR that has the scene's size.
+/// Reads a reference: R, G, B of an EXR that has the scene's size.
 fn read_reference(path: &Path, scene: &Scene) -> Result<PictureLayer> {
     let place = || path.display().to_string();
     let picture = Picture::read(path)?;

@@ -42,8 +42,8 @@ fn answer(report: &StudyReport) -> Section {
     }
 }
 
-/// Returns backends and samplers, with `random` first: the first colour of a chart is drawn in the
-/// background.
+/// Returns the pairs of backend and sampler, those with `random` first: later lines of a chart are
+/// drawn over earlier ones.
 fn compared(report: &StudyReport) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for point in &report.points {
@@ -180,7 +180,7 @@ fn layer(values: &[f32], crop: Crop) -> PictureLayer {
     }
 }
 
-/// Encodes values as a PNG with the tone curve of the reference.
+/// Encodes values as a PNG, divided by the largest value of `reference`.
 fn eight_bits(values: &[f32], reference: &[f32], crop: Crop) -> Vec<u8> {
     let opaque = reference.chunks_exact(3).map(|p| [p[0], p[1], p[2], 1.0]);
     let tonemap = Tonemap { operator: ToneOperator::Max, exposure: 0.0, srgb: true };

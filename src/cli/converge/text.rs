@@ -50,7 +50,7 @@ pub fn reference(report: &StudyReport) -> String {
     printable(&line).into_owned()
 }
 
-/// Summarizes the results in sentences.
+/// Summarises the results in sentences.
 pub fn findings(report: &StudyReport) -> Vec<String> {
     let mut findings = reached(report, 4);
     for series in headline(report) {
@@ -103,7 +103,7 @@ pub fn reached(report: &StudyReport, most: usize) -> Vec<String> {
     lines.collect()
 }
 
-/// Returns the pair of samplers whose number of samples is closest to `samples`.
+/// Returns the error ratio of the samplers at the number of samples closest to `samples`.
 pub fn ratio_near(
     report: &StudyReport,
     samples: u64,
@@ -111,10 +111,10 @@ pub fn ratio_near(
     report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 
-/// Returns the series whose slopes can be compared because they vary the same parameter.
+/// Returns series whose slopes can be compared because they keep the same parameter fixed.
 ///
-/// Prefers the kind for which most backends have a slope, then the kind with the most points,
-/// then the first one.
+/// Of several such groups, returns the group with the most slopes, then with the most points, then
+/// the first.
 pub fn headline(report: &StudyReport) -> Vec<&Series> {
     let mut best: Vec<&Series> = Vec::new();
     let size = |of: &[&Series]| (of.len(), of.iter().map(|s| s.points.len()).sum::<usize>());
@@ -129,7 +129,7 @@ pub fn headline(report: &StudyReport) -> Vec<&Series> {
 }
 
 /// Returns the names of backends and samplers that have no slope in [`headline`]. Empty if no
-/// series has one.
+/// series has a slope.
 fn without_slope(report: &StudyReport) -> Vec<String> {
     let shown = headline(report);
     if shown.is_empty() {

@@ -42,7 +42,8 @@ pub struct CrosscheckArgs {
     #[command(flatten)]
     pub overrides: SetArgs,
 
-    /// Save the first wrong answers of each backend, kind and class of rays, with their packets
+    /// Save the first wrong answers, by backend, kind of error and class of rays, with their
+    /// packets
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
 

@@ -1,4 +1,4 @@
-//! `lightpath crosscheck`: judges every backend's answers, ray by ray, by the oracle.
+//! `lightpath crosscheck`: compares every backend's answers, ray by ray, with the oracle's.
 
 pub mod args;
 mod text;
@@ -44,7 +44,7 @@ const MAX_REPLAY_BYTES: u64 = 64 << 20;
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Saved {
-    /// The scene with overrides; its paths are relative to the file's folder.
+    /// The scene with overrides. Its paths are relative to the folder of the saved file.
     scene: Value,
     findings: Vec<Finding>,
 }
@@ -62,6 +62,9 @@ pub fn run(args: &CrosscheckArgs) -> Result<()> {
 }
 
 /// Converts backend names and drops duplicates; `None` if no names are given.
+///
+/// # Errors
+/// A single backend: there is nothing to compare it with.
 fn backends(
     names: Option<&[written::Accelerator]>,
     isa: Isa,
@@ -82,7 +85,7 @@ fn backends(
     Ok(Some(backends))
 }
 
-/// All backends that can be compared. Our tree uses the kernels of `isa`.
+/// Returns all backends that can be compared. `bvh` uses the kernels of `isa`.
 fn all_backends(isa: Isa) -> Result<Vec<TestedBackend>> {
     let names = ["embree", "bvh", "coursework", "brute"];
     names.into_iter().map(|name| TestedBackend::parse("--backends", name, isa)).collect()
@@ -109,7 +112,8 @@ struct Built<'g> {
 }
 
 impl<'g> Built<'g> {
-    /// Builds the backends that the user names, or all that can run here.
+    /// Builds the backends `asked` for; for `None`, all that can run here. The oracle is always
+    /// built.
     fn new(
         world: &'g World,
         asked: Option<Vec<TestedBackend>>,

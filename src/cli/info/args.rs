@@ -21,7 +21,8 @@ pub struct InfoArgs {
     #[arg(long)]
     pub no_mmap: bool,
 
-    /// Cameras as of `batch --cameras`: prints where they stand, and how much of each mesh they see
+    /// List of cameras, as for `batch --cameras`: print their positions, and how much of each mesh
+    /// they see
     #[arg(long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     pub cameras: Option<PathBuf>,
 

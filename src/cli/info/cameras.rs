@@ -24,16 +24,16 @@ use crate::{
 
 use super::{args::InfoArgs, facts::Facts};
 
-/// Cameras that are listed in the text; JSON lists all.
+/// Maximum number of cameras that the text lists; JSON lists all.
 const LISTED: usize = 12;
 
-/// What a camera sees of the mesh.
+/// How much of the mesh a camera sees.
 struct Coverage {
     image: String,
     size: [u32; 2],
-    /// Faces that at least one pixel sees.
+    /// Number of faces that at least one of its rays hits: one ray per pixel.
     faces: u64,
-    /// Area of these faces, relative to the mesh.
+    /// Area of these faces, relative to the area of the mesh.
     area: f64,
 }
 
@@ -127,7 +127,7 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     Ok(())
 }
 
-/// Refuses a file that is no mesh.
+/// Makes the error for a file that is not a mesh.
 pub fn refuse(path: &Path) -> Error {
     let message = format!("found with {}, expected with a PLY mesh", path.display());
     Error::invalid("--cameras", message)
@@ -141,7 +141,7 @@ fn areas(world: &World) -> Vec<f64> {
     corners.map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).collect()
 }
 
-/// Adds where the cameras stand and where they look.
+/// Adds the bounds of the cameras' positions, and the spread of their view directions.
 fn spread(cameras: &[Camera], facts: &mut Facts) {
     let low = cameras.iter().fold(DVec3::INFINITY, |low, camera| low.min(camera.position));
     let high = cameras.iter().fold(DVec3::NEG_INFINITY, |high, camera| high.max(camera.position));
@@ -169,7 +169,7 @@ fn spread(cameras: &[Camera], facts: &mut Facts) {
     }
 }
 
-/// Adds the distances from the cameras to the middle of the mesh.
+/// Adds the smallest and largest distance of a camera from the middle of the mesh.
 fn distances(cameras: &[Camera], world: &World, facts: &mut Facts) {
     let Some(mesh) = world.geometry.meshes.first() else { return };
     let points = || mesh.vertices().iter().map(|&v| doubles(v));
@@ -183,7 +183,8 @@ fn distances(cameras: &[Camera], world: &World, facts: &mut Facts) {
     facts.add("distance", json!([near, far]), line);
 }
 
-/// Focal length in pixels, of cameras that have one.
+/// Returns the focal length in pixels, of a calibrated camera the horizontal one. `None` for a
+/// camera without focal length.
 fn focal_length(camera: &Camera) -> Option<f64> {
     match &camera.projection {
         Projection::Perspective { fov_deg, .. } => {

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use crate::{error::printable, units, world::Detail};
 
-/// Formats the detail of a mesh as one line of text; `of` names the object.
+/// Formats the resolution of a mesh in single precision as one line; `of` follows the first word.
 pub fn resolution_line(detail: &Detail, of: &str) -> String {
     let Detail { ulp, shortest_edge, collapsed_edges } = detail;
     let lost = match collapsed_edges {
@@ -38,14 +38,14 @@ impl Facts {
         }
     }
 
-    /// Adds a number of things. The text leaves out zeros.
+    /// Adds a count of `what`. A count of zero adds only JSON.
     pub fn add_count(&mut self, key: &str, count: u64, what: &str) {
         let line =
             if count == 0 { String::new() } else { format!("{} {what}", units::count(count)) };
         self.add(key, count.into(), line);
     }
 
-    /// Takes the lines collected so far, preceded by the file's name the first time.
+    /// Takes the lines collected so far. The first call puts the file's name before them.
     pub fn begin(&mut self, path: &Path) -> String {
         let lines = std::mem::take(&mut self.lines);
         let name = match std::mem::replace(&mut self.begun, true) {

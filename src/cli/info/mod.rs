@@ -1,7 +1,8 @@
 //! `lightpath info`: describes files and checks whether they would render.
 //!
-//! The first bytes decide the type of a file, not its name. An invalid file does not hide the next
-//! one: all files are checked, and all errors are reported at the end.
+//! The first bytes of a file decide its type. If they are not those of a PLY or EXR file, an ending
+//! such as `.ply.gz` makes it a mesh, and any other file is a scene. All files are checked, also
+//! after an invalid one, and all errors are reported at the end.
 
 pub mod args;
 mod cameras;
@@ -90,7 +91,8 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
     Ok(facts)
 }
 
-/// Array size in bytes above which the header's facts are printed before the mesh is read.
+/// Array size in bytes above which the header's facts are printed before the mesh is read, because
+/// reading takes long.
 const LARGE_MESH_BYTES: u64 = 256 << 20;
 
 fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
@@ -184,7 +186,8 @@ fn points(mesh: &mesh::Mesh, facts: &mut Facts) {
     let size = high - low;
     let line = format!("bounds of the points: {low} to {high}, size {size}");
     facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
-    // Half the distance of points that lie evenly on the box, to one digit.
+    // Half the distance of neighbours if the points lay evenly on the surface of the bounding box,
+    // rounded to one digit.
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
     let radius = (area / count as f64).sqrt() / 2.0;
     if radius.is_normal() {

@@ -22,7 +22,7 @@ use super::{
     facts::{Facts, resolution_line},
 };
 
-/// Checks a scene and adds its facts to the facts.
+/// Checks a scene and adds its contents to `facts`. Prints its warnings.
 pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;

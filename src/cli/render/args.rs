@@ -60,7 +60,7 @@ pub struct RenderArgs {
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
     /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
-    /// 0.02; every pixel gets --spp samples (16 at least)
+    /// 0.02; every pixel gets at least --spp samples, and at least 16
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 
@@ -144,7 +144,7 @@ pub struct FileArgs {
     #[arg(long, value_name = "BITS")]
     pub png_bits: Option<Depth>,
 
-    /// Write layers of the EXR as pictures, too: PREFIX.NAME.png each; `all` for every layer
+    /// Also write layers of the EXR as pictures PREFIX.NAME.png; `all` for every layer
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub png_layer: Vec<String>,
 
@@ -159,7 +159,7 @@ pub struct FileArgs {
 }
 
 impl FileArgs {
-    /// Returns frame number and frame rate for the EXR header.
+    /// Returns the frame's index and the frame rate for the EXR header.
     pub fn sequence(&self) -> Sequence {
         Sequence { frame: self.frame, per_second: self.fps }
     }
@@ -214,7 +214,7 @@ pub struct SplitArgs {
     #[arg(long, value_name = "N", requires = "samples")]
     pub of: Option<u32>,
 
-    /// Keep all bits in the EXR, so that merging --crops gives the same PNG, too
+    /// Keep all bits in the EXR, so that merged parts from --crop also give the same PNG
     #[arg(long)]
     pub part: bool,
 }
@@ -228,7 +228,7 @@ fn parse_tile(text: &str) -> std::result::Result<[u32; 2], String> {
     if i >= 1 && i <= n { Ok([i, n]) } else { Err(expected()) }
 }
 
-/// Parses `16..32` to [16, 32].
+/// Parses a range of samples, its end excluded: `16..32` to [16, 32].
 pub fn parse_range(text: &str) -> std::result::Result<[u32; 2], String> {
     let expected =
         || "expected A..B with A < B, from 0 and without B, for example 16..32".to_string();

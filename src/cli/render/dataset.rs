@@ -76,7 +76,7 @@ pub struct DatasetPaths {
     ids: Option<[PathBuf; 2]>,
 }
 
-/// The same files while they are written.
+/// Part files for data sets, while they are written.
 pub struct DatasetFiles {
     faces: Option<Part>,
     ids: Option<[Part; 2]>,
@@ -155,8 +155,9 @@ impl DatasetFiles {
     }
 }
 
-/// Returns the bytes of the array: for each face that was seen, the number of its shape (from 1),
-/// its number in the shape (from 0), samples and pixels. Sorted by the first two.
+/// Returns the bytes of the array. It has a row for each face that was seen: id of its shape (from
+/// 1), index in the shape (from 0), number of samples, number of pixels. Rows are sorted by shape
+/// and index.
 ///
 /// Format: `numpy.lib.format`, version 1.0.
 fn visible_faces(counts: &FaceCounts, world: &World) -> Vec<u8> {

@@ -1,4 +1,4 @@
-//! Layers that become files of their own: preview pictures.
+//! Writes layers as pictures of their own: `--png-layer`.
 
 use std::path::{Path, PathBuf};
 

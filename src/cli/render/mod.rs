@@ -1,4 +1,5 @@
-//! `lightpath render`: runs the stages of the data flow in order and times each.
+//! `lightpath render`: loads a scene, builds the accelerator, renders, writes the files, and times
+//! each stage.
 
 pub mod args;
 mod dataset;
@@ -80,8 +81,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
-    // No signal handler before this point: a signal ends the program at once, and no file exists
-    // yet.
+    // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
     let files = Files::create(&options)?;
     let run = Run {
@@ -159,7 +159,7 @@ impl Run<'_> {
         if let Some(budget) = budget {
             budget.check_film(world_bytes + info.bytes)?;
         }
-        // Else the film would lie beside what the build has freed.
+        // Otherwise the film would need memory beside the memory that the build has freed.
         memory::release_freed();
         let mut film = blank.film();
         film.overscan = world.overscan;
@@ -196,7 +196,7 @@ impl Run<'_> {
         Ok((stats, paths, oddities))
     }
 
-    /// Renders the film. Also returns the numbers of samples, if pixels may differ in them.
+    /// Renders the film. Also returns the sample counts if adaptive sampling varies them.
     fn trace(
         &self,
         world: &World,

@@ -25,7 +25,7 @@ use super::{
     args::RenderArgs, dataset::DatasetPaths, layers, part::PicturePart, plate::PlateImage, sampling,
 };
 
-/// Returns the scene that the arguments ask for.
+/// Converts the arguments to a request for [`crate::cli::load::load`].
 ///
 /// # Errors
 /// Flags for a mesh without a mesh; an instruction set that this machine or this build lacks.
@@ -72,8 +72,8 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
         .help("a scene sets this in its trimesh: `rotate`, `smooth`, `material`"))
 }
 
-/// Options of one render that fit its scene. The stages of the render see nothing else of the
-/// command line.
+/// Options of one render, checked against its scene. The stages of the render get these options in
+/// place of the arguments.
 #[derive(Debug)]
 pub struct RenderOptions {
     /// Channels of the film.
@@ -84,11 +84,11 @@ pub struct RenderOptions {
     pub adaptive: Option<Adaptive>,
     /// Limits that follow from `--max-memory`.
     pub budget: Option<Budget>,
-    /// Start of the names of the picture's files.
+    /// Path of the picture's files without their endings.
     pub prefix: PathBuf,
-    /// Format of the whole picture.
+    /// Format of the picture, or of the merged picture if this is a part.
     pub storage: Storage,
-    /// Layers that become pictures of their own, with the paths of these.
+    /// Layers that are also written as PNGs, with the paths of these.
     pub previews: Vec<(String, PathBuf)>,
     /// Files for data sets.
     pub dataset: DatasetPaths,

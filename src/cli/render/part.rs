@@ -23,22 +23,22 @@ pub struct PicturePart {
     whole: Window,
     /// Pixels of this part.
     pub window: Window,
-    /// Width of the overscan in pixels, in whole tiles. Windows are counted from its top left
-    /// corner.
+    /// Width of the overscan in pixels, a multiple of the tile's side. The top left corner of the
+    /// overscan is the origin of the windows.
     pub overscan: u32,
     samples: Range<u32>,
     /// The tile and the number of tiles, if the picture is split into tiles.
     tile: Option<[u32; 2]>,
     /// True if the EXR must keep every bit.
     pub exact: bool,
-    /// Recipe for the layers of the merged picture.
+    /// Layers of the merged picture.
     recipe: PixelLayout,
-    /// Storage of partial sums; `None` if all samples are rendered.
+    /// Layout of partial sums in the EXR; `None` if all samples are rendered.
     pub raw: Option<RawLayout>,
 }
 
 impl PicturePart {
-    /// Reads the part from the flags.
+    /// Determines the part from the flags.
     ///
     /// # Errors
     /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
@@ -78,7 +78,7 @@ impl PicturePart {
         let (tile, exact) = (split.tile, split.part || is_split);
         let piece = Self { whole, window, overscan, samples, tile, exact, recipe, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
-        // A crop is a part of the frame. Tiles and samples of a crop are parts of the crop.
+        // A crop alone is a part of the frame. With `--tile` or `--samples` the whole is the crop.
         let piece = if is_split || overscan > 0 { piece } else { Self { whole: frame, ..piece } };
         if piece.exact {
             let for_merge = "give it to `lightpath merge`";
@@ -142,7 +142,7 @@ impl PicturePart {
     /// the hash of the scene and its files, and `storage` the format of the merged picture.
     ///
     /// # Errors
-    /// A failure to serialize, which cannot occur with the present types.
+    /// A failure to serialise, which cannot occur with the present types.
     pub fn attribute(
         &self,
         storage: Storage,
@@ -197,10 +197,10 @@ fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
     Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
 }
 
-/// Returns `pixels` rounded up to whole tiles, and the window in the coordinates of the enlarged
-/// frame.
+/// Returns `pixels` rounded up to whole tiles, and the window to render in the coordinates of the
+/// enlarged frame.
 ///
-/// With whole tiles, the packets of the frame stay the same.
+/// With an overscan of whole tiles, the packets of the frame stay the same.
 ///
 /// # Errors
 /// More pixels than a picture may have.

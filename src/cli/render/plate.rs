@@ -19,7 +19,7 @@ pub struct OverArgs {
     pub over: Option<PathBuf>,
 }
 
-/// An image of the frame's size, as linear light.
+/// An image behind the PNG: of the frame's size, as linear light.
 #[derive(Debug)]
 pub struct PlateImage(Texture);
 
@@ -40,7 +40,7 @@ impl OverArgs {
     /// Reads the plate.
     ///
     /// # Errors
-    /// A picture without alpha; an image that cannot be read, or is not of the frame's size.
+    /// A picture without alpha; an image that cannot be read or does not have the frame's size.
     pub fn plate(&self, scene: &Scene, max_memory: Option<u64>) -> Result<Option<PlateImage>> {
         let Some(path) = &self.over else { return Ok(None) };
         if !scene.has_alpha() {
