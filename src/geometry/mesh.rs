@@ -1,5 +1,7 @@
 //! A triangle mesh as the accelerators read it.
 
+use rayon::prelude::*;
+
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
 pub struct TriangleMesh {
@@ -12,15 +14,18 @@ pub struct TriangleMesh {
     /// True for `bvh: false` in the scene: the `coursework` backend tests each triangle of the mesh
     /// in a loop.
     pub loop_only: bool,
+    /// Lowest and highest coordinates of all vertices.
+    bounds: [[f32; 3]; 2],
 }
 
 impl TriangleMesh {
     /// Creates a mesh without stitches. Every index must be below the number of vertices.
     pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
         debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
+        let bounds = bounds_of(&vertices);
         vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
-        Self { vertices, triangles, stitches: Vec::new(), loop_only }
+        Self { vertices, triangles, stitches: Vec::new(), loop_only, bounds }
     }
 
     /// Vertex positions, without the padding element.
@@ -45,9 +50,25 @@ impl TriangleMesh {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
+    /// Lowest and highest coordinates of all vertices, used or not. Infinite, the lowest above the
+    /// highest, for no vertices.
+    pub fn bounds(&self) -> [[f32; 3]; 2] {
+        self.bounds
+    }
+
     /// Memory of all arrays, in bytes.
     pub fn bytes(&self) -> u64 {
         let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
         (size_of_val(&self.vertices[..]) + indices) as u64
     }
+}
+
+fn bounds_of(vertices: &[[f32; 3]]) -> [[f32; 3]; 2] {
+    let none = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    let union = |[low, high]: [[f32; 3]; 2], [a, b]: [[f32; 3]; 2]| {
+        let least = std::array::from_fn(|k| if a[k] < low[k] { a[k] } else { low[k] });
+        [least, std::array::from_fn(|k| if b[k] > high[k] { b[k] } else { high[k] })]
+    };
+    let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(none, |all, &v| union(all, [v; 2]));
+    vertices.par_chunks(1 << 16).map(of_chunk).reduce(|| none, union)
 }

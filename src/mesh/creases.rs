@@ -9,9 +9,8 @@
 
 use rayon::prelude::*;
 
-use super::normals::{
-    FaceNormal, Point, VertexFaces, add_face, cross, dot, sub, unit, vertex_normals,
-};
+use super::normals::{CHUNK, CornerBatch, Fan, Point, dot, unit, vertex_normals};
+use super::vertex_faces::VertexFaces;
 use crate::error::Result;
 use crate::reserve;
 
@@ -78,9 +77,6 @@ struct Split {
     normal: u32,
 }
 
-/// Number of vertices that one task handles.
-const CHUNK: usize = 4096;
-
 /// Returns the normals of a mesh, split at creases.
 ///
 /// An edge is a crease if its two faces differ by more than the first of `degrees`. Between flat
@@ -108,17 +104,21 @@ pub fn creased_normals<P: Point>(
     let chunks = all.par_chunks_mut(CHUNK).enumerate();
     let results: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
         .map_init(
-            || (Vec::new(), Around::new(degrees)),
-            |(sorted, around), (chunk, normals)| {
+            || (CornerBatch::default(), Around::new(degrees)),
+            |(batch, around), (chunk, normals)| {
                 let (mut splits, mut more) = (Vec::new(), Vec::new());
-                for (vertex, normal) in (chunk * CHUNK..).zip(normals) {
-                    faces.of(vertex, sorted);
-                    let here = (positions, triangles, vertex as u32);
-                    *normal = around.normal(here, sorted);
-                    if !around.is_smooth(*normal) && around.has_crease(here, sorted, *normal) {
-                        *normal = around.split(here, sorted, &mut splits, &mut more);
+                let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
+                batch.each_vertex((positions, triangles), &faces, vertices, |vertex, fan| {
+                    let normal = &mut normals[vertex - chunk * CHUNK];
+                    *normal = unit(fan.sum(0..fan.len()));
+                    if fan.is_within(*normal, around.half) {
+                        return;
                     }
-                }
+                    if around.has_crease(&fan, *normal) {
+                        let here = (triangles, vertex as u32, faces.of(vertex));
+                        *normal = around.split(&fan, here, &mut splits, &mut more);
+                    }
+                });
                 (splits, more)
             },
         )
@@ -171,8 +171,8 @@ impl Corners {
 /// an edge, similar ones are still joined through the faces between them.
 const MAX_COMPARED_AT_EDGE: usize = 8;
 
-/// Positions, triangles, and the index of one vertex.
-type Here<'a, P> = (&'a [P], &'a [[u32; 3]], u32);
+/// All triangles, the index of one vertex, and its faces in file order.
+type Here<'a> = (&'a [[u32; 3]], u32, &'a [u32]);
 
 /// Maximum number of flat parts that meet at a vertex, as at the corner of a block. More parts are
 /// noise.
@@ -188,15 +188,13 @@ struct Around {
     /// Cosine of half the smaller angle. If all faces are this close to one normal, there is no
     /// crease.
     half: f64,
-    /// The faces as [`add_face`] returns them.
-    faces: Vec<FaceNormal>,
     normals: Vec<[f32; 3]>,
     /// The other two vertices of each face, with the position of the face in the list.
     edges: Vec<(u32, usize)>,
     /// For each face, another face of its group; the first face of a group has its own position.
     group: Vec<usize>,
-    /// First face of the group and index of the face, sorted.
-    members: Vec<(usize, u32)>,
+    /// First face of the group, and the face; sorted. Both are positions in the list of faces.
+    members: Vec<(usize, usize)>,
     /// The normals of the groups, in the order of their first faces.
     parts: Vec<[f32; 3]>,
 }
@@ -207,57 +205,28 @@ impl Around {
         let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
         let min_cosine = [cosine(angle), cosine(flat.min(angle))];
         let half = cosine(0.5 * flat.min(angle)) + 2e-6;
-        let (faces, normals, parts) = (vec![], vec![], vec![]);
-        let (edges, group, members) = (vec![], vec![], vec![]);
-        Self { min_cosine, half, faces, normals, edges, group, members, parts }
-    }
-
-    fn normal<P: Point>(
-        &mut self,
-        (positions, triangles, vertex): Here<P>,
-        faces: &[u32],
-    ) -> [f32; 3] {
-        let mut sum = [0.0; 3];
-        self.faces.clear();
-        for &face in faces {
-            self.faces.push(add_face(&mut sum, positions, triangles[face as usize], vertex));
-        }
-        unit(sum)
-    }
-
-    /// Returns true if all faces are so near to the normal that there is no crease. Like
-    /// [`Around::has_crease`], but it normalizes nothing.
-    fn is_smooth(&self, normal: [f32; 3]) -> bool {
-        let normal = normal.map(f64::from);
-        // Squares of tiny edges may have left the range.
-        let near = |&(face, length): &FaceNormal| {
-            length > f64::MIN_POSITIVE && dot(face, normal) >= self.half * length
-        };
-        self.faces.iter().all(near)
+        let (normals, edges, group) = (vec![], vec![], vec![]);
+        let (members, parts) = (vec![], vec![]);
+        Self { min_cosine, half, normals, edges, group, members, parts }
     }
 
     /// Stores the normal of each face. Returns false if there is certainly no crease.
-    fn has_crease<P: Point>(&mut self, here: Here<P>, faces: &[u32], normal: [f32; 3]) -> bool {
-        let (positions, triangles, _) = here;
+    fn has_crease(&mut self, fan: &Fan, normal: [f32; 3]) -> bool {
         self.normals.clear();
-        self.normals.extend(faces.iter().map(|&face| {
-            let [a, b, c] = triangles[face as usize].map(|v| positions[v as usize].xyz());
-            unit(cross(sub(b, a), sub(c, a)))
-        }));
+        self.normals.extend(fan.normals().map(unit));
         let near = |face: &[f32; 3]| cosine(*face, normal) >= self.half || is_zero(*face);
         !self.normals.iter().all(near)
     }
 
     /// Groups the faces and returns the normal of the first group. The normals of the other groups
     /// are added to `more`, their corners to `splits`.
-    fn split<P: Point>(
+    fn split(
         &mut self,
-        here: Here<P>,
-        faces: &[u32],
+        fan: &Fan,
+        (triangles, vertex, faces): Here,
         splits: &mut Vec<Split>,
         more: &mut Vec<[f32; 3]>,
     ) -> [f32; 3] {
-        let (_, triangles, vertex) = here;
         self.edges.clear();
         for (place, &face) in faces.iter().enumerate() {
             let others = triangles[face as usize].into_iter().filter(|&other| other != vertex);
@@ -265,14 +234,14 @@ impl Around {
         }
         self.edges.sort_unstable();
         let [all, flat] = self.min_cosine;
-        self.divide(here, faces, flat);
-        if flat > all && !self.is_flat(faces) {
-            self.divide(here, faces, all);
+        self.divide(fan, flat);
+        if flat > all && !self.is_flat() {
+            self.divide(fan, all);
         }
         let groups = self.members.chunk_by(|a, b| a.0 == b.0);
         for (members, &normal) in groups.zip(&self.parts).skip(1) {
-            let normal_of = |&(_, triangle): &(usize, u32)| Split {
-                triangle,
+            let normal_of = |&(_, place): &(usize, usize)| Split {
+                triangle: faces[place],
                 vertex,
                 normal: more.len() as u32,
             };
@@ -284,9 +253,9 @@ impl Around {
 
     /// Groups the faces and computes the normals of the groups. An edge is smooth if the cosine
     /// between its faces is at least `min_cosine`.
-    fn divide<P: Point>(&mut self, here: Here<P>, faces: &[u32], min_cosine: f64) {
+    fn divide(&mut self, fan: &Fan, min_cosine: f64) {
         self.group.clear();
-        self.group.extend(0..faces.len());
+        self.group.extend(0..self.normals.len());
         for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
             for (i, &(_, a)) in edge.iter().enumerate() {
                 for &(_, b) in edge[i + 1..].iter().take(MAX_COMPARED_AT_EDGE) {
@@ -299,33 +268,25 @@ impl Around {
         }
         self.members.clear();
         // A face with zero area belongs to no group. It is never visible.
-        for place in (0..faces.len()).filter(|&place| !is_zero(self.normals[place])) {
-            self.members.push((first(&mut self.group, place), faces[place]));
+        for place in (0..self.normals.len()).filter(|&place| !is_zero(self.normals[place])) {
+            self.members.push((first(&mut self.group, place), place));
         }
         self.members.sort_unstable();
         self.parts.clear();
         for members in self.members.chunk_by(|a, b| a.0 == b.0) {
-            let (positions, triangles, vertex) = here;
-            let mut sum = [0.0; 3];
-            for &(_, face) in members {
-                add_face(&mut sum, positions, triangles[face as usize], vertex);
-            }
-            self.parts.push(unit(sum));
+            self.parts.push(unit(fan.sum(members.iter().map(|&(_, place)| place))));
         }
     }
 
     /// Returns true if at most [`MAX_FLAT_PARTS`] groups meet and all of them are flat.
-    fn is_flat(&self, faces: &[u32]) -> bool {
+    fn is_flat(&self) -> bool {
         if self.parts.len() > MAX_FLAT_PARTS {
             return false;
         }
         let near = FLAT_DEGREES.to_radians().cos();
         let mut groups = self.members.chunk_by(|a, b| a.0 == b.0).zip(&self.parts);
         groups.all(|(members, &part)| {
-            members.iter().all(|(_, face)| {
-                let own = faces.binary_search(face).map_or(part, |place| self.normals[place]);
-                cosine(own, part) >= near
-            })
+            members.iter().all(|&(_, place)| cosine(self.normals[place], part) >= near)
         })
     }
 }
@@ -349,6 +310,7 @@ fn is_zero(normal: [f32; 3]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::normals::{cross, sub};
     use super::*;
 
     /// A cube with shared vertices, two triangles per side, facing outwards.

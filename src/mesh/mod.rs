@@ -4,6 +4,7 @@ mod arrays;
 mod creases;
 mod normals;
 mod ply;
+mod vertex_faces;
 
 pub use arrays::*;
 pub use creases::{Normals, creased_normals};

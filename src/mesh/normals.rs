@@ -2,11 +2,15 @@
 //!
 //! The normal of a vertex is the normalised sum over its faces of area x corner angle x face
 //! normal. Each vertex adds its faces in file order, in f64. So the result has the same bits for
-//! any number of threads.
+//! any number of threads and every instruction set.
 
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::ops::Range;
 
 use rayon::prelude::*;
+
+use super::vertex_faces::VertexFaces;
+use crate::math;
+use crate::simd::{self, Isa, Kernel, prefetch};
 
 /// A vertex position in single or double precision.
 pub trait Point: Copy + Send + Sync {
@@ -43,78 +47,28 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A table of the faces around each vertex.
-pub(super) struct VertexFaces {
-    /// The faces of vertex v are `faces[starts[v]..starts[v + 1]]`, in any order.
-    starts: Vec<usize>,
-    faces: Vec<AtomicU32>,
-}
-
-impl VertexFaces {
-    /// Builds the table: 12 bytes per triangle and 8 per vertex. Panics if a triangle has an index
-    /// beyond `vertices`.
-    pub(super) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
-        let counts: Vec<AtomicU32> =
-            (0..vertices).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-        each_corner(triangles, |_, vertex| {
-            counts[vertex].fetch_add(1, Relaxed);
-        });
-        let mut starts = Vec::with_capacity(vertices + 1);
-        let mut total = 0usize;
-        for count in &counts {
-            starts.push(total);
-            total += count.load(Relaxed) as usize;
-        }
-        starts.push(total);
-        let faces: Vec<AtomicU32> = (0..total).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-        each_corner(triangles, |face, vertex| {
-            let left = counts[vertex].fetch_sub(1, Relaxed) as usize;
-            faces[starts[vertex + 1] - left].store(face, Relaxed);
-        });
-        Self { starts, faces }
-    }
-
-    /// Writes the faces of one vertex to `sorted`, in file order and without repeats.
-    pub(super) fn of(&self, vertex: usize, sorted: &mut Vec<u32>) {
-        sorted.clear();
-        let faces = &self.faces[self.starts[vertex]..self.starts[vertex + 1]];
-        sorted.extend(faces.iter().map(|face| face.load(Relaxed)));
-        // The threads stored them in arbitrary order.
-        sorted.sort_unstable();
-        sorted.dedup();
-    }
-}
+/// Number of vertices that one task handles.
+pub(super) const CHUNK: usize = 1024;
 
 /// Returns one unit normal per vertex, in the space of `positions`. The normal is `[0, 0, 0]` for a
 /// vertex without faces, and where the faces cancel out.
 ///
-/// Runs in the caller's rayon pool. It needs 12 bytes of temporary memory per triangle. Panics if a
-/// triangle has an index beyond `positions`.
+/// Runs in the caller's rayon pool. It needs 8 bytes of temporary memory per vertex and 12 per
+/// triangle. Panics if a triangle has an index beyond `positions`.
 pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
     }
     let faces = VertexFaces::new(positions.len(), triangles);
-    (0..positions.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map_with(Vec::new(), |sorted, vertex| {
-            faces.of(vertex, sorted);
-            let mut sum = [0.0; 3];
-            for &face in sorted.iter() {
-                add_face(&mut sum, positions, triangles[face as usize], vertex as u32);
-            }
-            unit(sum)
-        })
-        .collect()
-}
-
-fn each_corner(triangles: &[[u32; 3]], visit: impl Fn(u32, usize) + Sync) {
-    triangles.par_iter().with_min_len(4096).enumerate().for_each(|(face, triangle)| {
-        for &vertex in triangle {
-            visit(face as u32, vertex as usize);
-        }
+    let mut normals = vec![[0.0f32; 3]; positions.len()];
+    normals.par_chunks_mut(CHUNK).enumerate().for_each_init(CornerBatch::default, |batch, next| {
+        let (chunk, normals) = next;
+        let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
+        batch.each_vertex((positions, triangles), &faces, vertices.clone(), |vertex, fan| {
+            normals[vertex - vertices.start] = unit(fan.sum(0..fan.len()));
+        });
     });
+    normals
 }
 
 /// Computes the same normals serially, without the table of faces. For meshes with more triangles
@@ -130,41 +84,183 @@ fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]
     sums.into_iter().map(unit).collect()
 }
 
-/// A face as its corner sees it: twice area x normal, and the length of this vector.
-pub(super) type FaceNormal = ([f64; 3], f64);
-
-/// Adds the contribution of `triangle` to the normal at its corner `vertex`. The factor two of the
-/// returned vector is the same for all faces.
-#[inline]
-pub(super) fn add_face<P: Point>(
-    sum: &mut [f64; 3],
-    positions: &[P],
-    triangle: [u32; 3],
-    vertex: u32,
-) -> FaceNormal {
+/// Adds area x angle x normal of `triangle` at its corner `vertex`, times two.
+fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], vertex: u32) {
     let [a, b, c] = triangle;
     if a == b || b == c || c == a {
-        return ([0.0; 3], 0.0);
+        return;
     }
-    // Rotated so that the corner comes first: same face, same orientation.
-    let (next, last) = if vertex == a {
-        (b, c)
-    } else if vertex == b {
-        (c, a)
-    } else {
-        (a, b)
-    };
-    let corner = positions[vertex as usize].xyz();
-    let to_next = sub(positions[next as usize].xyz(), corner);
-    let to_last = sub(positions[last as usize].xyz(), corner);
-    let normal = cross(to_next, to_last);
-    // Unlike the arc cosine, the arc tangent is accurate for needles too.
-    let length = dot(normal, normal).sqrt();
-    let angle = length.atan2(dot(to_next, to_last));
+    let [to_next, to_last] = edges(positions, triangle, vertex);
+    let (normal, _, angle) = corner(to_next, to_last);
     for (sum, normal) in sum.iter_mut().zip(normal) {
         *sum += angle * normal;
     }
-    (normal, length)
+}
+
+/// Returns the edges that leave a triangle's corner at `vertex`: to the next corner and to the
+/// last.
+#[inline(always)]
+fn edges<P: Point>(positions: &[P], [a, b, c]: [u32; 3], vertex: u32) -> [[f64; 3]; 2] {
+    // Selects, because a branch would be mispredicted for every second corner.
+    let (is_a, is_b) = (vertex == a, vertex == b);
+    let next = if is_a { b } else { c };
+    let next = if is_a || is_b { next } else { a };
+    let last = if is_b { a } else { b };
+    let last = if is_a { c } else { last };
+    let corner = positions[vertex as usize].xyz();
+    [next, last].map(|end| sub(positions[end as usize].xyz(), corner))
+}
+
+/// Returns twice area x normal of the face between two edges, the length of this vector, and the
+/// angle between the edges in [0, pi].
+#[inline(always)]
+fn corner(to_next: [f64; 3], to_last: [f64; 3]) -> ([f64; 3], f64, f64) {
+    let normal = cross(to_next, to_last);
+    // Unlike the arc cosine, the arc tangent is accurate for needles too.
+    let length = dot(normal, normal).sqrt();
+    (normal, length, math::angle(length, dot(to_next, to_last)))
+}
+
+/// Number of corners after which a batch is full.
+const BATCH: usize = 128;
+
+/// Triangles are prefetched for the corner this many behind.
+const PREFETCH_DISTANCE: usize = 64;
+
+/// Corners of the faces around some vertices. Structure of arrays: the values of all corners are
+/// computed by one SIMD loop.
+#[derive(Default)]
+pub(super) struct CornerBatch {
+    /// Both edges that leave each corner.
+    edges: [Vec<f64>; 6],
+    /// Twice area x normal of each corner's face.
+    normals: [Vec<f64>; 3],
+    /// Length of this vector.
+    lengths: Vec<f64>,
+    /// Angle of each corner.
+    angles: Vec<f64>,
+}
+
+/// The corners of all faces around one vertex, in file order.
+pub(super) struct Fan<'b> {
+    batch: &'b CornerBatch,
+    corners: Range<usize>,
+}
+
+impl CornerBatch {
+    /// Calls `visit` with each of `vertices` and its corners, in order.
+    pub(super) fn each_vertex<P: Point>(
+        &mut self,
+        (positions, triangles): (&[P], &[[u32; 3]]),
+        faces: &VertexFaces,
+        vertices: Range<usize>,
+        mut visit: impl FnMut(usize, Fan),
+    ) {
+        let isa = Isa::detect();
+        let mut first = vertices.start;
+        while first < vertices.end {
+            let last = faces.run(first..vertices.end, BATCH);
+            let mesh = (positions, triangles);
+            simd::dispatch(isa, FillCorners { batch: self, mesh, faces, vertices: first..last });
+            let mut start = 0;
+            for vertex in first..last {
+                let end = start + faces.of(vertex).len();
+                visit(vertex, Fan { batch: self, corners: start..end });
+                start = end;
+            }
+            first = last;
+        }
+    }
+}
+
+/// Computes the corners of some vertices.
+struct FillCorners<'a, P> {
+    batch: &'a mut CornerBatch,
+    mesh: (&'a [P], &'a [[u32; 3]]),
+    faces: &'a VertexFaces,
+    vertices: Range<usize>,
+}
+
+impl<P: Point> Kernel for FillCorners<'_, P> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let Self { batch, mesh: (positions, triangles), faces, vertices } = self;
+        let n = faces.of_all(vertices.clone()).len();
+        if batch.angles.len() < n {
+            batch.resize(n);
+        }
+        let CornerBatch { edges: [ax, ay, az, bx, by, bz], normals: [x, y, z], .. } = batch;
+        // Slices of one length: the loops need no bounds checks.
+        let (ax, ay, az) = (&mut ax[..n], &mut ay[..n], &mut az[..n]);
+        let (bx, by, bz) = (&mut bx[..n], &mut by[..n], &mut bz[..n]);
+        let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
+        let (lengths, angles) = (&mut batch.lengths[..n], &mut batch.angles[..n]);
+        let (first, mut i) = (faces.start(vertices.start), 0);
+        for vertex in vertices {
+            for &face in faces.of(vertex) {
+                prefetch(triangles, faces.at(first + i + PREFETCH_DISTANCE));
+                let ends = edges(positions, triangles[face as usize], vertex as u32);
+                if i < n {
+                    [[ax[i], ay[i], az[i]], [bx[i], by[i], bz[i]]] = ends;
+                }
+                i += 1;
+            }
+        }
+        for i in 0..n {
+            let (normal, length, angle) = corner([ax[i], ay[i], az[i]], [bx[i], by[i], bz[i]]);
+            [x[i], y[i], z[i]] = normal;
+            (lengths[i], angles[i]) = (length, angle);
+        }
+    }
+}
+
+impl CornerBatch {
+    fn resize(&mut self, corners: usize) {
+        let all = self.edges.iter_mut().chain(&mut self.normals);
+        for values in all.chain([&mut self.lengths, &mut self.angles]) {
+            values.resize(corners, 0.0);
+        }
+    }
+}
+
+impl Fan<'_> {
+    /// Returns the number of faces.
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Returns the sum of area x angle x normal of some faces, times two.
+    #[inline]
+    pub(super) fn sum(&self, faces: impl Iterator<Item = usize>) -> [f64; 3] {
+        let CornerBatch { normals, angles, .. } = self.batch;
+        let mut sum = [0.0; 3];
+        for i in faces.map(|face| self.corners.start + face) {
+            for axis in 0..3 {
+                sum[axis] += angles[i] * normals[axis][i];
+            }
+        }
+        sum
+    }
+
+    /// Returns twice area x normal of each face.
+    pub(super) fn normals(&self) -> impl Iterator<Item = [f64; 3]> {
+        let CornerBatch { normals: [x, y, z], .. } = self.batch;
+        self.corners.clone().map(move |i| [x[i], y[i], z[i]])
+    }
+
+    /// Returns true if all faces have an area, and a normal whose cosine to `normal` is at least
+    /// `min_cosine`.
+    #[inline]
+    pub(super) fn is_within(&self, normal: [f32; 3], min_cosine: f64) -> bool {
+        let normal = normal.map(f64::from);
+        let CornerBatch { normals: [x, y, z], lengths, .. } = self.batch;
+        self.corners.clone().all(|i| {
+            // Squares of tiny edges may have left the range.
+            lengths[i] > f64::MIN_POSITIVE
+                && dot([x[i], y[i], z[i]], normal) >= min_cosine * lengths[i]
+        })
+    }
 }
 
 /// Returns the vector `sum` at unit length, or zero if it has no direction. It is divided by its

@@ -99,6 +99,9 @@ impl Area {
         let most = |a: f64, b: f64| a.max(b);
         let mut gap = f64::NEG_INFINITY;
         for (geom, mesh) in (0..).zip(&geometry.meshes) {
+            if !reaches(&mesh.bounds()) {
+                continue;
+            }
             let gap_of = |prim: u32| {
                 let near = reaches(&mesh.corners(prim));
                 let gap = near.then(|| self.gap(geometry, geometry.primitive(geom, prim)));

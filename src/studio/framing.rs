@@ -5,6 +5,7 @@
 //! longest side clips points.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// The field of view of the camera, and the space to keep free around points.
 #[derive(Debug, Clone, Copy)]
@@ -28,18 +29,15 @@ pub struct FieldOfView {
 /// `direction` and `up` have any length and are not parallel. Points that are NaN are ignored.
 /// Returns `None` if there are no other points, or if a point is infinite.
 pub fn frame(
-    points: impl Iterator<Item = DVec3>,
+    points: impl ParallelIterator<Item = DVec3>,
     direction: DVec3,
     up: DVec3,
     lens: FieldOfView,
 ) -> Option<DVec3> {
     let view = View::new(direction, up, lens);
-    let mut extent = Extent::EMPTY;
     // A sphere reaches its radius times |n| along n.
     let beyond = view.slants().map(|slant| lens.radius * slant.length());
-    for p in points {
-        extent.add(view.reach(p), view.depth(p), beyond);
-    }
+    let extent = Extent::around(points, |p| (view.reach(p), view.depth(p), beyond));
     view.position(&extent)
 }
 
@@ -47,7 +45,7 @@ pub fn frame(
 /// unit direction. Each point may be anywhere on its circle. So one position serves all frames of a
 /// turntable, however many there are.
 pub fn frame_turning(
-    points: impl Iterator<Item = DVec3>,
+    points: impl ParallelIterator<Item = DVec3>,
     (pivot, axis): (DVec3, DVec3),
     direction: DVec3,
     up: DVec3,
@@ -58,14 +56,13 @@ pub fn frame_turning(
     let across = |n: DVec3| (n - axis * n.dot(axis)).length();
     let slants = view.slants();
     let (across, beyond) = (slants.map(across), slants.map(|slant| lens.radius * slant.length()));
-    let mut extent = Extent::EMPTY;
-    for p in points {
+    let extent = Extent::around(points, |p| {
         let offset = p - pivot;
         let centre = pivot + axis * offset.dot(axis);
         let radius = (p - centre).length();
         let reach = std::array::from_fn(|k| radius * across[k] + beyond[k]);
-        extent.add(view.reach(centre), view.depth(centre), reach);
-    }
+        (view.reach(centre), view.depth(centre), reach)
+    });
     view.position(&extent)
 }
 
@@ -88,14 +85,30 @@ impl Extent {
     const EMPTY: Self =
         Self { planes: [f64::NEG_INFINITY; 4], near: f64::INFINITY, far: f64::NEG_INFINITY };
 
-    /// Adds a point that extends by `beyond`: towards the four sides, and in depth.
+    /// Returns the extent of all points. `measure` returns the reach of a point towards the four
+    /// sides, its depth, and by how much it extends in these five directions.
+    fn around(
+        points: impl ParallelIterator<Item = DVec3>,
+        measure: impl Fn(DVec3) -> ([f64; 4], f64, [f64; 5]) + Sync,
+    ) -> Self {
+        let add = |extent: Self, p| {
+            let (reach, depth, beyond) = measure(p);
+            extent.union(Self {
+                planes: std::array::from_fn(|k| reach[k] + beyond[k]),
+                near: depth - beyond[4],
+                far: depth + beyond[4],
+            })
+        };
+        points.fold(|| Self::EMPTY, add).reduce(|| Self::EMPTY, Self::union)
+    }
+
     #[inline(always)]
-    fn add(&mut self, reach: [f64; 4], depth: f64, beyond: [f64; 5]) {
-        for k in 0..4 {
-            self.planes[k] = self.planes[k].max(reach[k] + beyond[k]);
+    fn union(self, other: Self) -> Self {
+        Self {
+            planes: std::array::from_fn(|k| self.planes[k].max(other.planes[k])),
+            near: self.near.min(other.near),
+            far: self.far.max(other.far),
         }
-        self.near = self.near.min(depth - beyond[4]);
-        self.far = self.far.max(depth + beyond[4]);
     }
 }
 
@@ -185,7 +198,8 @@ mod tests {
         for (direction, up) in views {
             for aspect in [0.3, 1.0, 2.5] {
                 for fov in [5.0, 30.0, 120.0] {
-                    let at = frame(cloud().into_iter(), direction, up, lens(fov, aspect)).unwrap();
+                    let at =
+                        frame(cloud().into_par_iter(), direction, up, lens(fov, aspect)).unwrap();
                     let t = (f64::to_radians(fov) / 2.0).tan() * 0.84;
                     let seen: Vec<_> = cloud()
                         .into_iter()
@@ -213,7 +227,7 @@ mod tests {
         let (direction, up) = (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y);
         let (pivot, aspect) = (DVec3::new(7.5, 0.0, 12.0), 1.6);
         let lens = lens(35.0, aspect);
-        let at = frame_turning(cloud().into_iter(), (pivot, DVec3::Y), direction, up, lens);
+        let at = frame_turning(cloud().into_par_iter(), (pivot, DVec3::Y), direction, up, lens);
         let at = at.unwrap();
         let t = (f64::to_radians(35.0) / 2.0).tan() * 0.84;
         let (mut low, mut high) = ([1e9_f64; 2], [-1e9_f64; 2]);
@@ -236,8 +250,9 @@ mod tests {
 
     #[test]
     fn a_point_and_a_line_get_a_distance_and_no_points_give_none() {
-        let see =
-            |points: Vec<DVec3>| frame(points.into_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0));
+        let see = |points: Vec<DVec3>| {
+            frame(points.into_par_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0))
+        };
         assert!(see(vec![DVec3::ONE]).unwrap().z > 1.0);
         assert!(see(vec![DVec3::ZERO, DVec3::Z]).unwrap().z > 1.0);
         assert_eq!(see(vec![]), None);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::{
@@ -53,16 +54,17 @@ pub fn furnish(
     let wanted = wanted(subject, template, user);
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
     colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
-    warnings.extend(notes(subject, &mesh, template, colored));
+    let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
+    warnings.extend(notes(subject, (&mesh, points.as_ref()), template, colored));
     // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
-    if subject.calibrated {
+    let Some(points) = points else {
         if template.builtin {
             keep_coordinates(subject, &mesh, &loaded, &shape, &mut ours)?;
         }
         let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
         return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });
-    }
+    };
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
         (None, Some(up)) => Some(("--up", turn(up, main_axis(loaded.scene.camera.up)))),
@@ -72,7 +74,7 @@ pub fn furnish(
         ours.flag(flag, &format!("{shape}/rotate"), Some(angles.to_vec()));
         loaded = load(template, &ours, user)?;
     }
-    let middle = place(subject, &mesh, &loaded, &shape, &mut ours)?;
+    let middle = place(subject, &points, &loaded, &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
     Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
 }
@@ -203,8 +205,13 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
 }
 
 /// Returns warnings about textures that are not shown, and about a mesh that seems to lie on its
-/// side.
-fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> Vec<Problem> {
+/// side. `points` are `None` if the mesh keeps its coordinates.
+fn notes(
+    subject: &Subject,
+    (mesh, points): (&Mesh, Option<&UsedVertices>),
+    template: &Template,
+    colored: bool,
+) -> Vec<Problem> {
     let place = || subject.path.display().to_string();
     let mut notes = Vec::new();
     let shows_own = !colored && mesh.textures.is_none();
@@ -229,8 +236,8 @@ fn notes(subject: &Subject, mesh: &Mesh, template: &Template, colored: bool) -> 
             _ => None,
         });
     }
-    let seen = size(mesh).filter(|_| !subject.calibrated);
-    if let (None, None, Some([x, y, z])) = (subject.up, subject.rotate, seen) {
+    let points = points.filter(|_| subject.up.is_none() && subject.rotate.is_none());
+    if let Some([x, y, z]) = points.and_then(size) {
         let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
         if on_its_side {
             let message =
@@ -250,8 +257,8 @@ const MIN_LENGTH_RATIO: f64 = 1.25;
 const MAX_HEIGHT_RATIO: f64 = 0.4;
 
 /// Returns the side lengths of the bounding box of the used vertices; `None` if there are none.
-fn size(mesh: &Mesh) -> Option<[f64; 3]> {
-    let Bounds { min, max } = UsedVertices::new(mesh).bounds(|p| p);
+fn size(points: &UsedVertices) -> Option<[f64; 3]> {
+    let Bounds { min, max } = points.bounds(|p| p);
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
@@ -262,12 +269,11 @@ fn size(mesh: &Mesh) -> Option<[f64; 3]> {
 /// If there is no triangle, or if the camera is neither `pinhole` nor `thinlens`.
 fn place(
     subject: &Subject,
-    mesh: &Mesh,
+    points: &UsedVertices,
     loaded: &Loaded,
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<DVec3> {
-    let points = UsedVertices::new(mesh);
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
@@ -293,7 +299,7 @@ fn place(
         return Err(Error::invalid("/camera/type", message));
     };
     let aspect = f64::from(camera.width) / f64::from(camera.height);
-    let placed = points.iter().map(|p| turned(p) + center);
+    let placed = points.par_iter().map(|p| turned(p) + center);
     let middle = center + (low + high) / 2.0;
     let lens = FieldOfView { fov_deg, aspect, margin: subject.margin, radius };
     let position = match subject.turning {

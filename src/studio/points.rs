@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::{
     error::Result,
@@ -45,10 +46,10 @@ impl<'m> UsedVertices<'m> {
         self.used.iter().filter(|used| !**used).count() as u64
     }
 
-    /// Returns an iterator over the used vertices, in file order.
-    pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
-        let used = self.used.iter().enumerate().filter(|(_, used)| **used);
-        used.map(|(i, _)| self.mesh.positions.get(i))
+    /// Returns an iterator over the used vertices.
+    pub fn par_iter(&self) -> impl ParallelIterator<Item = DVec3> + '_ {
+        let all = self.used.par_iter().with_min_len(1 << 14).enumerate();
+        all.filter(|(_, used)| **used).map(|(i, _)| self.mesh.positions.get(i))
     }
 
     /// Returns the bounding box of the used vertices after `place` is applied to them; empty if

@@ -272,7 +272,7 @@ impl PlacedMesh {
     /// Returns the memory in bytes that [`PlacedMesh::finish`] or [`PlacedMesh::finish_points`]
     /// needs in addition to the mesh.
     ///
-    /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 24 bytes per
+    /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 20 bytes per
     /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
     fn finish_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
@@ -284,7 +284,7 @@ impl PlacedMesh {
             Positions::F64(_) => 12 * vertices,
         };
         let normals = match self.spec.smooth != Smooth::Off && self.mesh.normals.is_none() {
-            true => 24 * vertices + 12 * triangles,
+            true => 20 * vertices + 12 * triangles,
             false => 0,
         };
         (rounded + normals) as u64
