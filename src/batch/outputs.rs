@@ -26,8 +26,8 @@ pub fn inputs(job: &Job) -> FileSet {
     job.files.iter().chain(&job.looks.texture).chain(named.iter().flatten()).collect()
 }
 
-/// Returns an input's path and the paths of the files that it names, as far as these can be found
-/// out.
+/// Returns an input's path and the paths of the files that it names. If the scene is
+/// invalid, these are only the files that a mesh header names.
 fn named(job: &Job, input: &JobInput) -> Vec<PathBuf> {
     let named = match scene::with_default_placement(job, input) {
         Ok(scene) => world::sources(&scene),

@@ -19,9 +19,11 @@ pub enum Resume<'a> {
 /// Decision about one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decision {
-    /// The frame stays: all files are complete and have the expected fingerprint.
+    /// The frame stays. Its EXR and its PNG are complete and have the expected fingerprint. Its
+    /// cryptomatte manifests exist.
     Keep,
-    /// The frame is rendered: no file exists, or existing files do not count.
+    /// The frame is rendered: no file exists, or no existing frame may stay, or the frame has no
+    /// fingerprint.
     Render,
     /// The frame is rendered again for this reason, although files exist.
     Again(String),
@@ -33,7 +35,8 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&FileHashes>) -> 
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
-        // A manifest is renamed before its EXR. The EXR's fingerprint covers both.
+        // A cryptomatte manifest holds no fingerprint. It is renamed before its EXR, whose
+        // fingerprint covers both.
         _ if path.is_file() => (path, FileState::Whole(Some(fingerprint.to_string()))),
         _ => (path, FileState::Missing),
     });

@@ -95,7 +95,7 @@ pub struct Run<'a> {
     pub pool: ThreadPool,
     /// Threads that read meshes and build accelerators, so that these do not wait for rays.
     pub loading: ThreadPool,
-    /// Files that the job reads, as far as they are known before a mesh is read.
+    /// Files that the job reads and that are known before a mesh is read.
     inputs: FileSet,
     /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
     pub sums: Option<FileHashes>,

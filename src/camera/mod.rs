@@ -51,7 +51,7 @@ struct Lens {
 /// Checks that a camera has a ray for every pixel up to `overscan` pixels beyond its frame.
 ///
 /// # Errors
-/// The fold of its distortion there.
+/// The [`Fold`] of the lens distortion, where two directions map to one pixel.
 pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold> {
     match &camera.projection {
         Projection::Distorted(_, _, inverse) => inverse.check_overscan(overscan),
@@ -59,8 +59,9 @@ pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold>
     }
 }
 
-/// Largest half side of the frame at distance 1, or largest coordinate of its corners. In wider
-/// frames all directions are scaled down by this power of two.
+/// Limit of the frame at distance 1: of its half sides ([`Camera::new`]) or of the coordinates of
+/// its corners ([`Camera::linear`]). Beyond the limit, all directions are divided by `FARTHEST`, a
+/// power of two.
 const FARTHEST: f64 = (1u64 << 30) as f64;
 
 impl Camera {

@@ -61,7 +61,8 @@ impl Sums {
         self.nodes.clear();
     }
 
-    /// Adds a node, which must begin where the last node ends. Merges halves as far as possible.
+    /// Adds a node, which must begin where the last node ends. While the last two
+    /// nodes are the halves of one node, replaces them by that node.
     #[inline]
     pub fn push(&mut self, mut node: SumNode, values: &[f64]) {
         debug_assert_eq!(values.len(), self.width);

@@ -7,7 +7,7 @@ use crate::ray::NONE;
 
 impl Geometry {
     /// Whether a triangle lies behind the tangent plane of the primitive that a ray leaves, or in
-    /// it as far as f32 can tell. No valid hit lies there, but a test in f32 may report one: the
+    /// it up to rounding. No valid hit lies there, but a test in f32 may report one: the
     /// other face of a convex edge, for instance. Returns false for a ray that starts on the other
     /// side of the plane or runs along it. A quad need not be flat, so the triangle must lie behind
     /// the planes of both halves. Points are relative to [`Geometry::origin`].

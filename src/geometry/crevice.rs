@@ -31,7 +31,7 @@ pub type Nearby = [[f32; 3]; 2];
 /// A triangle near the point.
 #[derive(Debug, Clone, Copy)]
 struct Triangle {
-    /// Scene-wide primitive number.
+    /// Scene-wide index of the primitive.
     primitive: u32,
     corners: [DVec3; 3],
     /// `(v1 - v0) x (v2 - v0)`.
@@ -45,7 +45,7 @@ struct Triangle {
 pub struct WallHit {
     /// Ray parameter, in units of the direction; >= 0.
     pub t: f64,
-    /// Scene-wide primitive number.
+    /// Scene-wide index of the primitive.
     pub primitive: u32,
     /// Weight of the second corner, as a backend reports it.
     pub u: f32,

@@ -31,9 +31,9 @@ pub fn prefetch_vertices(geometry: &Geometry, packet: &RayPacket, lanes: Range<u
     }
 }
 
-/// Fetches the corners of the triangles and the scene-wide primitive numbers, for the lanes in
-/// `hit`. The `weights` of a quad are converted to its half. Returns the lanes that hit spheres;
-/// their corners stay unchanged.
+/// Fetches the corners of the triangles and the scene-wide indices of the primitives, for the
+/// lanes in `hit`. The `weights` of a quad are converted to its half. Returns the lanes that hit
+/// spheres; their corners stay unchanged.
 #[inline(always)]
 pub fn gather(
     geometry: &Geometry,

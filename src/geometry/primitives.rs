@@ -1,4 +1,4 @@
-//! The list of all primitives of a scene, and their numbers.
+//! The list of all primitives of a scene, and their scene-wide indices.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ pub struct Geometry {
     pub quads: Vec<[[f32; 3]; 4]>,
     /// All spheres, in f64.
     pub spheres: Vec<Sphere>,
-    /// First primitive number of each geometry, then the total number of primitives.
+    /// Scene-wide index of each geometry's first primitive, then the number of all primitives.
     bases: Vec<u32>,
     /// Whether any mesh has stitches.
     pub(super) stitched: bool,
@@ -32,9 +32,9 @@ pub struct Geometry {
 pub enum GeometryKind {
     /// A triangle mesh, with its index in [`Geometry::meshes`].
     Mesh(usize),
-    /// The quads of [`Geometry::quads`]; a primitive number is an index into it.
+    /// The quads of [`Geometry::quads`]; `prim` is an index into it.
     Quads,
-    /// The spheres of [`Geometry::spheres`]; a primitive number is an index into it.
+    /// The spheres of [`Geometry::spheres`]; `prim` is an index into it.
     Spheres,
 }
 
@@ -51,7 +51,7 @@ pub fn doubles(v: [f32; 3]) -> DVec3 {
 }
 
 impl Geometry {
-    /// Numbers the primitives of all geometries.
+    /// Creates the list and gives every primitive a scene-wide index.
     ///
     /// # Errors
     /// The number of primitives counted so far, as soon as it is not below 2^32 - 1.
@@ -112,15 +112,15 @@ impl Geometry {
         }
     }
 
-    /// Scene-wide number of primitive `prim` of geometry `geom`. Lower geometry ids have lower
-    /// numbers.
+    /// Scene-wide index of primitive `prim` of geometry `geom`. Lower geometry ids have lower
+    /// indices.
     #[inline(always)]
     pub fn primitive(&self, geom: u32, prim: u32) -> u32 {
         self.bases[geom as usize] + prim
     }
 
-    /// Geometry id, and number in that geometry, of a scene-wide primitive number. The inverse of
-    /// [`Geometry::primitive`].
+    /// Geometry id of a primitive, and its index in that geometry, by its scene-wide index. The
+    /// inverse of [`Geometry::primitive`].
     #[inline(always)]
     pub fn place(&self, primitive: u32) -> (u32, u32) {
         let geom = match self.bases[1] {
@@ -136,7 +136,7 @@ impl Geometry {
         self.bases.last().copied().unwrap_or(0).into()
     }
 
-    /// First primitive number of each geometry, then the total number of primitives.
+    /// Scene-wide index of each geometry's first primitive, then the number of all primitives.
     pub fn bases(&self) -> &[u32] {
         &self.bases
     }

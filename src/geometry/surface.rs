@@ -32,7 +32,7 @@ pub struct Surfaces {
     pub u: [f64; LANES],
     /// Barycentric weight of the third corner, in [0, 1].
     pub v: [f64; LANES],
-    /// Scene-wide primitive number, by lane.
+    /// Scene-wide index of the primitive, by lane.
     pub primitive: [u32; LANES],
     /// Lanes that hit anything.
     pub hit: Mask,

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// Primitives that one kind of ray cannot hit, by scene-wide number.
+/// Primitives that one kind of ray cannot hit, by scene-wide index.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Unseen {
     /// Ascending and disjoint.
@@ -13,7 +13,7 @@ impl Unseen {
     /// The set of no primitive: every primitive can be hit.
     pub const NONE: Self = Self { ranges: Vec::new() };
 
-    /// Adds primitives. Their numbers must be above all numbers that were added before.
+    /// Adds primitives. Their indices must be above all indices that were added before.
     pub fn push(&mut self, primitives: Range<u32>) {
         match self.ranges.last_mut() {
             _ if primitives.is_empty() => {}

@@ -3,7 +3,7 @@
 //!
 //! If all of the first points are visible, the packet most likely lies in full light. The other
 //! points then count as visible. Each shading point draws points of the light, with a probability
-//! in proportion to their contribution. If a drawn point is hidden, all points are traced. The
+//! proportional to their contribution. If a drawn point is hidden, all points are traced. The
 //! hidden light is then subtracted, divided by the probability P of this event: that at least one
 //! lane draws a hidden point. P is known at that time, because all visibilities are.
 //!
@@ -62,7 +62,7 @@ enum Step {
     Refine,
 }
 
-/// Weighted reservoir sampling: draws one point with probability in proportion to its weight. The
+/// Weighted reservoir sampling: draws one point with a probability proportional to its weight. The
 /// points come one by one.
 #[derive(Debug, Clone, Copy, Default)]
 struct Draw {

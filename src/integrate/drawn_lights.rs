@@ -1,8 +1,8 @@
-//! Gathers light from scenes of many lights: each shading point draws some of them from the
+//! Computes the light from many lights: each shading point draws some of them from the
 //! [`LightTree`], and one point on each.
 //!
-//! The light of a drawn light is divided by its probability and by the number of draws. So the mean
-//! over the draws is the light of all lights in the tree.
+//! The light from a drawn light is divided by its probability and by the number of draws. So the
+//! expected value of the sum is the light from all lights in the tree.
 
 use super::camera_packet::CameraPacket;
 use super::record::Record;
@@ -102,8 +102,8 @@ impl<'a> WhittedIntegrator<'a> {
         draws
     }
 
-    /// Selects the next lanes of `rest` to gather: the lanes of one light that lies in a surface,
-    /// or of all lights that do not. Also returns the area of the light that lies in a surface.
+    /// Selects the next lanes of `rest` to trace: the lanes of one light that lies in a surface, or
+    /// of all lights that do not. Also returns the area of the light that lies in a surface.
     #[inline(always)]
     fn round(&self, draws: &Draws, rest: &Mask) -> (Mask, Option<&'a Area>) {
         let world = self.world;

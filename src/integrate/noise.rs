@@ -110,7 +110,7 @@ impl Goal {
 
     /// Number of samples that a pixel needs whose expected error after `taken` samples is `error`.
     /// The result is `taken` times the power of two that is nearest to the factor at which the
-    /// error meets its limit, up to [`Goal::most`]. `taken` must be a power of two.
+    /// error falls to its limit, up to [`Goal::most`]. `taken` must be a power of two.
     ///
     /// With [`Relative::Picture`] the allowed error grows with the samples of a pixel. Where
     /// variances fall as a power of the number of samples, a Lagrange multiplier gives the optimum.

@@ -24,7 +24,7 @@ use super::whitted::WhittedIntegrator;
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
 pub const MIN_PASS_SAMPLES: u32 = LANES as u32;
 
-/// Passes take whole packets, so no sample number is excluded.
+/// All sample indices: passes take whole packets, so no sample is excluded.
 const ALL: Range<u32> = 0..u32::MAX;
 
 /// The pixels of a rectangle, with the samples that they have so far.

@@ -17,7 +17,7 @@ use super::camera_packet::CameraPacket;
 use super::sampled_light::SampledLight;
 use super::split::LightParts;
 
-/// Receives the light of packets while it is gathered.
+/// Receives the light of packets while it is computed.
 pub trait Record {
     /// Whether the light of packets is recorded.
     const ON: bool;

@@ -2,7 +2,7 @@
 
 use crate::shading::Light;
 
-/// A light, and the bounce at which its light is gathered.
+/// A light, and the bounce of the points that it illuminates.
 #[derive(Clone, Copy)]
 pub struct SampledLight<'a> {
     /// The light to sample.

@@ -90,7 +90,7 @@ impl<'a> ShadowRays<'a> {
     }
 }
 
-/// Lane numbers for rays that start at the point of their own lane.
+/// Lane indices for rays that start at the point of their own lane.
 pub const OWN_LANES: [usize; LANES] = {
     let mut own = [0; LANES];
     let mut i = 0;

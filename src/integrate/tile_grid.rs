@@ -8,8 +8,9 @@ use crate::world::World;
 pub const TILE: u32 = 32;
 
 /// Right and bottom end (exclusive) of the pixels that may share packets with the pixels of
-/// `window`. That is the end of the camera's frame if the window begins within it, else the end of
-/// all pixels. So overscan changes no packet of the frame.
+/// `window`. On each axis, that is the end of the camera's frame if the window begins before that
+/// end, else the end of the overscan. So overscan changes no packet of the frame: on the left and
+/// at the top, its width is a multiple of [`TILE`].
 pub fn limit(world: &World, window: Window) -> [u32; 2] {
     let [right, bottom] = world.frame_end();
     let [width, height] = world.frame;
@@ -19,7 +20,8 @@ pub fn limit(world: &World, window: Window) -> [u32; 2] {
     ]
 }
 
-/// Corners of the blocks that overlap the window, in Z-order over the window's tile.
+/// Top left corners of the blocks that overlap the window, in Z-order. The window must lie in one
+/// tile.
 #[inline(always)]
 pub fn corners(pattern: &Pattern, w: Window) -> impl Iterator<Item = [u32; 2]> + use<> {
     let [bw, bh] = pattern.block;

@@ -1,4 +1,6 @@
-//! Merges the parts of a picture into the [`Film`] that one render would have made, bit for bit.
+//! Merges the parts of a picture into the [`Film`] that one render would have made. The result is
+//! the same bit for bit if all parts hold full precision ([`Parts::exact`]). Pixels of other parts
+//! are rounded to 16-bit floats.
 //!
 //! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples of its pixels
 //! holds the channels of the picture. A part with some of the samples holds sums (see
@@ -25,7 +27,8 @@ pub use self::part::{PictureFormat, PictureTile};
 const BAND_BYTES: usize = 128 << 20;
 /// Name of a fact that parts rendered with Embree must have in common.
 const INSTRUCTIONS: &str = "instruction set of Embree";
-/// Attribute of a render whose pixels differ from run to run.
+/// Attribute whose value is `no` if the pixels of a render differ from run to run. Other renders do
+/// not have it.
 const UNREPRODUCIBLE: &str = "lightpath:reproducible";
 /// Maximum number of faults that an error lists.
 const MAX_NAMED_FAULTS: usize = 20;
@@ -47,8 +50,9 @@ struct Open {
     raw: Option<RawLayout>,
     /// Indices of R, G, B, A among the file's channels.
     beauty: [usize; 4],
-    /// Indices among the file's channels: of the words of `raw`, or of the recipe's channels if
-    /// `raw` is `None`.
+    /// For each word (32-bit value) of a pixel besides `beauty`, the index of its channel in the
+    /// file. The words are those of `raw`. If `raw` is `None`, they are the layers' channels
+    /// (`part.recipe`).
     words: Vec<usize>,
 }
 
@@ -158,8 +162,9 @@ impl Parts {
         here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
     }
 
-    /// Makes one row of the picture. `parts` must be sorted by their samples. Returns the coverage
-    /// that the mattes cannot hold, of pixels that are merged from sums.
+    /// Makes row `y` of the picture. `parts` must be sorted by their samples. Returns the coverage
+    /// that the mattes of pixels merged from sums cannot hold. (For other pixels, the render of the
+    /// part has dropped such coverage.)
     fn line(
         &self,
         parts: &[(&Open, Rows)],
@@ -234,8 +239,8 @@ impl Open {
         }
         if reader.attribute(UNREPRODUCIBLE).is_some_and(|value| value != "yes") {
             let message =
-                "found a part of a render that cannot be reproduced, expected all parts to be";
-            return Err(Error::invalid(name, format!("{message} of one sequence of samples"))
+                "found a part of a render that cannot be reproduced, expected one with the same";
+            return Err(Error::invalid(name, format!("{message} pixels in every run"))
                 .help("render it without --time"));
         }
         let raw = part.raw();
@@ -313,7 +318,9 @@ impl Open {
             INSTRUCTIONS => {
                 "processors of different kinds give different last bits: render all parts on the same kind"
             }
-            "software" | "lightpath:backend" => "render all parts with one version of the program",
+            "software" | "lightpath:backend" => {
+                "render all parts with one version of the program and one backend"
+            }
             _ => "merge parts of one picture: same scene, meshes, textures and flags",
         };
         Some(Problem::new(other.name.clone(), message).help(help))

@@ -1,11 +1,11 @@
-//! Whether a mesh is closed: then the parity of crossings tells inside from outside.
+//! Finds whether a mesh is closed. Then the parity of crossings separates inside from outside.
 
 use rayon::prelude::*;
 
 use super::arrays::MeshArrays;
 
-/// Returns whether an even number of faces meets at every edge. Vertices with equal coordinates are
-/// the same vertex, whatever their indices are.
+/// Returns whether every edge belongs to an even number of faces. Vertices with equal coordinates
+/// are the same vertex, whatever their indices are.
 pub(super) fn is_closed(mesh: &dyn MeshArrays) -> bool {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
     // Adding 0 turns -0 into 0.

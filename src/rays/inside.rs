@@ -22,7 +22,7 @@ struct Scratch {
 }
 
 impl RayScene {
-    /// For each mesh, whether it is closed: an even number of faces meets at every edge. Vertices
+    /// For each mesh, whether it is closed: every edge belongs to an even number of faces. Vertices
     /// with equal coordinates count as one.
     pub fn closed(&self) -> &[bool] {
         self.closed.get_or_init(|| {

@@ -49,7 +49,7 @@ use crate::simd::Isa;
 /// ```
 pub struct RayScene {
     pub(super) meshes: Vec<Box<dyn MeshArrays>>,
-    /// The tree over all triangles, which also numbers them and has the origin.
+    /// The tree over all triangles, with their scene-wide indices and the origin.
     pub(super) tree: OwnedBvh,
     /// Lower and upper corner of all triangles in the caller's coordinates.
     pub(super) bounds: [DVec3; 2],
@@ -125,13 +125,13 @@ impl RayScene {
         self.tree.geometry().origin
     }
 
-    /// Mesh and face of a triangle by its number in the scene.
+    /// Mesh and face of a triangle, by its scene-wide index.
     pub(super) fn place(&self, primitive: u32) -> (usize, usize) {
         let (mesh, face) = self.tree.geometry().place(primitive);
         (mesh as usize, face as usize)
     }
 
-    /// Corners of a triangle by its number in the scene. NaN if the caller's arrays have changed so
+    /// Corners of a triangle, by its scene-wide index. NaN if the caller's arrays have changed so
     /// that an index is out of range.
     pub(super) fn corners(&self, primitive: u32) -> [DVec3; 3] {
         let (mesh, face) = self.place(primitive);

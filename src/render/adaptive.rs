@@ -3,8 +3,8 @@
 //!
 //! With a noise target, the number of a pixel's samples depends on the other pixels of its tile and
 //! on the brightness of the whole frame. Where a crop cuts a tile, the whole tile is sampled. So
-//! threads and crops make no difference; only a time limit does. The number does not depend on the
-//! pixel's own samples, so their mean is unbiased.
+//! threads and crops make no difference; only a time limit does. The number of a
+//! pixel's samples does not depend on these samples, so their mean is unbiased.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};

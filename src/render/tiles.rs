@@ -17,7 +17,8 @@ pub struct Tile<'f> {
 }
 
 /// Cuts the film along the frame's absolute tile grid, and at the right and bottom end of the
-/// camera's frame. So no tile holds pixels of both the frame and its overscan.
+/// camera's frame. The overscan is a multiple of [`TILE`] wide. So no tile holds pixels of both the
+/// frame and its overscan.
 pub fn tiles(film: &mut Film, [right, bottom]: [u32; 2]) -> Vec<Tile<'_>> {
     let window = film.window;
     let cuts = |from: u32, to: u32, end: u32| {

@@ -26,7 +26,7 @@ pub struct Scene {
     pub nbounces: u32,
     /// Trace shadow rays of area lights only where they are needed.
     pub adaptive_shadows: bool,
-    /// Number of lights that each shading point draws, >= 1. `None`: it gathers all lights.
+    /// Number of lights that each shading point draws, >= 1. `None`: it receives light from all.
     pub emitter_samples: Option<u32>,
     /// Number of camera samples per pixel, >= 1.
     pub spp: u32,

@@ -51,11 +51,11 @@ impl Area {
         }
     }
 
-    /// Largest distance of a primitive from the light's plane, if the two are coplanar as far as
-    /// f32 can tell. The primitive may then be the wall or ceiling that holds the light. `None` for
-    /// a sphere, and for a primitive farther away than 4u of the largest coordinate (u = 2^-24).
-    /// Such a primitive lies in front of the light or behind it. Corners in the light's own plane
-    /// are rounded by 1.8u.
+    /// Largest distance of a primitive from the light's plane, if the two are coplanar up to the
+    /// rounding of f32. The primitive may then be the wall or ceiling that holds the light. `None`
+    /// for a sphere, and for a primitive farther away than 4u of the largest coordinate (u =
+    /// 2^-24). Such a primitive lies in front of the light or behind it. Corners in the light's own
+    /// plane are rounded by 1.8u.
     pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
@@ -75,7 +75,7 @@ impl Area {
         }
     }
 
-    /// Whether a triangle or quad lies in the light's plane, as far as f32 can tell.
+    /// Whether a triangle or quad lies in the light's plane, up to the rounding of f32.
     pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
         self.distant.is_none() && self.gap(geometry, primitive).is_some()
     }

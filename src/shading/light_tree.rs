@@ -1,12 +1,13 @@
-//! Draws one of many lights for a shading point. The probability is close to the light that the
-//! point receives if nothing occludes it.
+//! Draws one of many lights for a shading point. The probability of a light is roughly proportional
+//! to the light that the point receives from it if nothing occludes it.
 //!
 //! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"
 //! (HPG), without the splitting: a binary tree over the lights. A node bounds its lights by a
 //! sphere, by the cone of the directions that they face, and by the sum of their colours. From the
-//! root on, a child is chosen with probability in proportion to its bound. So the cost is in
-//! proportion to the logarithm of the number of lights. Where a bound is 0, no light of the node
-//! can reach the point; all other lights may be drawn. So the estimator is unbiased.
+//! root on, a child is chosen with a probability proportional to its bound. So the cost of a draw
+//! is proportional to the depth of the tree. Where a bound is 0, no light of the node can reach the
+//! point. Every light that can reach the point has a probability above 0. So the estimator is
+//! unbiased.
 
 use std::f32::consts::TAU;
 
@@ -19,10 +20,11 @@ use crate::ray::{LANES, Mask};
 /// A cosine below this means below the horizon, even after rounding.
 const BELOW: f32 = -1e-4;
 
-/// Smallest cosine factor of a light that may lie above the horizon, so that it may be drawn.
+/// Lower limit of both cosine factors of a bound: at the surface and at the light. It keeps the
+/// probability of a light above 0 if rounding makes its cosine 0 or negative.
 const LEAST: f32 = 1e-3;
 
-/// The largest number below 1.
+/// The largest f64 below 1.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// Bit that marks a child as the index of a light.
@@ -34,13 +36,13 @@ const WIDEST: f32 = 3.0;
 /// Depth from which on nodes are split in the middle, so that the depth stays bounded.
 const DEEP: u32 = 40;
 
-/// Lights with a position, of which shading points draw some. Each shading point gathers all other
-/// lights.
+/// Lights with a position, of which each shading point draws some. Lights without a position, such
+/// as suns, are not drawn: every shading point receives light from all of them.
 #[derive(Debug, Clone)]
 pub struct LightTree {
     /// Number of lights that each shading point draws.
     pub samples: u32,
-    /// Indices of the lights that are gathered: those beyond the scene, without a position.
+    /// Indices of the lights that are not drawn: lights beyond the scene, without a position.
     pub gathered: Vec<u32>,
     nodes: Vec<Node>,
     falloff: Falloff,
@@ -164,7 +166,8 @@ impl Item {
     fn bounds(&self, whole: f32) -> LightBounds {
         let rounding = 4.0 * f32::EPSILON * self.low.abs().max(self.high.abs()).max_element();
         let radius = self.low.distance(self.high) / 2.0;
-        // A point needs no slack: shadow rays start with the same difference.
+        // A point needs no slack: `bound` and the shadow rays compute the same difference, light
+        // minus shading point, so both see the same direction.
         let radius = if radius > 0.0 { radius + rounding } else { 0.0 };
         let (middle, Facing { axis, cosine, sine }) = (self.middle(), self.facing);
         let power = self.power / whole;
@@ -172,7 +175,9 @@ impl Item {
         LightBounds([x, y, z, radius, power, axis.x, axis.y, axis.z, cosine, sine])
     }
 
-    /// Cost of a node in the surface area orientation heuristic, sections 4.3 and 4.4.
+    /// Cost of a node in the surface area orientation heuristic, sections 4.3 and 4.4. In place of
+    /// the box's surface area: its squared diagonal plus `least`, which is above 0 for lights on a
+    /// line or at one place.
     fn cost(&self, least: f32) -> f32 {
         let Facing { cosine, sine, .. } = self.facing;
         let angle = self.facing.angle();
@@ -189,8 +194,9 @@ fn is_beyond(light: &Light) -> bool {
 }
 
 impl LightTree {
-    /// A tree over the lights with a position. `None` if no more than `samples` (or 1) lights have
-    /// one, because all of them are gathered then.
+    /// A tree over the lights with a position, of which each shading point draws `samples`. `None`
+    /// if at most max(`samples`, 1) lights have a position: then nothing is drawn, and every
+    /// shading point receives light from all lights.
     pub fn new(lights: &[Light], samples: u32, falloff: Falloff) -> Option<Self> {
         let mut items: Vec<Item> =
             lights.iter().zip(0..).filter_map(|(light, index)| Item::new(index, light)).collect();

@@ -30,7 +30,7 @@ pub struct ShadowPoints {
     pub ks: Lanes,
     /// Exponent of the specular term.
     pub exponent: Lanes,
-    /// Scene-wide primitive number, by lane.
+    /// Scene-wide index of the primitive, by lane.
     pub primitive: [u32; LANES],
     /// Lanes whose shadow origin is lifted off the surface (smooth normals).
     pub lifted: Mask,

@@ -96,7 +96,8 @@ pub struct World {
     pub shapes: Arc<Shapes>,
     /// The lights in file order.
     pub lights: Vec<Light>,
-    /// Draws some of the lights for each shading point. `None`: every shading point gathers all.
+    /// Draws some of the lights for each shading point. `None`: every shading point receives light
+    /// from all.
     pub light_tree: Option<LightTree>,
     /// The camera, relative to the origin.
     pub camera: Camera,

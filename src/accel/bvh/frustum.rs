@@ -44,7 +44,7 @@ pub struct Side {
 /// rays share an origin or an end point.
 ///
 /// The planes are moved outwards by 1.5 times the largest [`Query::box_slack`], which is 99u
-/// max|v - o| + 6u|o|:
+/// max|v - o| + 6u|o| (u = 2^-24):
 ///
 /// - A hit may lie 64u max|v - o| outside its box.
 /// - 13u are for rounding: of the ends (8u max|v - o| + u|o|), of `a` (3u(max|v - o| + |o|)), and

@@ -4,40 +4,48 @@ use crate::ray::{LANES, Mask, Rays};
 
 use super::bounds::Bounds3;
 
-/// The largest relative error of one f32 operation: half an ulp of 1, 2^-24.
+/// u: the largest relative error of one f32 operation, half an ulp of 1, 2^-24.
 const U: f32 = f32::EPSILON / 2.0;
 
-/// Smallest magnitude of a component of a scaled direction: see [`Query`]. It keeps 1/d and o/d
-/// finite, so that 0 * inf never occurs.
+/// Smallest magnitude of a component d of a scaled direction whose inverse is taken: see [`Query`].
+/// It keeps 1/d and o/d finite, so that 0 * inf never occurs. The shear uses the components as they
+/// are.
 pub const MIN_DIRECTION: f32 = 1.0 / (1u64 << 60) as f32;
 
-/// For each dominant axis, the two axes after it in cyclic order, then the axis itself. A static,
-/// because a table in the code is written to the stack for every ray.
+/// For each dominant axis, the two axes after it in cyclic order, then the axis itself. The fourth
+/// row is never used: with it, `k % 4` needs no check of bounds. A static, because a table in the
+/// code is written to the stack for every ray.
 static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// 16 rays in the form that tests of boxes and triangles need.
 ///
 /// Directions are scaled by a power of two, so that the largest component lies in [1, 2). (At the
 /// ends of the range of f32 it lies in [1/3, 4).) Only underflow rounds. `scale` converts the ray
-/// parameters of the caller to those of the scaled directions.
+/// parameters of the caller to those of the scaled directions. Rays that are traced must pass
+/// [`Rays::possible`]; the values of other lanes are meaningless.
 ///
 /// # Boxes
 ///
 /// The ray parameter at a plane of a box is `t = plane * inverse - offset`, in one fused operation
 /// or two. Every box is widened by `box_slack`, which the offsets include. Every t is widened by
-/// 4u, which the inverses include. So no rounding prunes a hit of [`super::exact`]:
+/// 4u, which the inverses include (u = 2^-24). So no rounding prunes a hit of [`super::exact`].
+/// |v - o| is the largest coordinate of a corner v relative to the ray's origin o:
 ///
 /// - The triangle test of [`super::exact`] moves a vertex by at most 6u max|v - o| in the plane
 ///   normal to the dominant axis. So a ray that hits passes within that distance of the triangle,
-///   and hence of its box. The test keeps the hit within 64u max|v - o| of that box. Therefore
-///   `box_slack` >= 64u max|v - o| over the scene's box.
+///   and hence of its box. The test clamps the hit to that box, widened by 64u max|v - o| over the
+///   corners. Therefore `box_slack` >= 64u R, where R is the largest |v - o| of the scene's box.
 /// - Three roundings move a plane by at most 4u|o|: of `o + box_slack`, of its product with the
 ///   inverse, and of the second operand of the fused operation. `box_slack` includes this.
 /// - The inverse and the last rounding have relative errors of at most 3.5u together. So t of the
 ///   near plane is reduced by 4u and t of the far plane is enlarged by 4u (Ize 2013, JCGT 2(2)). A
 ///   negative t does not matter, because t starts at `tnear` >= 0.
-/// - A component below `MIN_DIRECTION` is raised to it. The ray strays by at most `MIN_DIRECTION`
-///   times the scene's size: 2^-60, compared with 2^-22 in `box_slack`.
+/// - A component below `lift` is raised to `lift`, which is [`MIN_DIRECTION`] or more (see
+///   [`Query::new`]). A hit has t <= R over the largest component, so the ray strays by some
+///   `lift` R. `box_slack` includes 2 `lift` R.
+/// - [`Query::scaled_end`] may round the end of the segment down by u. `box_slack` includes 2u R
+///   more than the 64u R. That reduces t of the near plane of a hit by 2u, because t |d| <= R on
+///   every axis.
 #[derive(Debug)]
 #[repr(C, align(64))]
 pub struct Query {
@@ -59,7 +67,7 @@ pub struct Query {
     pub scale: [f32; LANES],
     /// Octant of the direction. Bit a is set if it is negative along axis a.
     pub octant: [u32; LANES],
-    /// Dominant axis: the one along which the direction is largest. The last one of equal ones.
+    /// Dominant axis: the axis along which the direction is largest, the last of equal ones.
     pub dominant: [u32; LANES],
     /// Origin along the two axes after the dominant one in cyclic order, then along the dominant
     /// one.
@@ -67,7 +75,7 @@ pub struct Query {
     /// Slopes: direction along the two axes after the dominant one, divided by its dominant
     /// component.
     pub shear: [[f32; LANES]; 2],
-    /// Scaled direction along the dominant axis, of magnitude 1 to 2.
+    /// Scaled direction along the dominant axis: the largest component, with its sign.
     pub along: [f32; LANES],
 }
 
@@ -100,9 +108,9 @@ impl Query {
                 reach = max(reach, max((lower[axis] - o).abs(), (upper[axis] - o).abs()));
                 origin = max(origin, o.abs());
             }
-            // Coordinates from 2^68 on would overflow when multiplied by 1 / MIN_DIRECTION. So from
-            // 2^64 on the smallest component is larger. `box_slack` includes how far the ray strays
-            // by that.
+            // Coordinates from 2^68 on would overflow when multiplied by 1 / MIN_DIRECTION. So if
+            // reach + origin is above 2^64, the smallest component is larger. `box_slack` includes
+            // how far the ray strays.
             let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
             min_component[i] = lift;
             box_slack[i] =
@@ -197,7 +205,8 @@ impl Query {
     }
 
     /// Converts the parameter `t` of a hit of ray `i` to a new `tfar` for tests of boxes: scaled,
-    /// and enlarged to compensate underflow.
+    /// and enlarged to compensate underflow. The factor 1 + 4u of [`Query::tfar`] is not needed, as
+    /// `box_slack` covers the rounding: see [`Query`].
     #[inline(always)]
     pub fn scaled_end(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE

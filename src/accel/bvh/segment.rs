@@ -12,9 +12,9 @@ impl Bvh<'_> {
     /// `hits` gets scene-wide primitive indices. Spheres are ignored.
     ///
     /// The ray may be a segment between f64 points, rounded to f32. The traversal widens boxes by
-    /// 64u max|v - o| for the test of [`super::exact`] (see [`Query`]). A test of the f64 segment
-    /// does not need this slack. The rounding of origin, direction and vertices takes less than 20u
-    /// of it.
+    /// 64u max|v - o| (u = 2^-24) for the test of [`super::exact`]: see [`Query`]. A test of the
+    /// f64 segment does not need this slack. The rounding of origin, direction and vertices takes
+    /// less than 20u of it.
     pub fn any_near(&self, rays: &Rays, hits: &mut dyn FnMut(u32) -> bool) -> bool {
         let bvh = self;
         with_tier!(self.isa, tier => tier.run(AnyNear { tier, bvh, rays, hits }));

@@ -91,7 +91,7 @@ pub fn machine(report: &AccuracyReport) -> Vec<String> {
     lines
 }
 
-/// Returns the description of a column.
+/// Returns the description of the backend `name`.
 pub fn meaning(name: &str) -> &'static str {
     match name {
         "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",

@@ -74,7 +74,7 @@ fn vertices(report: &AccuracyReport) -> String {
     .svg()
 }
 
-/// Returns true for the columns that trace the most rays, which the chart shows.
+/// Returns true for the backends that trace the most rays, which the chart shows.
 fn is_fast(column: &ColumnReport) -> bool {
     column.name.starts_with("embree") || column.name.starts_with("bvh")
 }

@@ -41,7 +41,7 @@ pub fn relative(value: Option<f64>) -> String {
     value.map_or("-".into(), |value| format!("{value:.1e}"))
 }
 
-/// Returns the largest value over the columns of `bvh`, or over all columns if none is `bvh`.
+/// Returns the largest value over the tiers of `bvh`, or over all backends if none is `bvh`.
 pub fn worst(
     names: &[String],
     row: &CaseResult,

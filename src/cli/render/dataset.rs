@@ -53,7 +53,7 @@ impl DatasetArgs {
     /// Returns the files that the flags name, for a picture `prefix`.
     ///
     /// # Errors
-    /// Ids without the layer `objectid`, or with more shapes than 16 bits can number.
+    /// Ids without the layer `objectid`, or with more shapes than 16-bit ids allow.
     pub fn paths(&self, scene: &Scene, prefix: &Path) -> Result<DatasetPaths> {
         if self.png_ids && !scene.layers.contains(&Layer::Object) {
             let message = "found without the layer `objectid`";

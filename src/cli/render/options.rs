@@ -69,7 +69,7 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
     };
     let message = format!("found with {}, expected with a .ply file", args.input.display());
     Err(Error::invalid(flag, message)
-        .help("a scene sets this in its trimesh: `rotate`, `smooth`, `material`"))
+        .help("a scene sets camera, lights and materials, and `rotate`, `smooth` in its trimesh"))
 }
 
 /// Options of one render, checked against its scene. The stages of the render get these options in
@@ -88,11 +88,11 @@ pub struct RenderOptions {
     pub prefix: PathBuf,
     /// Format of the picture, or of the merged picture if this is a part.
     pub storage: Storage,
-    /// Layers that are also written as PNGs, with the paths of these.
+    /// Layers that are also written as PNGs, with the paths of the PNGs.
     pub previews: Vec<(String, PathBuf)>,
-    /// Files for data sets.
+    /// Paths of the files of `--visible-faces` and `--png-ids`.
     pub dataset: DatasetPaths,
-    /// Image behind the PNG.
+    /// Image of `--over`: the PNG shows the picture over it.
     pub plate: Option<PlateImage>,
     /// Place of the picture in a sequence.
     pub sequence: Sequence,

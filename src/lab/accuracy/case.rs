@@ -25,7 +25,8 @@ const COARSE: f64 = 1e-4;
 /// Largest allowed error of a barycentric weight.
 const WEIGHT: f64 = 1e-6;
 
-/// Pass criterion of a case, for the columns that must meet it.
+/// Pass criterion of a case, for the backends that must be right:
+/// [`crate::lab::backend::TestedBackend::must_be_right`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PassCriterion {
     /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
@@ -104,7 +105,7 @@ impl Case {
         Self { group, name: name.into(), what: what.into(), criterion, work: Box::new(work) }
     }
 
-    /// Runs the case on every column and returns its row of results.
+    /// Runs the case on every tested backend and returns its row of results.
     pub(super) fn run(&self, settings: &AccuracySettings, monitor: &Monitor) -> Result<CaseResult> {
         let started = Instant::now();
         // The seed depends on the name of the case, not on its place in the catalogue.
@@ -155,20 +156,20 @@ pub struct CaseRun<'a> {
     pub monitor: &'a Monitor,
     /// Seed of the random numbers of this case.
     salt: u64,
-    /// Counts of each column so far.
+    /// Counts of each tested backend so far.
     pub counts: Vec<CaseCounts>,
-    /// Pictures of failures, at most one for each column.
+    /// Pictures of failures, at most one for each tested backend.
     pictures: Vec<FailurePicture>,
     /// Remark for the table of results.
     pub note: Option<String>,
 }
 
-/// Number of packets of a case, for fast and slow columns.
+/// Number of packets of a case, for fast and slow backends.
 #[derive(Debug, Clone, Copy)]
 pub struct Amount {
     /// Number of packets in the quick run.
     pub packets: u64,
-    /// Slow columns trace one of this many packets.
+    /// Slow backends trace one of this many packets.
     pub slow: u64,
     /// The oracle answers one of this many packets of `Expect::Closed`, and all packets of other
     /// expectations.
@@ -181,8 +182,8 @@ impl CaseRun<'_> {
         Random::new(self.salt, index)
     }
 
-    /// Builds every column and the oracle over a geometry. A small geometry is built faster with
-    /// one thread.
+    /// Builds every tested backend and the oracle over a geometry. A small geometry is built faster
+    /// with one thread.
     ///
     /// # Errors
     /// The errors of the builds.
@@ -193,7 +194,7 @@ impl CaseRun<'_> {
         Ok(Built { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })
     }
 
-    /// Traces packets, created by `aim`, with every column and judges the answers.
+    /// Traces packets, created by `aim`, with every tested backend and judges the answers.
     ///
     /// # Errors
     /// The errors of the builds; `Interrupted` after a signal.
@@ -204,7 +205,7 @@ impl CaseRun<'_> {
         aim: impl Fn(&mut Random) -> AimedPacket + Sync,
     ) -> Result<()> {
         let times = self.settings.times;
-        // In a long run the slow columns trace at most 16 times the rays of the quick run.
+        // In a long run the slow backends trace at most 16 times the rays of the quick run.
         let slow = amount.slow * times.div_ceil(16);
         self.check_packets(geometry, amount.packets * times, |run, built, index| {
             let aimed = aim(&mut run.random(index));
@@ -213,10 +214,10 @@ impl CaseRun<'_> {
         })
     }
 
-    /// Builds every column over a geometry and judges packets on the threads of the current rayon
-    /// pool. Keeps the counts: see [`CaseRun::keep`].
+    /// Builds every tested backend over a geometry and judges packets on the threads of the current
+    /// rayon pool. Keeps the counts: see [`CaseRun::keep`].
     ///
-    /// `judge` returns the counts of each column for the packet of an index.
+    /// `judge` returns the counts of each tested backend for the packet of an index.
     ///
     /// # Errors
     /// The errors of the builds; `Interrupted` after a signal.
@@ -245,8 +246,8 @@ impl CaseRun<'_> {
         self.keep(geometry, sums)
     }
 
-    /// Adds the counts over a geometry. Draws a picture of the first failures of each column that
-    /// has no picture yet.
+    /// Adds the counts over a geometry. Draws a picture of the first failures of each tested
+    /// backend that has no picture yet.
     ///
     /// # Errors
     /// The errors of the build that the pictures need.

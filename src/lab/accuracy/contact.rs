@@ -34,10 +34,11 @@ const SCALES: [f64; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
 /// Distances from the world's origin, in sizes of the object.
 const OFFSETS: [f64; 3] = [0.0, 1e3, 1e7];
 
-/// Number of packets for each world in the quick run.
+/// Number of packets for each world in the quick run (`accuracy --quick`). Longer runs trace a
+/// multiple.
 const PACKETS: u64 = 24;
 
-/// Slow columns trace one of this many packets.
+/// Slow backends ([`TestedBackend::is_slow`]) trace one of this many packets.
 const SLOW: u64 = 3;
 
 /// Smallest gap at which an occluder must shadow a surface, in ulp of the largest coordinate.
@@ -67,7 +68,8 @@ impl Place {
         Self { scale, offset: DVec3::new(0.6, -0.5, 0.62) * scale * offset, turn }
     }
 
-    /// As [`Place::new`]. The place is tilted if `number` is even.
+    /// As [`Place::new`]. `number` is the index of the world in its case; at even indices the
+    /// object is tilted.
     fn numbered(scale: f64, offset: f64, number: u64) -> Self {
         let turn = match number % 2 {
             0 => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
@@ -160,8 +162,8 @@ pub(super) fn above(random: &mut Random, normal: DVec3, least: f64) -> DVec3 {
     normal * cosine + side * (1.0 - cosine * cosine).sqrt()
 }
 
-/// Returns 16 rays. `ray` returns the origin and the goal of each. The origin is rounded before the
-/// direction is computed.
+/// Returns 16 rays. `ray` returns the origin and the goal of each ray. The origin is rounded to f32
+/// before the direction is computed.
 pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
     let mut packet = RayPacket::EMPTY;
     for i in 0..LANES {
@@ -172,9 +174,9 @@ pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
     packet
 }
 
-/// Traces packets through a geometry with every column and adds the counts to `run`.
+/// Traces packets through a geometry with every tested backend and adds the counts to `run`.
 ///
-/// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one column,
+/// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one backend,
 /// and counts wrong answers. `salt` selects the random numbers; each call of a case has its own.
 pub(super) fn check(
     run: &mut CaseRun,
@@ -186,7 +188,7 @@ pub(super) fn check(
     run.check_packets(geometry, PACKETS * run.settings.times, |run, built, index| {
         let first = first_rays(&mut run.random(salt << 40 | index << 1));
         built.counts(index % SLOW == 0, |BuiltBackend { tested, accelerator }, counts| {
-            // All columns get the same random numbers, and so the same lights.
+            // All backends get the same random numbers. The lights differ where the hits differ.
             let mut random = run.random(salt << 40 | index << 1 | 1);
             let mut packet = first.clone();
             let all = Mask::ALL;
@@ -200,7 +202,7 @@ pub(super) fn check(
     })
 }
 
-/// The hits of one column on a packet, and their surface points.
+/// The hits of one backend on a packet, and their surface points.
 pub(super) struct ColumnHits<'a> {
     geometry: &'a Geometry,
     pub tested: &'a TestedBackend,
@@ -211,7 +213,8 @@ pub(super) struct ColumnHits<'a> {
 
 impl ColumnHits<'_> {
     /// Traces shadow rays to `lights`, which lie on `area` if it is given. Returns each lane that
-    /// has a shadow ray and whether the ray is occluded, once for each coherence of the column.
+    /// has a shadow ray and whether the ray is occluded. A lane is listed once for each way to
+    /// trace the packet: [`TestedBackend::coherences`].
     pub fn occluded(
         &self,
         lights: &[DVec3; LANES],
@@ -274,9 +277,10 @@ fn self_shadow(scale: f64) -> Case {
     let name = format!("self-intersection, scale {scale:e}");
     let what = format!(
         "an octahedron, a cube of quads, a sphere of size {scale:e}, at 0, 1e3 and 1e7 times that from \
-         the world's origin: lights above the surface must reach it. `coursework` uses its offset of 1e-4"
+         the world's origin: lights above the surface must reach it. Shadow rays of `coursework` \
+         start 1e-4 above the surface"
     );
-    let criterion = PassCriterion::Zero("shadow rays report no t");
+    let criterion = PassCriterion::Zero("shadow rays have no t");
     Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for solid in SOLIDS {
@@ -301,8 +305,8 @@ fn self_shadow(scale: f64) -> Case {
                         for (i, occluded) in seen.occluded(&lights, None, counts) {
                             counts.rays += 1;
                             let (at, normal) = (seen.points.position(i), seen.points.normal(i));
-                            // The normal points inwards: the ray has leaked through the side
-                            // that faces its origin.
+                            // The normal is on the side of the first ray's origin. Here it points
+                            // inwards: that ray passed through the near side of the object.
                             if normal.dot(at) < 0.0 {
                                 counts.fail(WrongKind::Leak, at);
                             } else if occluded {
@@ -351,18 +355,19 @@ fn largest(geometry: &Geometry) -> f64 {
     vertices.chain(corners).map(of).fold(0.0, f64::max)
 }
 
-/// A case with occluders above a surface, at gaps of `ulps` ulp of the largest coordinate. From
-/// [`CONTACT`] ulp on they must shadow it.
+/// A case with occluders above a surface, at gaps of `ulps` ulp of the largest coordinate. From a
+/// gap of [`CONTACT`] ulp on, the occluder must shadow the surface. At a smaller gap, light that
+/// passes through is counted, but does not fail the case.
 fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case {
-    let criterion = PassCriterion::Zero("occluders nearer than 4 ulp are counted, not failed");
+    let criterion = PassCriterion::Zero("light through a gap below 4 ulp is counted, not failed");
     Case::new(GROUP, name, what, criterion, move |run| {
         let mut salt = 0;
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
             for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
                 let place = Place::numbered(scale, offset, salt);
-                // The ulp is that of a scene with a wider gap. The scene's origin does not depend
-                // on so small a gap.
+                // The gap is given in ulp of coordinates that depend on the gap. So one ulp is
+                // measured in the same scene with a gap of 0.125.
                 let flat = place.world(&stack(solid, &place, 0.125))?;
                 let unit = ulp(largest(&flat.geometry));
                 let world = place.world(&stack(solid, &place, ulps * unit / scale))?;
@@ -390,7 +395,7 @@ fn in_contact(
     };
     let scale = place.scale;
     // Rays hit the sphere only near its top, where it falls off by less than an ulp of its size.
-    // They hit the other floors anywhere.
+    // They hit the other floors up to 0.5 sizes from the middle.
     let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
     check(
         run,
@@ -402,7 +407,8 @@ fn in_contact(
                 let goal = middle + side * random.unit() * reach * scale;
                 [goal + above(random, up, 0.3) * random.within(1.0, 4.0) * scale, goal]
             });
-            // The occluder lies above the goal. A ray that leaves it passes through it.
+            // The goal is on the occluder. A ray that leaves the occluder ignores it, and hits the
+            // floor below.
             packet.rays.leaving = [occluder; LANES];
             packet
         },
@@ -418,7 +424,7 @@ fn in_contact(
                     counts.fail(WrongKind::Leak, point);
                     continue;
                 }
-                // Gap between occluder and point. Rounding moves the point by half an ulp.
+                // Gap between occluder and point: rounding of the point changes it by half an ulp.
                 let gap = planes
                     .iter()
                     .map(|&[a, b, c]| (a - point).dot((b - a).cross(c - a).normalize()).abs())
@@ -440,7 +446,7 @@ pub fn cases() -> Vec<Case> {
         let what = format!(
             "an occluder 4, 8 and 1000 ulp of the largest coordinate above a triangle, a quad, a sphere \
              of size {scale:e}, at 0, 1e3 and 1e7 times that from the world's origin: it must shadow \
-             them. `coursework` uses its offset of 1e-4"
+             them. Shadow rays of `coursework` start 1e-4 above the surface"
         );
         contact(format!("occluder in contact, scale {scale:e}"), what, vec![scale], vec![4.01, 8.0, 1000.0])
     }));

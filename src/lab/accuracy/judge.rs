@@ -1,4 +1,4 @@
-//! Traces one packet on every column and judges the answers.
+//! Traces one packet with every tested backend and judges the answers.
 
 use std::time::Instant;
 
@@ -71,17 +71,17 @@ impl AimedPacket {
     }
 }
 
-/// Traces packets on all columns and judges the answers.
+/// Traces packets with all tested backends and judges the answers.
 pub struct Judge<'a> {
-    /// The columns and the oracle, built over one geometry.
+    /// The backends and the oracle, built over one geometry.
     pub built: &'a Built<'a>,
 }
 
 impl Judge<'_> {
-    /// Traces and judges one packet. Returns the counts of each column.
+    /// Traces and judges one packet. Returns the counts of each backend.
     ///
     /// Answers are compared with the oracle's. Unless `known`, [`Expect::Closed`] is judged without
-    /// it. If `slow`, slow columns trace the packet too.
+    /// it. If `slow`, slow backends trace the packet too.
     pub fn packet(
         &self,
         aimed: &AimedPacket,
@@ -112,7 +112,7 @@ impl Judge<'_> {
     }
 }
 
-/// One packet traced on one column.
+/// One packet traced with one backend.
 struct One<'a> {
     aimed: &'a AimedPacket,
     active: Mask,

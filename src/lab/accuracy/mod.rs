@@ -1,10 +1,10 @@
 //! Hard cases with known answers, traced on every backend, for `lightpath accuracy`.
 //!
 //! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
-//! [`PassCriterion`]. A column is a [`TestedBackend`]. The files `watertight`, `degenerate`,
-//! `rays`, `grazing`, `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and
-//! `conservative` build the geometry and aim the rays. [`CaseRun`] traces the rays on every column.
-//! `judge` counts wrong answers, unless a case counts them itself.
+//! [`PassCriterion`]. A column of the table is a backend under test, a [`TestedBackend`]. The files
+//! `watertight`, `degenerate`, `rays`, `grazing`, `quads`, `contact`, `secondary`, `spheres`,
+//! `map_coordinates` and `conservative` build the geometry and aim the rays. [`CaseRun`] traces the
+//! rays with every tested backend. `judge` counts wrong answers, unless a case counts them itself.
 
 mod case;
 mod conservative;
@@ -42,7 +42,7 @@ use crate::monitor::Monitor;
 /// Backends, seed and number of rays of a run.
 #[derive(Debug, Clone)]
 pub struct AccuracySettings {
-    /// The columns of the table, in order.
+    /// The backends under test, in the order of the table's columns.
     pub tested_backends: Vec<TestedBackend>,
     /// Seed of all random rays.
     pub seed: u64,
@@ -52,27 +52,27 @@ pub struct AccuracySettings {
     pub pictures: bool,
 }
 
-/// All columns and the oracle, built over one geometry.
+/// All tested backends and the oracle, built over one geometry.
 struct Built<'g> {
-    /// The geometry over which columns and oracle are built.
+    /// The geometry over which backends and oracle are built.
     geometry: &'g Geometry,
-    /// The columns, in the order of the settings.
+    /// The tested backends, in the order of the settings.
     tested: &'g [TestedBackend],
-    /// The accelerator of each column.
+    /// The accelerator of each tested backend.
     accelerators: Vec<Box<dyn Accelerator + 'g>>,
     /// The oracle, which computes the exact answers.
     oracle: Brute<'g>,
 }
 
 impl Built<'_> {
-    /// Iterates over the columns with their accelerators.
+    /// Iterates over the tested backends with their accelerators.
     fn backends(&self) -> impl Iterator<Item = BuiltBackend<'_>> {
         let built = self.tested.iter().zip(&self.accelerators);
         built.map(|(tested, accelerator)| BuiltBackend { tested, accelerator: &**accelerator })
     }
 
-    /// Calls `judge` for every column and returns the counts of each. Slow columns are left out,
-    /// with counts of 0, unless `with_slow`.
+    /// Calls `judge` for every tested backend and returns the counts of each. Slow backends
+    /// ([`TestedBackend::is_slow`]) are left out, with counts of 0, unless `with_slow`.
     fn counts(
         &self,
         with_slow: bool,

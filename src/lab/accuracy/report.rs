@@ -25,13 +25,13 @@ pub struct AccuracyReport {
     pub seed: u64,
     /// Number of rays, in multiples of the quick run.
     pub times: u64,
-    /// The columns, in the order of every row's entries.
+    /// The tested backends, in the order of every row's entries.
     pub columns: Vec<ColumnReport>,
     /// One row for each case, in the order of the catalogue.
     pub rows: Vec<CaseResult>,
 }
 
-/// Name, version and error bound of a column.
+/// Name, version and error bound of a tested backend.
 #[derive(Debug, Clone, Serialize)]
 pub struct ColumnReport {
     /// Name of the backend with its mode.
@@ -40,7 +40,7 @@ pub struct ColumnReport {
     pub version: String,
     /// Instruction set in use.
     pub isa: String,
-    /// Whether the run fails if the column does not meet a pass criterion.
+    /// Whether the run fails if the backend does not meet a pass criterion.
     pub must_hold: bool,
     /// Error bound within which an answer may differ from the exact one, in units of the bound of
     /// `bvh`'s test.
@@ -60,9 +60,9 @@ pub struct CaseResult {
     pub mark: String,
     /// Remark for the table.
     pub note: Option<String>,
-    /// Largest number of judged answers of a column.
+    /// Largest number of judged answers of a backend.
     pub rays: u64,
-    /// Results of each column, in the order of [`AccuracyReport::columns`].
+    /// Results of each backend, in the order of [`AccuracyReport::columns`].
     pub entries: Vec<BackendCounts>,
     /// Seconds for the whole case: builds, tracing and judging.
     pub seconds: f64,
@@ -71,7 +71,7 @@ pub struct CaseResult {
     pub pictures: Vec<FailurePicture>,
 }
 
-/// Results of one column in one case.
+/// Results of one backend in one case.
 #[derive(Debug, Clone, Serialize)]
 pub struct BackendCounts {
     /// Number of judged answers.
@@ -101,7 +101,7 @@ pub struct BackendCounts {
     pub worst_weight: Option<f64>,
     /// Seconds spent in the backend, summed over threads.
     pub seconds: f64,
-    /// Reason why the column fails the run; `None` if it does not.
+    /// Reason why the backend fails the run; `None` if it does not.
     pub missed: Option<String>,
 }
 
@@ -126,19 +126,19 @@ impl BackendCounts {
     }
 }
 
-/// Picture of a geometry with the failures of one column.
+/// Picture of a geometry with the failures of one backend.
 #[derive(Debug, Clone)]
 pub struct FailurePicture {
-    /// Index of the column in the settings.
+    /// Index of the backend in the settings.
     pub column: usize,
-    /// Name of the column.
+    /// Name of the backend.
     pub name: String,
     /// Content of the PNG file.
     pub png: Vec<u8>,
 }
 
 impl AccuracyReport {
-    /// Creates a report without rows. Builds every column once to learn its version.
+    /// Creates a report without rows. Builds every backend once to learn its version.
     pub(super) fn new(settings: &AccuracySettings, monitor: &Monitor) -> Result<Self> {
         let empty = empty_geometry();
         let mut columns = Vec::new();

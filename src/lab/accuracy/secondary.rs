@@ -210,7 +210,7 @@ fn flush(side: Side, what: &str) -> Case {
          ceiling, {}",
         if side == Side::Behind { "must not see it" } else { "must see it" }
     );
-    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays report no t"), move |run| {
+    Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays have no t"), move |run| {
         let mut salt = 0;
         for (scale, distance) in PLACES {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
@@ -283,7 +283,7 @@ fn at_room(random: &mut Random, place: &Place) -> RayPacket {
 fn mirrors() -> Case {
     let what = "a mirror of coplanar triangles in 6 rotations reflects rays that arrive with a slope of 1e-6 to 0.1: nothing \
                 lies above it, so no reflected ray may hit";
-    let criterion = PassCriterion::Zero("rays that hit nothing report no t");
+    let criterion = PassCriterion::Zero("rays that hit nothing have no t");
     Case::new(GROUP, "grazing mirrors", what, criterion, move |run| {
         for k in 0..6 {
             let turn = turn(k);

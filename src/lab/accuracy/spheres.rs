@@ -21,7 +21,7 @@ const GROUP: &str = "spheres";
 /// Number of packets in the quick run.
 const PACKETS: u64 = 150;
 
-/// Slow columns trace one of this many packets.
+/// Slow backends trace one of this many packets.
 const SLOW: u64 = 2;
 
 /// Distance from the outline within which f64 cannot decide a hit, relative to the distance from
@@ -125,7 +125,7 @@ fn case(
     })
 }
 
-/// Traces one packet on every column and judges it by the roots in integers.
+/// Traces one packet with every tested backend and judges it by the roots in integers.
 fn trace_packet(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<CaseCounts> {
     let mut rays = Rays::EMPTY;
     let mut truths = [(None, false); LANES];

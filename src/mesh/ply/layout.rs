@@ -1,8 +1,9 @@
 //! Locates the rows of every element before memory is allocated for them.
 //!
-//! This detects a false header: each declared row must be in the file. If the lists of all rows are
-//! as long as those of the first row, all rows have the same size, and row n starts at n times that
-//! size. Otherwise the rows are walked once, from list count to list count.
+//! This detects a false header: each declared row must be in the file. Rows without lists all have
+//! the same size. If there are lists, a pass compares their counts with those of the first row. If
+//! they are equal, row n starts at n times the size of a row. Otherwise a second pass walks from
+//! row to row, list by list.
 
 use rayon::prelude::*;
 
@@ -61,8 +62,9 @@ pub(super) struct BinaryRows<'a> {
 }
 
 impl BinaryRows<'_> {
-    /// Locates rows from byte `start` on, where row `first` begins: `wanted` rows, or fewer if the
-    /// data ends first. Also returns the offset of their end.
+    /// Locates rows from byte `start` on, where row `first` begins: `wanted` rows, or fewer. Also
+    /// returns the offset of their end. Fewer rows do not prove that the data ends: if all rows
+    /// found have the size of the first one, shorter rows may follow.
     pub(super) fn rows(&self, start: usize, first: u64, wanted: u64) -> Result<(Span, usize)> {
         if wanted == 0 || self.element.properties.is_empty() {
             return Ok((Span { first, rows: wanted, ..Span::default() }, start));

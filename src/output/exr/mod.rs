@@ -132,8 +132,8 @@ pub struct Options<'a> {
     pub multipart: bool,
 }
 
-/// Writes the film to an empty `file`; `path` is for messages. Replaces NaN and infinite values
-/// ([`super::ValueCounts`] counts them).
+/// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, an infinity the
+/// largest half of the same sign, and half channels are clamped: see [`super::ValueCounts`].
 ///
 /// # Errors
 /// `Retry` if the disk is full. `Limit` for a side of 2^31 pixels or more, or attributes that the
@@ -146,7 +146,8 @@ pub fn write<F: Read + Write + Seek + Send>(
 ) -> Result<()> {
     let parts = parts::parts(film, options);
     let headers: Option<_> = parts.iter().map(|part| header::header(film, options, part)).collect();
-    let headers = headers.ok_or_else(|| unwritable(path, "its size or attributes"))?;
+    let headers = headers
+        .ok_or_else(|| unwritable(path, "its size or attributes do not fit into an EXR file"))?;
     let mut buffered = BufWriter::with_capacity(1 << 20, &mut *file);
     let long_names = long_names(&parts);
     let written = exr::block::write(&mut buffered, headers, true, |meta, writer| {
@@ -229,8 +230,8 @@ fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std:
     file.flush()
 }
 
-fn unwritable(path: &Path, what: &str) -> Error {
-    let message = format!("cannot write: {what} do not fit into an EXR file");
+fn unwritable(path: &Path, why: &str) -> Error {
+    let message = format!("cannot write: {why}");
     Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
 }
 

@@ -64,7 +64,7 @@ impl Check<'_, '_> {
         let placed = scene.lights.iter().filter(placed).count();
         if scene.emitter_samples.is_some_and(|samples| samples as usize >= placed) {
             let message =
-                format!("found no fewer than the {placed} point and area lights; all are gathered");
+                format!("found no fewer than the {placed} point and area lights; all are used");
             self.problems.warn("/emittersamples", message, None);
         }
         if scene.adaptive_shadows && !scene.can_skip_shadow_rays() {

@@ -45,7 +45,7 @@ pub struct Description {
     #[serde(default)]
     pub adaptiveshadows: bool,
     /// Number of point lights and area lights that each shading point draws at random, by their
-    /// estimated light, with one point of each. Without it, all lights are gathered.
+    /// estimated light, with one point of each. Default: every point receives light from all.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub emittersamples: Option<u32>,
@@ -199,7 +199,7 @@ pub struct Output {
     /// layers `CryptoObject00`, `CryptoObject01`... holds two.
     #[schemars(range(min = 2, max = MAX_CRYPTO_RANKS), extend("multipleOf" = 2))]
     pub cryptoranks: u32,
-    /// Length of the rays of the layer `ao`, in world units; default: as far as the scene reaches.
+    /// Length of the rays of the layer `ao`, in world units. Default: unlimited.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-18, max = 1e18))]
     pub aodistance: Option<f64>,

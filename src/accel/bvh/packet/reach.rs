@@ -15,8 +15,8 @@ impl<T: Tier> Packet<'_, T> {
     /// - The direction of such a ray is a sum of the packet's directions with factors >= 0. Its
     ///   slope is a quotient of linear functions of the factors. So its extremes are at the
     ///   corners: the slope lies between those of the packet's rays.
-    /// - Rounding moves each of the two slopes by at most 3u. Together this is 6u max|v - o|. The
-    ///   frustum's slack has some 20u left for it.
+    /// - Rounding moves each of the two slopes by at most 3u (u = 2^-24). Together this is 6u
+    ///   max|v - o|. The frustum's slack has some 20u left for it.
     #[inline(always)]
     pub fn reaches(&self) -> bool {
         let mut stack = Stack::new();

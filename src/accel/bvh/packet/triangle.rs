@@ -140,8 +140,9 @@ impl<T: Tier> Packet<'_, T> {
     /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
     /// [`exact`](crate::accel::bvh::exact).
     ///
-    /// The slack is 32u of the farthest coordinate, and rounding adds 4u of it. Together they are
-    /// less than the 64u by which [`exact`](crate::accel::bvh::exact) widens the box.
+    /// The slack is 32u (u = 2^-24) of the farthest coordinate, and rounding adds 4u of it.
+    /// Together they are less than the 64u by which [`exact`](crate::accel::bvh::exact) widens the
+    /// box.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];

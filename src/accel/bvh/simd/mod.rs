@@ -25,7 +25,8 @@ use crate::simd::Kernel;
 /// Relative slack of the signs of edge functions in f32, in units of max |q| over the three edges.
 ///
 /// An edge function is a difference of two products p and q. Its error is at most 3u max(|p|, |q|)
-/// if p and q cancel, and 2^-149 if they underflow. [`EDGE_FLOOR`] is the absolute slack.
+/// (u = 2^-24) if p and q cancel, and 2^-149 if they underflow. [`EDGE_FLOOR`] is the absolute
+/// slack.
 pub const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
 /// Absolute slack of the signs of edge functions: see [`EDGE_SLACK`]. Not a denormal number,
 /// because adding a denormal takes some 150 cycles on Intel processors.
