@@ -59,6 +59,8 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
         ("--template", mesh.template.is_some()),
         ("--smooth", mesh.looks.smooth.is_some()),
         ("--texture", mesh.looks.texture.is_some()),
+        ("--color", mesh.looks.color.is_some()),
+        ("--points", mesh.looks.points.is_some()),
         ("--no-ground", mesh.looks.no_ground),
         ("--quality", mesh.looks.quality.is_some()),
         ("--studio", mesh.looks.studio.is_some()),
@@ -68,8 +70,10 @@ fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
         return Ok(());
     };
     let message = format!("found with {}, expected with a .ply file", args.input.display());
-    Err(Error::invalid(flag, message)
-        .help("a scene sets camera, lights and materials, and `rotate`, `smooth` in its trimesh"))
+    Err(Error::invalid(flag, message).help(
+        "a scene sets camera, lights and materials, and in its trimesh `rotate`, `smooth`, `color`, \
+         `points`",
+    ))
 }
 
 /// Options of one render, checked against its scene. The stages of the render get these options in
