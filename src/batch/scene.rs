@@ -14,7 +14,7 @@ use crate::{
     monitor::Monitor,
     picture::{self, Files},
     reserve::MemoryLimit,
-    scene::{self, Loaded, Scene, Source},
+    scene::{Loaded, Scene, Source},
     studio::{self, MeshScene, Subject, Turntable},
     world::{self, ContentHashes},
 };
@@ -221,9 +221,6 @@ impl Ready {
             return Ok(self.loaded.clone());
         };
         let turned = turntable.frame(&self.loaded.description, self.pivot, number);
-        let mut frame = scene::from_description("frame", &turned, &self.folder, &[])?;
-        // A description does not hold the backend's settings.
-        frame.scene.backend = self.loaded.scene.backend;
-        Ok(frame)
+        self.loaded.with_description("frame", &turned, &self.folder)
     }
 }

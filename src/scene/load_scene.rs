@@ -87,10 +87,26 @@ impl Loaded {
     /// Every problem of the camera.
     pub fn with_camera(&self, name: &str, camera: &written::Camera, folder: &Path) -> Result<Self> {
         let description = Description { camera: camera.clone(), ..self.description.clone() };
-        let mut found = from_description(name, &description, folder, &[])?;
-        // A description holds neither the options of the backend nor the user's paths of meshes.
-        found.scene.backend = self.scene.backend;
+        let mut found = self.with_description(name, &description, folder)?;
+        // A description does not hold the user's paths of meshes.
         found.scene.shapes.clone_from(&self.scene.shapes);
+        Ok(found)
+    }
+
+    /// Returns the scene of another description with the backend of this scene. A description does
+    /// not hold the options of the backend. Messages name the description as `name`. Its paths are
+    /// relative to `folder`.
+    ///
+    /// # Errors
+    /// Every problem of the description.
+    pub fn with_description(
+        &self,
+        name: &str,
+        description: &Description,
+        folder: &Path,
+    ) -> Result<Self> {
+        let mut found = from_description(name, description, folder, &[])?;
+        found.scene.backend = self.scene.backend;
         Ok(found)
     }
 }

@@ -38,7 +38,7 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::{Mesh, ReadOptions},
     monitor::Monitor,
-    scene::{self, Loaded, Overrides, ShapeKind, Source, written},
+    scene::{Loaded, Overrides, ShapeKind, Source, written},
     world::color_request,
 };
 
@@ -138,14 +138,14 @@ fn with_other_ground(
     template: &Template,
     change: impl Fn(&mut written::Plane) -> bool,
 ) -> Result<Loaded> {
-    let mut description = loaded.description;
+    let mut description = loaded.description.clone();
     description.scene.shapes.retain_mut(|shape| match shape {
         written::Shape::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
             change(plane)
         }
         _ => true,
     });
-    let found = scene::from_description(&template.name, &description, &template.folder, &[])?;
+    let found = loaded.with_description(&template.name, &description, &template.folder)?;
     Ok(Loaded { warnings: loaded.warnings, ..found })
 }
 

@@ -127,6 +127,22 @@ fn a_transparent_picture_has_the_shadows_of_its_ground() {
 }
 
 #[test]
+fn a_changed_ground_keeps_the_instruction_set() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let isa = |flags: &[&str]| {
+        let flags = [flags, &["--isa", "portable", "--stats", "stats.json"]].concat();
+        render(&scratch, "block.ply", &flags).good();
+        let stats: Value = serde_json::from_slice(&scratch.read("stats.json")).unwrap();
+        stats["isa"].as_str().unwrap().to_owned()
+    };
+    let all = isa(&[]);
+    assert!(all.contains("portable rays, portable shading"), "{all}");
+    assert_eq!(isa(&["--no-ground"]), all);
+    assert_eq!(isa(&["--transparent"]), all);
+}
+
+#[test]
 fn studios_differ_in_their_light_and_exclude_scenes() {
     let scratch = Scratch::new();
     scratch.write("block.ply", &block(2.0, ""));
@@ -151,6 +167,8 @@ fn studios_differ_in_their_light_and_exclude_scenes() {
     refused("block.ply", &["--template", "s.json", "--studio", "soft"], "--studio");
     refused("block.ply", &["--clay", "--studio", "soft"], "--studio");
     refused("s.json", &["--clay"], "--clay");
+    refused("s.json", &["--color", "face"], "--color: found with s.json");
+    refused("s.json", &["--points", "1"], "--points: found with s.json");
 }
 
 #[test]
