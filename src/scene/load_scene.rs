@@ -156,7 +156,11 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
 const OTHER_MESHES: [&str; 11] =
     ["obj", "stl", "off", "glb", "gltf", "fbx", "dae", "3ds", "usd", "usdz", "abc"];
 
-fn read(path: &Path) -> Result<Vec<u8>> {
+/// Reads the scene file at `path`.
+///
+/// # Errors
+/// A file that cannot be read, that holds a mesh of another format, or that is longer than 256 MiB.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::IsADirectory => {
             let name = path.display().to_string();
@@ -169,18 +173,34 @@ fn read(path: &Path) -> Result<Vec<u8>> {
             Error::io(path, "read", &error).maybe_help(near)
         }
     };
-    let mut bytes = Vec::new();
     let file = File::open(path).map_err(failed)?;
     let kind = path.extension().and_then(|end| end.to_str()).map(str::to_ascii_lowercase);
     if let Some(kind) = kind.filter(|kind| OTHER_MESHES.contains(&kind.as_str())) {
         let message = format!("found a .{kind} file, expected a PLY mesh or a JSON scene");
         return Err(Error::invalid(path.display().to_string(), message).help(check::CONVERT));
     }
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
+    read_all(file, &path.display().to_string(), failed)
+}
+
+/// Reads the text of a scene from standard input, which messages name as `name`.
+///
+/// # Errors
+/// Input that cannot be read, or that is longer than 256 MiB.
+pub fn read_stdin(name: &str) -> Result<Vec<u8>> {
+    read_all(std::io::stdin(), name, |error| Error::io(name.as_ref(), "read", &error))
+}
+
+/// Reads the text of a scene to its end.
+fn read_all(
+    source: impl Read,
+    name: &str,
+    failed: impl Fn(std::io::Error) -> Error,
+) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    source.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {
         let message =
             format!("found more than {} MiB, expected a scene file", MAX_FILE_BYTES >> 20);
-        let name = path.display().to_string();
         return Err(Error::invalid(name, message).help("put geometry into .ply files"));
     }
     Ok(bytes)

@@ -35,7 +35,9 @@ pub use description::Description;
 pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
-pub use load_scene::{Loaded, Source, check_camera, from_description, load, read_as};
+pub use load_scene::{
+    Loaded, Source, check_camera, from_description, load, read, read_as, read_stdin,
+};
 pub use node::{Member, Node, NodeKind, Place};
 pub use schema::{schema, schema_of};
 pub use write::hexadecimal;

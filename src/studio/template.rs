@@ -1,18 +1,12 @@
 //! The text of a scene: built in, from a file, or from standard input.
 
-use std::{
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use super::builtin::Studio;
 use crate::{
-    error::{Error, Result},
-    scene::{Loaded, ShapeKind, Source, Trimesh},
+    error::Result,
+    scene::{self, Loaded, ShapeKind, Source, Trimesh},
 };
-
-/// Maximum number of bytes that are read. A longer text is cut, so the parser finds it incomplete.
-const MAX_STDIN_BYTES: u64 = 256 << 20;
 
 /// The text of a scene, and the folder of its paths.
 #[derive(Debug)]
@@ -44,27 +38,26 @@ impl Template {
     }
 
     /// Reads the scene file at `path`.
+    ///
+    /// # Errors
+    /// As for [`scene::read`].
     pub fn file(path: &Path) -> Result<Self> {
-        let read = || {
-            let file = std::fs::File::open(path)?;
-            let mut text = Vec::new();
-            file.take(MAX_STDIN_BYTES).read_to_end(&mut text)?;
-            Ok(text)
-        };
         Ok(Self {
             name: path.display().to_string(),
-            text: read().map_err(|error| Error::io(path, "read", &error))?,
+            text: scene::read(path)?,
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             builtin: false,
         })
     }
 
     /// Reads a scene from standard input.
+    ///
+    /// # Errors
+    /// As for [`scene::read_stdin`].
     pub fn stdin() -> Result<Self> {
-        let mut text = Vec::new();
-        let read = std::io::stdin().take(MAX_STDIN_BYTES).read_to_end(&mut text);
-        read.map_err(|error| Error::io("<stdin>".as_ref(), "read", &error))?;
-        Ok(Self { name: "<stdin>".to_string(), text, folder: PathBuf::new(), builtin: false })
+        let name = "<stdin>".to_string();
+        let text = scene::read_stdin(&name)?;
+        Ok(Self { name, text, folder: PathBuf::new(), builtin: false })
     }
 }
 

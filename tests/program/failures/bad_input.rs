@@ -154,9 +154,12 @@ fn flags() {
             &["--fast", "--backend", "brute"],
         ),
         ("`--up` with a scene", "good.json", &["--up", "z"]),
+        ("`--color` with a scene", "good.json", &["--color", "face"]),
+        ("`--points` with a scene", "good.json", &["--points", "1"]),
         ("`--template` with a scene", "good.json", &["--template", "good.json"]),
         ("template without a mesh to replace", "good.ply", &["--template", "good.json"]),
         ("missing template", "good.ply", &["--template", "no.json"]),
+        ("endless template", "good.ply", &["--template", "/dev/zero"]),
         ("statistics into a missing folder", "good.json", &["--stats", "no/s.json"]),
         ("scene saved into a missing folder", "good.json", &["--write-scene", "no/s.json"]),
     ];
