@@ -25,7 +25,7 @@ fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
     let mut findings: Vec<(String, bool)> =
         failures.iter().map(|failure| (failure.clone(), true)).collect();
     if failures.is_empty() {
-        let names = report.columns.iter().filter(|column| column.must_hold);
+        let names = report.columns.iter().filter(|column| column.must_be_right);
         let names: Vec<&str> = names.map(|column| column.name.as_str()).collect();
         findings.push((format!("{}: every mark holds.", names.join(", ")), false));
     }
@@ -39,7 +39,7 @@ fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
                 (failed, rays) = (failed + entry.failed, rays + entry.rays);
                 missed |= entry.missed.is_some();
             }
-            let wrong = missed || (failed > 0 && !column.must_hold);
+            let wrong = missed || (failed > 0 && !column.must_be_right);
             cells.push(Cell { text: table::per_million(failed, rays), wrong });
         }
         rows.push(cells);

@@ -107,7 +107,7 @@ pub fn summary(report: &AccuracyReport) -> String {
             rows += u64::from(entry.failed > 0);
             missed += u64::from(entry.missed.is_some());
         }
-        let verdict = match (column.must_hold, missed) {
+        let verdict = match (column.must_be_right, missed) {
             (false, _) => String::new(),
             (true, 0) => "; holds every mark".into(),
             (true, n) => format!("; MISSES {n} marks"),

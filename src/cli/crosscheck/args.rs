@@ -20,7 +20,8 @@ pub struct CrosscheckArgs {
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Option<Vec<Accelerator>>,
 
-    /// Number of rays to check, in equal shares per kind; kinds that the scene lacks are left out
+    /// Number of rays to check, in equal shares per source of rays; sources that the scene lacks
+    /// are left out
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
 
@@ -42,8 +43,7 @@ pub struct CrosscheckArgs {
     #[command(flatten)]
     pub overrides: SetArgs,
 
-    /// Save the first wrong answers, by backend, kind of error and class of rays, with their
-    /// packets
+    /// Save the first wrong answers, by backend, verdict and source of rays, with their packets
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
 

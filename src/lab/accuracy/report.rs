@@ -41,7 +41,7 @@ pub struct ColumnReport {
     /// Instruction set in use.
     pub isa: String,
     /// Whether the run fails if the backend does not meet a pass criterion.
-    pub must_hold: bool,
+    pub must_be_right: bool,
     /// Error bound within which an answer may differ from the exact one, in units of the bound of
     /// `bvh`'s test.
     pub bound: f64,
@@ -148,7 +148,7 @@ impl AccuracyReport {
                 name: backend.name.clone(),
                 version: info.version,
                 isa: info.isa,
-                must_hold: backend.must_be_right(),
+                must_be_right: backend.must_be_right(),
                 bound: backend.error_factor(),
             });
         }

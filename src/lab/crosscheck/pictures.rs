@@ -14,7 +14,7 @@ use crate::film::{Film, Window};
 use crate::geometry::{Geometry, Nearby};
 use crate::integrate::{RenderContext, TileKernel};
 use crate::lab::answer::Answer;
-use crate::lab::backend::{BuiltBackend, is_trusted};
+use crate::lab::backend::{BuiltBackend, must_be_right};
 use crate::lab::query::QueryPacket;
 use crate::lab::rays::Recorded;
 use crate::lab::verdict::{Verdict, judge};
@@ -62,7 +62,7 @@ impl PictureReport {
         let [a, b] = &self.backends;
         let share = self.same as f64 / self.pixels as f64;
         let mut wrong = self.backends.iter().zip(self.wrong);
-        if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && is_trusted(name)) {
+        if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && must_be_right(name)) {
             return Some(format!(
                 "pictures of `{a}` and `{b}`: {n} pixels differ by rays that `{name}` answers wrong"
             ));

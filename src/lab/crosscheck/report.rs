@@ -8,7 +8,7 @@ use super::{CrossCheck, PacketVerdicts, PictureReport, known};
 use crate::accel::BuildInfo;
 use crate::accel::bvh::TreeStats;
 use crate::lab::answer::Answer;
-use crate::lab::backend::{BuiltBackend, is_trusted};
+use crate::lab::backend::{BuiltBackend, must_be_right};
 use crate::lab::query::QueryPacket;
 use crate::lab::rays::Recorded;
 use crate::lab::verdict::Verdict;
@@ -208,7 +208,7 @@ impl Finding {
 
     /// Returns whether the finding fails a check.
     pub fn fails(&self) -> bool {
-        self.against != "oracle" || is_trusted(&self.backend)
+        self.against != "oracle" || must_be_right(&self.backend)
     }
 }
 
