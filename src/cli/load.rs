@@ -80,15 +80,16 @@ impl<'a> SceneRequest<'a> {
     }
 }
 
-/// Loads a scene, or a mesh in a scene.
+/// Loads a scene, or a mesh in a scene. If the monitor has a stop request, reading a mesh ends with
+/// an error.
 ///
 /// # Errors
 /// All problems of the scene and its overrides; a mesh that cannot be read or does not fit the
 /// memory limit.
-pub fn load(request: SceneRequest) -> Result<SceneJob> {
+pub fn load(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
     let input = request.subject.path;
     if studio::is_mesh(input) {
-        return load_mesh(request);
+        return load_mesh(request, monitor);
     }
     let SceneRequest { overrides, light_samples, .. } = request;
     let mut warnings = Vec::new();
@@ -103,7 +104,7 @@ pub fn load(request: SceneRequest) -> Result<SceneJob> {
 }
 
 /// Reads a mesh, and makes a scene of the template that shows the whole mesh.
-fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
+fn load_mesh(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
     let SceneRequest { overrides, light_samples, template, studio, max_memory, subject } = request;
     let template = match (template, studio) {
         (Some(template), _) => Template::file(template)?,
@@ -115,10 +116,7 @@ fn load_mesh(request: SceneRequest) -> Result<SceneJob> {
     }
     let room = max_memory.map(memory::room).or_else(memory::machine);
     let subject = Subject { room, ..subject };
-    // No signal reaches this monitor. Most commands watch signals only after this, so a signal ends
-    // the process. `bench` watches before: it stops once the mesh is read.
-    let monitor = Monitor::default();
-    let shown = studio::show(&subject, &template, overrides, light_samples, &monitor)?;
+    let shown = studio::show(&subject, &template, overrides, light_samples, monitor)?;
     let MeshScene { loaded, warnings, mesh, .. } = shown;
     Ok(SceneJob { loaded, folder: template.folder, warnings, ready: vec![mesh] })
 }
@@ -134,4 +132,21 @@ pub fn saved(job: &SceneJob, target: &Path) -> Result<String> {
         path.0 = seen_from(&job.folder.join(&path.0), to)?;
     }
     Ok(description.to_text())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    #[test]
+    fn a_stop_request_ends_the_reading_of_a_mesh() {
+        let mesh = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/ball.ply"));
+        let monitor = Monitor::default();
+        assert!(load(SceneRequest::new(mesh), &monitor).is_ok());
+        monitor.signal.store(2, Relaxed);
+        let stopped = load(SceneRequest::new(mesh), &monitor).unwrap_err();
+        assert_eq!(stopped.kind, Kind::Interrupted(2));
+    }
 }

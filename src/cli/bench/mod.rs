@@ -107,7 +107,7 @@ fn measure_scene(
     let size = args.picture.size.or(args.quick.then_some(QUICK.2));
     let mut request = SceneRequest { studio: Some(SCENE), ..SceneRequest::new(input) };
     overrides::add_size(&mut request.overrides, size);
-    let mut job = load::load(request)?;
+    let mut job = load::load(request, monitor)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
     let world = job.world(monitor, note)?;
     let measured = measure(&world, settings, monitor, &note)?;

@@ -41,7 +41,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let mut request = SceneRequest::new(&args.input);
     overrides::add_size(&mut request.overrides, args.picture.size);
     overrides::add_sets(&mut request.overrides, &args.overrides.set);
-    let mut job = load::load(request)?;
+    let mut job = load::load(request, &monitor)?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
     args.outputs().refuse_overwrites(inputs)?;
     let scene = &job.loaded.scene;

@@ -171,7 +171,7 @@ fn check(
     isa: Isa,
     monitor: &Arc<Monitor>,
 ) -> Result<()> {
-    let mut job = load::load(request(args, input))?;
+    let mut job = load::load(request(args, input), monitor)?;
     let outputs = OutputFlags(vec![("--save FILE.json", &args.save)]);
     outputs.refuse_overwrites(job.inputs(input))?;
     signals::watch(monitor)?;
