@@ -45,7 +45,7 @@ pub struct Job {
     pub poses: Option<Poses>,
     /// A point on the turntable's axis, if the job file sets it.
     pub pivot: Option<DVec3>,
-    /// Samples on every area light per shading point, if a flag sets them.
+    /// Samples on every area light, sun and environment per shading point, if a flag sets them.
     pub light_samples: Option<u32>,
     /// Drops triangles with invalid vertices.
     pub repair: bool,
@@ -82,7 +82,7 @@ pub struct JobInput {
 pub struct Flags {
     /// Overrides that are applied after the overrides of the job file.
     pub overrides: Overrides,
-    /// Samples on every area light per shading point.
+    /// Samples on every area light, sun and environment per shading point.
     pub light_samples: Option<u32>,
     /// Drops triangles with invalid vertices.
     pub repair: bool,

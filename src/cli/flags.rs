@@ -31,7 +31,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub spp: Option<u32>,
 
-    /// Samples on every area light per shading point
+    /// Samples on every area light, sun and environment per shading point
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub light_samples: Option<u32>,
 

@@ -54,7 +54,7 @@ impl SceneJob {
 pub struct SceneRequest<'a> {
     /// Overrides of the scene's values.
     pub overrides: Overrides,
-    /// Samples on every area light, per shading point.
+    /// Samples on every area light, sun and environment per shading point.
     pub light_samples: Option<u32>,
     /// Scene file in which a mesh is shown, in place of the studio.
     pub template: Option<&'a Path>,

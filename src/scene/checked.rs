@@ -236,6 +236,18 @@ pub enum LightKind {
     },
 }
 
+impl LightKind {
+    /// Returns true if shadow rays to the light differ in direction, so that its number of samples
+    /// has an effect. False for points and for suns of size 0.
+    pub fn has_extent(&self) -> bool {
+        match self {
+            Self::Point { .. } => false,
+            Self::Sun { angle_deg, .. } => *angle_deg > 0.0,
+            Self::Area { .. } | Self::Environment { .. } => true,
+        }
+    }
+}
+
 /// The image of an environment.
 #[derive(Debug, Clone)]
 pub struct MapUse {

@@ -48,12 +48,17 @@ impl Overrides {
     }
 
     /// Adds `--light-samples` before all other overrides: one override per area light, sun and
-    /// environment. Returns false if there is none of them.
+    /// environment. A sun of size 0 has no samples. Returns false if no light has samples.
     pub fn light_samples(&mut self, samples: u32, scene: &Description) -> bool {
         let lights = scene.scene.lightsources.iter().enumerate();
         let mut added = Self::default();
         for (i, light) in lights {
-            if matches!(light, Light::AreaLight(_) | Light::Sun(_) | Light::Environment(_)) {
+            let sampled = match light {
+                Light::AreaLight(_) | Light::Environment(_) => true,
+                Light::Sun(sun) => sun.angle > 0.0,
+                Light::PointLight(_) | Light::Directional(_) => false,
+            };
+            if sampled {
                 let pointer = format!("/scene/lightsources/{i}/samples");
                 added.flag("--light-samples", &pointer, Some(samples));
             }

@@ -66,6 +66,12 @@ impl Area {
         Some([Vec3::ZERO, edge, height, edge + height].map(|side| self.corner + side))
     }
 
+    /// Sets the number of light points per shading point. A sun of size 0 keeps one.
+    pub fn set_samples(&mut self, samples: u32) {
+        let is_point = matches!(&self.distant, Some(Distant::Sun(sun)) if sun.is_point());
+        self.samples = if is_point { 1 } else { samples };
+    }
+
     /// The map of an environment, if the light has one.
     #[inline(always)]
     pub fn map(&self) -> Option<&TurnedMap> {

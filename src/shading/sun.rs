@@ -42,6 +42,11 @@ impl Cone {
         }
     }
 
+    /// Returns true for a sun of size 0, whose light comes from one direction.
+    pub fn is_point(&self) -> bool {
+        self.tangent == 0.0
+    }
+
     /// Ends of the shadow rays from `from`, for 16 points (s, t) in the unit square.
     #[inline(always)]
     pub fn points(&self, [s, t]: &[Lanes; 2], from: &Lanes3) -> Lanes3 {

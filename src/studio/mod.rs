@@ -42,6 +42,10 @@ use crate::{
     world::color_request,
 };
 
+/// Message for `--light-samples` in a scene where it changes nothing.
+pub const NO_LIGHT_SAMPLES: &str =
+    "has no effect: the scene has no area light, environment or sun with an angle";
+
 /// A scene made from a mesh.
 #[derive(Debug)]
 pub struct MeshScene {
@@ -165,8 +169,7 @@ pub fn load(
         if overrides.light_samples(samples, &loaded.description) {
             loaded = overrides.load(source)?;
         } else {
-            let message = "has no effect: the scene has no area light";
-            warnings.push(Problem::new("--light-samples", message));
+            warnings.push(Problem::new("--light-samples", NO_LIGHT_SAMPLES));
         }
     }
     warnings.append(&mut loaded.warnings);

@@ -37,7 +37,8 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub spp: Vec<u32>,
 
-    /// Samples on every area light per shading point [default: 1,4,16 if there are area lights]
+    /// Samples on every area light, sun and environment per shading point [default: 1,4,16 if there
+    /// are such lights]
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub light_samples: Vec<u32>,
 

@@ -18,8 +18,9 @@ use crate::{
     },
     monitor::Monitor,
     output::exr_read,
-    scene::{LightKind, SamplerKind, Scene},
+    scene::{SamplerKind, Scene},
     simd::Isa,
+    studio,
 };
 
 use super::{
@@ -29,7 +30,7 @@ use super::{
 
 use self::args::ConvergeArgs;
 
-/// Default numbers of samples on area lights.
+/// Default numbers of samples on area lights, suns and environments.
 const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 
 /// Runs the study of one scene.
@@ -111,14 +112,15 @@ fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Stud
         values.dedup();
         values
     };
-    let lit = scene.lights.iter().any(|light| !matches!(light.kind, LightKind::Point { .. }));
+    let lit = scene.lights.iter().any(|light| light.kind.has_extent());
     let light_samples = match (lit, args.light_samples.as_slice()) {
         (true, []) => LIGHT_SAMPLES.to_vec(),
         (true, asked) => sorted(asked),
         (false, []) => Vec::new(),
         (false, _) => {
-            let message = "has no effect: the scene has no area light";
-            return Err(Error::invalid("--light-samples", message).help("leave it out"));
+            return Err(
+                Error::invalid("--light-samples", studio::NO_LIGHT_SAMPLES).help("leave it out")
+            );
         }
     };
     let mut samplers: Vec<SamplerKind> = Vec::new();

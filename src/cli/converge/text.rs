@@ -167,7 +167,7 @@ fn setting(report: &StudyReport, point: &PointResult) -> String {
     format!("{}, {samples}", shorter(report, &point.backend, &point.sampler))
 }
 
-/// Formats numbers of samples: `4 spp x 16 light samples`, or `4 spp` without area lights.
+/// Formats numbers of samples: `4 spp x 16 light samples`, or `4 spp` if no light has samples.
 fn samples(spp: u32, lights: Option<u32>) -> String {
     let lights = lights.map(|n| format!(" x {}", plural(n as usize, "light sample")));
     format!("{spp} spp{}", lights.unwrap_or_default())

@@ -12,18 +12,19 @@ pub struct Setting {
     pub sampler: SamplerKind,
     /// Camera samples per pixel.
     pub spp: u32,
-    /// Points on each area light per shading point; `None` in a scene without area lights.
+    /// Samples on each area light, sun and environment per shading point; `None` in a scene without
+    /// them.
     pub light_samples: Option<u32>,
 }
 
 impl Setting {
-    /// Samples per pixel of each area light, or camera samples in a scene without area lights.
+    /// Samples per pixel of each light with samples, or camera samples in a scene without one.
     pub fn samples(&self) -> u64 {
         u64::from(self.spp) * u64::from(self.light_samples.unwrap_or(1))
     }
 
     /// Work of a render, roughly proportional to its time: the rays of a pixel whose camera rays
-    /// hit, in a scene with at most one area light.
+    /// hit, in a scene with at most one light with samples.
     pub fn work(&self) -> f64 {
         f64::from(self.spp) * (1.0 + f64::from(self.light_samples.unwrap_or(0)))
     }
@@ -38,7 +39,7 @@ pub struct StudyGrid {
     pub samplers: Vec<SamplerKind>,
     /// Camera samples per pixel.
     pub spp: Vec<u32>,
-    /// Points on area lights; one `None` in a scene without area lights.
+    /// Samples on area lights, suns and environments; one `None` in a scene without them.
     pub light_samples: Vec<Option<u32>>,
 }
 

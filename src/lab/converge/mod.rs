@@ -133,7 +133,7 @@ fn work(
         (world.spp, world.sampler, world.seed) = (setting.spp, setting.sampler, job.seed);
         for light in &mut world.lights {
             if let (Emitter::Area(area), Some(n)) = (&mut light.emitter, setting.light_samples) {
-                area.samples = n;
+                area.set_samples(n);
             }
         }
         let started_s = clock.elapsed_s();

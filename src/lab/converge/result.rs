@@ -61,7 +61,7 @@ pub struct ReferenceResult {
     pub half: bool,
     /// Camera samples per pixel of each pass, rendered by the first backend.
     pub spp: Option<u32>,
-    /// Points on each area light per shading point, of each pass.
+    /// Samples on each area light, sun and environment per shading point, of each pass.
     pub light_samples: Option<u32>,
     /// Number of independent passes that are averaged.
     pub passes: Option<u32>,
@@ -89,7 +89,7 @@ pub struct PointResult {
     pub sampler: String,
     /// Camera samples per pixel.
     pub spp: u32,
-    /// Points on each area light per shading point.
+    /// Samples on each area light, sun and environment per shading point.
     pub light_samples: Option<u32>,
     /// Samples per pixel: the product of `spp` and `light_samples`.
     pub samples: u64,
@@ -123,7 +123,8 @@ pub struct Series {
     pub backend: String,
     /// Sampler: `sobol` or `random`.
     pub sampler: String,
-    /// The other number, which is constant: `4 light samples`, `1 spp`; empty without area lights.
+    /// The other number, which is constant: `4 light samples`, `1 spp`; empty if no light has
+    /// samples.
     pub fixed: String,
     /// Indices of points, fewest samples first. Points at the floor or without antialiasing are
     /// left out.
@@ -139,7 +140,7 @@ pub struct SamplerRatio {
     pub backend: String,
     /// Camera samples per pixel.
     pub spp: u32,
-    /// Points on each area light per shading point.
+    /// Samples on each area light, sun and environment per shading point.
     pub light_samples: Option<u32>,
     /// Samples per pixel: the product of both numbers.
     pub samples: u64,
@@ -291,7 +292,7 @@ fn series(points: &[PointResult]) -> Vec<Series> {
             lights.map_or(String::new(), |n| plural(n as usize, "light sample")),
             format!("{} spp", point.spp),
         ];
-        // Without area lights only spp varies.
+        // Only spp varies if no light has samples.
         for fixed in fixed.into_iter().take(if lights.is_some() { 2 } else { 1 }) {
             let (backend, sampler) = point.backend_and_sampler();
             let same = |s: &(Series, Vec<[f64; 2]>)| {

@@ -251,6 +251,49 @@ fn a_reference_may_be_a_file() {
     );
 }
 
+/// A sun of size 0 has one direction, whatever its number of samples.
+#[test]
+fn a_sun_of_size_0_has_no_light_samples() {
+    let scratch = scratch();
+    let area =
+        "{ \"type\": \"arealight\", \"v0\": [-1, 4, -1], \"v1\": [1, 4, -1], \"v2\": [-1, 4, 1],";
+    let light = |kind: &str| format!("{{ \"type\": {kind}, \"direction\": [0, -1, 0],");
+    let scene = |kind: &str| {
+        let scene = SCENE.replace(area, &light(kind));
+        assert_ne!(scene, SCENE);
+        scene
+    };
+    scratch.write("sun.json", &scene("\"sun\", \"angle\": 5"));
+    scratch.write("size-0.json", &scene("\"sun\", \"angle\": 0, \"samples\": 16"));
+    scratch.write("directional.json", &scene("\"directional\""));
+    let both =
+        SCENE.replace(area, &format!("{} \"id\": [1, 1, 1] }}, {area}", light("\"directional\"")));
+    scratch.write("both.json", &both);
+    let study = |scene: &str| {
+        let flags = ["--spp", "2", "--repeats", "1", "--budget", "20", "--json", "r.json"];
+        scratch
+            .run(&[&["converge", scene, "--quiet", "--sampler", "sobol"], &flags[..]].concat())
+            .good();
+        let points = json(&scratch, "r.json")["points"].as_array().unwrap().clone();
+        let of = |key: &str| points.iter().map(|point| point[key].as_u64()).collect::<Vec<_>>();
+        (of("light_samples"), of("rays"))
+    };
+    assert_eq!(study("sun.json").0, [Some(1), Some(4), Some(16)]);
+    for scene in ["size-0.json", "directional.json"] {
+        assert_eq!(study(scene).0, [None], "{scene}");
+        let message = "--light-samples: has no effect: the scene has no area light, environment or sun with an angle";
+        let done = scratch.run(&["converge", scene, "--light-samples", "4"]);
+        assert!(done.code() == 2 && done.stderr().contains(message), "{}", done.stderr());
+        let done = scratch.run(&["render", scene, "--light-samples", "4"]).good();
+        assert!(done.stderr().contains(message), "{}", done.stderr());
+    }
+    // The directional light adds one ray a hit, whatever the number of samples of the area light.
+    scratch.write("s.json", SCENE);
+    let (both, area) = (study("both.json").1, study("s.json").1);
+    let added = |i: usize| both[i].unwrap() - area[i].unwrap();
+    assert!(added(2) < 2 * added(0), "{} {}", added(0), added(2));
+}
+
 #[test]
 fn bad_input_is_refused_before_anything_is_rendered() {
     let scratch = scratch();
