@@ -112,7 +112,7 @@ fn card(html: &mut String, job: &Job, entry: &SheetEntry, strip: Option<&Strip>)
 /// frame.
 fn picture(html: &mut String, job: &Job, entry: &SheetEntry, strip: &Strip) {
     let count = strip.frames.len();
-    let (width, height) = strip.first.dimensions();
+    let [width, height] = strip.cell;
     let data = STANDARD.encode(&strip.jpeg);
     let files = strip.frames.iter().map(|&frame| address(job, entry.number, frame));
     let files: Vec<String> = files.collect();

@@ -8,7 +8,7 @@ use super::entry::SheetEntry;
 
 /// Longer side of a thumbnail in pixels.
 pub const SIDE: u32 = 192;
-/// Colour behind transparent pixels.
+/// Colour behind transparent pixels and around smaller pictures.
 const BACKDROP: [u8; 3] = [214, 217, 221];
 /// Quality of the JPEG in percent.
 const QUALITY: u8 = 82;
@@ -20,6 +20,8 @@ pub struct Strip {
     pub jpeg: Vec<u8>,
     /// Indices of the frames that have a thumbnail, from left to right.
     pub frames: Vec<u32>,
+    /// Width and height of the cell of each thumbnail in the JPEG.
+    pub cell: [u32; 2],
     /// Thumbnail of the first of these frames.
     pub first: RgbImage,
 }
@@ -38,20 +40,30 @@ impl Strip {
                 thumbnails.push((frame, small(picture.to_rgba8())));
             }
         }
-        let (width, height) = thumbnails.first()?.1.dimensions();
-        // The strip has cells of one size, so frames of another size are left out: frames of
-        // another job, or of cameras with another picture size.
-        thumbnails.retain(|(_, picture)| picture.dimensions() == (width, height));
-        let mut image = RgbImage::new(width * thumbnails.len() as u32, height);
-        for (i, (_, picture)) in thumbnails.iter().enumerate() {
-            imageops::replace(&mut image, picture, i64::from(width) * i as i64, 0);
-        }
-        let mut jpeg = Vec::new();
-        JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image).ok()?;
+        let (jpeg, cell) = joined(thumbnails.iter().map(|(_, picture)| picture))?;
         let frames = thumbnails.iter().map(|(frame, _)| *frame).collect();
         let (_, first) = thumbnails.swap_remove(0);
-        Some(Self { jpeg, frames, first })
+        Some(Self { jpeg, frames, cell, first })
     }
+}
+
+/// Joins pictures side by side in cells of one size, and returns the JPEG with the size of a cell.
+/// The pictures of several cameras may differ in size: the cell is as large as the widest and the
+/// highest, and each picture is in its middle. `None` without pictures.
+fn joined<'a>(
+    pictures: impl ExactSizeIterator<Item = &'a RgbImage> + Clone,
+) -> Option<(Vec<u8>, [u32; 2])> {
+    let width = pictures.clone().map(RgbImage::width).max()?;
+    let height = pictures.clone().map(RgbImage::height).max()?;
+    let mut image = RgbImage::from_pixel(width * pictures.len() as u32, height, Rgb(BACKDROP));
+    for (i, picture) in pictures.enumerate() {
+        let x = width * i as u32 + (width - picture.width()) / 2;
+        let y = (height - picture.height()) / 2;
+        imageops::replace(&mut image, picture, x.into(), y.into());
+    }
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&image).ok()?;
+    Some((jpeg, [width, height]))
 }
 
 /// Shrinks a picture to thumbnail size and blends it over the backdrop. Never enlarges it.

@@ -180,6 +180,15 @@ fn every_format_gives_pictures_whose_points_project_to_their_pixels() {
     }
 }
 
+/// Pictures of 40 x 30, 52 x 24 and 24 x 28 pixels are shown in cells of 52 x 30.
+#[test]
+fn the_contact_sheet_shows_pictures_of_several_sizes() {
+    let scratch = scratch();
+    batch(&scratch, "list.json", &["-o", "out"]).good();
+    let page = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(page.contains("data-count=\"3\" style=\"aspect-ratio:52/30\""), "{page}");
+}
+
 #[test]
 fn undistorted_pictures_leave_the_lens_out() {
     let scratch = scratch();
