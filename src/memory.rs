@@ -18,8 +18,8 @@ use crate::{
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
     scene::{Backend, Filter, Scene, ShapeKind, Smooth},
-    shading::{EnvironmentMap, Texture},
-    world::color_request,
+    shading::{EnvironmentMap, Texture, TextureSize},
+    world::{color_request, own_images},
 };
 
 use crate::{reserve::MemoryLimit, units};
@@ -50,6 +50,9 @@ pub struct Prediction {
     pub texture_bytes: u64,
     /// Maximum number of bytes that decoding one image needs beside the decoded image.
     pub decoding_bytes: u64,
+    /// The same for the images that meshes name, which are decoded beside all meshes.
+    #[serde(skip)]
+    pub own_decoding_bytes: u64,
     /// Bytes of the accelerator after its build, if they are known.
     pub accelerator_bytes: Option<u64>,
     /// Maximum number of bytes during the build of the accelerator, if it is known.
@@ -148,6 +151,9 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                     problems.extend(error.problems);
                     Default::default()
                 });
+                if !textured && mesh.color.is_none() && mesh.points.is_none() {
+                    own_textures(&mesh.path, &mut sum);
+                }
                 let smooth = mesh.smooth != Smooth::Off && mesh.points.is_none();
                 let normals = if smooth { promise.missing_normal_bytes } else { 0 };
                 let bytes = promise.array_bytes.saturating_add(normals);
@@ -193,10 +199,7 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
     }
     let images = keys.into_iter().filter_map(|((path, _), areas)| {
         let size = Texture::size(path).ok()?;
-        // A mip map has a third of the texels. Where the image has 8 bits a channel, its levels
-        // have 16, so they take two thirds. That is an upper bound for other images.
-        let copies = if areas { size.stored - size.stored / 3 } else { 0 };
-        Some((size, copies))
+        Some((size, if areas { mip_map_bytes(&size) } else { 0 }))
     });
     let maps: HashSet<_> = scene.maps().map(|map| map.path.as_path()).collect();
     let maps = maps.into_iter().filter_map(|path| Some((EnvironmentMap::size(path).ok()?, 0)));
@@ -206,6 +209,23 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
         let beside = size.decoding.saturating_sub(size.stored);
         sum.decoding_bytes = sum.decoding_bytes.max(beside);
     }
+}
+
+/// Adds the images that a mesh names. They are loaded for each shape, and looked up over areas.
+fn own_textures(mesh: &Path, sum: &mut Prediction) {
+    for size in own_images(mesh).iter().filter_map(|path| Texture::size(path).ok()) {
+        let stored = size.stored.saturating_add(mip_map_bytes(&size));
+        sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
+        let beside = size.decoding.saturating_sub(size.stored);
+        sum.own_decoding_bytes = sum.own_decoding_bytes.max(beside);
+        sum.decoding_bytes = sum.decoding_bytes.max(beside);
+    }
+}
+
+/// Returns an upper bound of the bytes of an image's mip map. It has a third of the texels. Where
+/// the image has 8 bits a channel, its levels have 16, so they take two thirds.
+fn mip_map_bytes(image: &TextureSize) -> u64 {
+    image.stored - image.stored / 3
 }
 
 impl Prediction {
@@ -224,13 +244,15 @@ impl Prediction {
         Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
     }
 
-    /// Computes `peak_bytes`: the maximum over decoding, building and rendering. Images are decoded
-    /// before meshes are read, and the film is allocated after the accelerator is built.
+    /// Computes `peak_bytes`: the maximum over decoding, building and rendering. The images of a
+    /// scene are decoded before meshes are read, and the film is allocated after the accelerator is
+    /// built.
     fn with_peak(self) -> Self {
         let world = [self.mesh_bytes, self.texture_bytes];
         let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
         let beside = [
             self.decoding_bytes.saturating_sub(self.mesh_bytes),
+            self.own_decoding_bytes,
             self.accelerator_peak_bytes.unwrap_or(0),
             self.accelerator_bytes.unwrap_or(0).saturating_add(self.film_bytes),
         ];

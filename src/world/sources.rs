@@ -37,6 +37,29 @@ pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
     named.unwrap_or_default().iter().map(|name| beside(path, name)).collect()
 }
 
+/// Returns the images that a render of the mesh at `path` decodes if its material has no texture. A
+/// header does not tell which images the faces use, so these are all that they can use. None if the
+/// file is a pipe, its header is invalid or it has no texture coordinates.
+pub fn own_images(path: &Path) -> Vec<PathBuf> {
+    if !std::fs::metadata(path).is_ok_and(|data: Metadata| data.is_file()) {
+        return Vec::new();
+    }
+    let Ok(summary) = mesh::inspect_ply(path) else { return Vec::new() };
+    let most = match (summary.uvs, summary.used.iter().any(|name| name == "face.texnumber")) {
+        (None, _) => 0,
+        (Some(_), false) => 1,
+        (Some(_), true) => summary.texture_files.len(),
+    };
+    let mut images: Vec<PathBuf> = Vec::new();
+    for name in summary.texture_files.iter().take(most) {
+        let image = beside(path, name);
+        if image.is_file() && !images.contains(&image) {
+            images.push(image);
+        }
+    }
+    images
+}
+
 /// Returns the path of the image that a mesh names, as a file beside `path`.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
     mesh.texture_file.as_ref().map(|name| beside(path, name))

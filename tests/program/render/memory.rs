@@ -134,6 +134,40 @@ fn textures_take_the_memory_that_their_headers_promise() {
     assert_eq!(found["texture_bytes"], expected);
 }
 
+/// A mesh names its image itself. Its mip map is predicted by an upper bound.
+#[test]
+fn the_image_of_a_mesh_is_predicted() {
+    let scratch = Scratch::new();
+    image::RgbImage::new(640, 480).save(scratch.path("own.png")).unwrap();
+    image::RgbImage::new(320, 480).save(scratch.path("second.png")).unwrap();
+    let ply = |numbers: &str, number: &str| {
+        format!(
+            "ply\nformat ascii 1.0\ncomment TextureFile own.png\ncomment TextureFile second.png\n\
+             comment TextureFile missing.png\nelement vertex 4\nproperty float x\n\
+             property float y\nproperty float z\nproperty float s\nproperty float t\n\
+             element face 2\nproperty list uchar int vertex_indices\n{numbers}end_header\n\
+             -1 0 0 0 0\n1 0 0 1 0\n1 2 0 1 1\n-1 2 0 0 1\n3 0 1 2{number}\n3 0 2 3\n"
+        )
+    };
+    let one = ply("", "");
+    let two = ply("property int texnumber\n", " 0").replace("3 0 2 3\n", "3 0 2 3 1\n");
+    for (text, images) in [(one, 3 * 640 * 480), (two, 3 * 960 * 480)] {
+        scratch.write("own.ply", &text);
+        let mesh = |more: Value| {
+            let mut mesh = json!({ "type": "trimesh", "path": "own.ply", "material": {} });
+            mesh.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            scratch.write("s.json", &with_shapes(json!([mesh])));
+            let memory = predicted_and_found(&scratch, Backend::default());
+            memory.map(|memory| memory["texture_bytes"].as_f64().unwrap())
+        };
+        let [predicted, found] = mesh(json!({}));
+        assert!(found > f64::from(images), "{found}");
+        assert!((found..1.02 * found).contains(&predicted), "{predicted} {found}");
+        assert_eq!(mesh(json!({ "color": "none" })), [0.0; 2]);
+        assert_eq!(mesh(json!({ "points": 0.1 })), [0.0; 2]);
+    }
+}
+
 /// A scene with a texture of 3000 x 2000 16-bit texels, which takes 72 MB in memory.
 fn large_texture() -> Scratch {
     let scratch = Scratch::new();
