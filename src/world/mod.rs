@@ -55,8 +55,9 @@ pub struct LoadOptions {
     pub ready: Vec<(PathBuf, Mesh)>,
     /// Memory limit of the arrays of all meshes.
     pub room: Option<MemoryLimit>,
-    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is `room`.
-    /// Without `room`, too, it is 4 GiB for each texture.
+    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is `room`. A
+    /// texture of a surface never takes more than 4 GiB. The image of an environment takes more
+    /// only if one of the limits is set.
     pub texture_bytes: Option<u64>,
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
