@@ -53,6 +53,29 @@ fn node(_: &Metadata) -> Option<Node> {
     None
 }
 
+/// Folders of the names of open files.
+const OPEN_FILES: [&str; 2] = ["/proc", "/dev/fd"];
+/// Maximum number of links to follow. Linux follows 40.
+const MAX_LINKS: usize = 40;
+
+/// Returns the name that the system gives to an open file of a process, such as `/proc/7/fd/1`, if
+/// `path` is such a name or leads to one through links, as `/dev/stdout` does. `None` for any other
+/// path. The metadata of such a path is that of the file, but a file renamed to it would replace a
+/// link of the system.
+pub fn open_file(path: &Path) -> Option<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        let folder = path.parent().filter(|folder| *folder != Path::new(""));
+        let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+        path = folder.join(path.file_name()?);
+        if OPEN_FILES.iter().any(|known| folder.starts_with(known)) {
+            return Some(path);
+        }
+        path = folder.join(std::fs::read_link(&path).ok()?);
+    }
+    None
+}
+
 /// A set of files. A file is identified by its path with links resolved, and by device and inode.
 #[derive(Debug, Default)]
 pub struct FileSet {

@@ -25,6 +25,7 @@ mod progress;
 mod render;
 mod signals;
 mod submit;
+mod text_file;
 mod version;
 
 pub use args::{Arguments, Command};

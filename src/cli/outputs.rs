@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::{error::Result, files, output::atomic::TextFile};
+use crate::{error::Result, files};
+
+use super::text_file::TextFile;
 
 /// Refuses outputs that would overwrite an input or another output. The help names `flags`.
 ///

@@ -19,11 +19,13 @@ use tempfile::NamedTempFile;
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    paths, threads,
+    files, paths, threads,
 };
 
 /// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
+/// Number of letters and digits that make the name of a part file unique.
+const UNIQUE: usize = 6;
 
 /// The part files of this process.
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -85,7 +87,7 @@ impl Part {
                 let message = "cannot write a file here: it is a folder";
                 return Err(Error::invalid(place(), message).help("choose another output name"));
             }
-            Ok(data) if !data.is_file() => {
+            Ok(data) if !data.is_file() || files::open_file(target).is_some() => {
                 return Err(Error::invalid(place(), "found a device, expected a regular file"));
             }
             _ => {}
@@ -100,6 +102,7 @@ impl Part {
         for _ in 0..8 {
             let file = tempfile::Builder::new()
                 .prefix(&prefix)
+                .rand_bytes(UNIQUE)
                 .suffix(SUFFIX)
                 .make_in(folder_of(target), create)
                 .map_err(|error| folder_error(target, &error))?;
@@ -202,11 +205,15 @@ fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     parts
 }
 
-/// Returns the target's name for the name of a part file: `x.exr` for `x.exr.Ab12Cd.part`.
+/// Returns the target's name for the name of a part file: `x.exr` for `x.exr.Ab12Cd.part`. `None`
+/// for all other names, such as `x.part`.
 fn target_of(part: &OsStr) -> Option<&OsStr> {
     let part = Path::new(part);
     part.extension().filter(|end| *end == "part")?;
-    Path::new(part.file_stem()?).file_stem()
+    let rest = Path::new(part.file_stem()?);
+    let unique = rest.extension()?.as_encoded_bytes();
+    let fits = unique.len() == UNIQUE && unique.iter().all(u8::is_ascii_alphanumeric);
+    rest.file_stem().filter(|_| fits)
 }
 
 /// File locks. A part file is locked while its writer is alive; the system releases the lock when
@@ -240,50 +247,6 @@ mod lock {
 
     pub fn is_abandoned(_: &std::path::Path) -> bool {
         false
-    }
-}
-
-/// A small text file that is written atomically, or a device or pipe (`/dev/stdout` on a terminal)
-/// that is written directly.
-#[derive(Debug)]
-pub enum TextFile {
-    /// A file that is renamed when it is complete.
-    Part(Part),
-    /// A device or pipe, which is not renamed.
-    Device(PathBuf, File),
-}
-
-impl TextFile {
-    /// Opens `target` for writing: creates a part file, or opens the device or pipe.
-    ///
-    /// # Errors
-    /// The same as [`Part::create`] for a file. A control character in the name of a device, or a
-    /// device that cannot be opened.
-    pub fn create(target: &Path) -> Result<Self> {
-        match std::fs::metadata(target) {
-            Ok(data) if !data.is_file() && !data.is_dir() => {
-                paths::printable(target)?;
-                let opened = OpenOptions::new().write(true).open(target);
-                let file = opened.map_err(|error| Error::io(target, "open", &error))?;
-                Ok(Self::Device(target.to_owned(), file))
-            }
-            _ => Part::create(target).map(Self::Part),
-        }
-    }
-
-    /// Writes the whole text. A part file gets its final name.
-    ///
-    /// # Errors
-    /// The same as [`Part::finish`]. A device may have received some of the text.
-    pub fn finish(self, text: &str) -> Result<PathBuf> {
-        match self {
-            Self::Part(part) => part.finish(text),
-            Self::Device(path, mut file) => {
-                let written = file.write_all(text.as_bytes());
-                written.map_err(|error| Error::io(&path, "write", &error))?;
-                Ok(path)
-            }
-        }
     }
 }
 
@@ -331,5 +294,18 @@ mod tests {
         assert!(!path("a.exr.dead12.part").exists());
         assert!(["b.exr.dead12.part", "a.exr", "a.part"].iter().all(|name| path(name).exists()));
         alive.commit().unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn other_files_are_not_part_files_of_a_target_without_extension() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let others = ["a.part", "a.foo.part", "a.dead.12.part", "a.dead-2.part"];
+        for name in others.iter().chain(&["a.dead12.part"]) {
+            std::fs::write(path(name), "x").unwrap();
+        }
+        assert_eq!(Sweep::default().target(&path("a")), 1);
+        assert!(others.iter().all(|name| path(name).exists()));
     }
 }

@@ -8,8 +8,8 @@ use lightpath::{
     film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window},
     monitor::Monitor,
     output::{
-        Outputs, ValueCounts, ValueLocation, WriteOptions, atomic::Part, atomic::TextFile, exr,
-        exr_read, png, tonemap::Depth,
+        Outputs, ValueCounts, ValueLocation, WriteOptions, atomic::Part, exr, exr_read, png,
+        tonemap::Depth,
     },
     scene::{ToneOperator, Tonemap},
 };
@@ -375,11 +375,11 @@ fn an_old_file_stays_until_the_new_one_is_complete() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("a.json");
     fs::write(&target, "old").unwrap();
-    let dropped = TextFile::create(&target).unwrap();
+    let dropped = Part::create(&target).unwrap();
     drop(dropped);
     assert_eq!(fs::read_to_string(&target).unwrap(), "old");
     assert_eq!(names_in(folder.path()), ["a.json"]);
-    TextFile::create(&target).unwrap().finish("new").unwrap();
+    Part::create(&target).unwrap().finish("new").unwrap();
     assert_eq!(fs::read_to_string(&target).unwrap(), "new");
 }
 
@@ -390,7 +390,7 @@ fn permissions_are_what_umask_gives() {
     let folder = tempfile::tempdir().unwrap();
     let [plain, ours] = ["plain", "ours"].map(|name| folder.path().join(name));
     fs::write(&plain, "").unwrap();
-    TextFile::create(&ours).unwrap().finish("").unwrap();
+    Part::create(&ours).unwrap().finish("").unwrap();
     let mode = |path| fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&plain));
 }
@@ -419,9 +419,4 @@ fn special_files() {
     assert_eq!(error.exit_code(), 2, "{error}");
     let error = Part::create(Path::new("/dev/null")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
-    let full = TextFile::create(Path::new("/dev/full")).unwrap();
-    let error = full.finish("text").unwrap_err();
-    assert_eq!(error.exit_code(), 3, "{error}");
-    TextFile::create(Path::new("/dev/null")).unwrap().finish("text").unwrap();
-    assert!(!fs::metadata("/dev/null").unwrap().is_file());
 }
