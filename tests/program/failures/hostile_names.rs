@@ -13,7 +13,7 @@ use crate::support::program::{Done, PYRAMID, Scratch, names_in};
 
 /// Clears a terminal; colours it, also with a one-byte escape; adds a line for a farm; reverses the
 /// text.
-const HOSTILE: &str = "x\u{1b}[2J\u{9b}31m\nopenjd_fail: forged\r\u{202e}\u{7f}\t";
+const HOSTILE: &str = "x\u{1b}[2J\u{9b}31m\nopenjd_fail: forged\r\u{202e}\u{200f}\u{7f}\t";
 
 const SMALL: [&str; 8] =
     ["--size", "16x12", "--threads", "2", "--spp", "1", "--set", "/scene/accelerator=bvh"];
@@ -24,7 +24,7 @@ fn is_plain(what: &str, done: &Done) {
     for text in [done.stdout(), done.stderr()] {
         let hidden = |c: char| {
             c.is_control() && c != '\n'
-                || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+                || matches!(c, '\u{61c}' | '\u{200e}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
         };
         assert!(!text.contains(hidden), "{what}: {text:?}");
         // Progress and status come from the program itself.
