@@ -169,8 +169,8 @@ impl ExrReader {
         found.map(|(_, value)| value.as_str())
     }
 
-    /// Reads the rows that are in `rows` (rows of the frame) and in the data window. The two must
-    /// overlap. Decompresses on the caller's rayon pool.
+    /// Reads the rows that are in `rows` (rows of the frame) and in the data window: none if the
+    /// two do not overlap. Decompresses on the caller's rayon pool.
     ///
     /// # Errors
     /// `Invalid` for damaged or missing pixels. `Retry` if the file has changed since
@@ -178,7 +178,8 @@ impl ExrReader {
     pub fn rows(&self, rows: Range<u32>) -> Result<Rows> {
         let failed = |error| exr_error(&self.path, error);
         let window = self.window;
-        let (y0, y1) = (rows.start.max(window.y0), rows.end.min(window.y1));
+        let y0 = rows.start.clamp(window.y0, window.y1);
+        let y1 = rows.end.clamp(y0, window.y1);
         let read = |error: std::io::Error| Error::io(&self.path, "read", &error);
         let file = File::open(&self.path).map_err(read)?;
         // The header was read earlier. The file must not have changed since.

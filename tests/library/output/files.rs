@@ -320,6 +320,10 @@ fn long_names_of_channels_and_attributes_are_announced() {
             let reader = exr_read::ExrReader::open(&path).unwrap();
             assert!(reader.channels.iter().any(|found| *found == channels[0]));
             assert_eq!(reader.attribute(&attributes[0].0), Some(attributes[0].1.as_str()));
+            // Rows outside of the data window are left out.
+            for rows in [0..0, 1..9, 3..4, 7..9] {
+                assert!(reader.rows(rows).is_ok());
+            }
         }
         u32::from_le_bytes(file.get_ref()[4..8].try_into().unwrap()) & 0x400 != 0
     };
