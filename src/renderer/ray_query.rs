@@ -11,15 +11,15 @@ use crate::shading::Owner;
 /// A ray `origin + t direction`, with t in (`t_min`, `t_max`), in world space.
 ///
 /// Before the ray is traced, its direction and its origin relative to the scene's origin are
-/// rounded to f32. A ray hits nothing if its origin, direction or `t_max` has a NaN, if its origin
-/// or direction is infinite, or if its direction has no length in f32.
+/// rounded to f32. A ray hits nothing if any of its numbers is NaN, if its origin or direction is
+/// infinite, or if its direction has no length in f32.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Where the ray starts.
     pub origin: [f64; 3],
     /// Direction, of any length > 0.
     pub direction: [f64; 3],
-    /// Start of the segment, >= 0. A negative value or NaN counts as 0.
+    /// Start of the segment, >= 0. A negative value counts as 0.
     pub t_min: f64,
     /// End of the segment; may be infinite.
     pub t_max: f64,
@@ -157,7 +157,8 @@ fn pack(rays: &[Ray], origin: DVec3) -> (Mask, RayPacket) {
         let outside = ray.outside.filter(|&outside| in_world(outside, origin) == ray.origin);
         let start = outside.map_or((DVec3::from(ray.origin) - origin).as_vec3(), Vec3::from);
         packet.rays.set(i, start, DVec3::from(ray.direction).as_vec3());
-        packet.rays.tnear[i] = ray.t_min.max(0.0) as f32;
+        // Unlike `max`, this keeps NaN.
+        packet.rays.tnear[i] = if ray.t_min < 0.0 { 0.0 } else { ray.t_min as f32 };
         packet.rays.tfar[i] = ray.t_max as f32;
         packet.rays.leaving[i] = ray.leaving;
     }
@@ -196,5 +197,24 @@ mod tests {
             assert_eq!(start(beside)[0], (beside.origin[0] - origin.x) as f32);
         }
         assert!(moved > 0, "the way through world space rounds none of these points");
+    }
+
+    #[test]
+    fn a_ray_with_nan_hits_nothing() {
+        let corners = vec![[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+        let mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).unwrap();
+        let scene = LoadedScene::of_mesh(mesh).unwrap();
+        let renderer = scene.renderer().unwrap();
+        let ray = Ray::new([1.0, 1.0, 5.0], [0.0, 0.0, -1.0]);
+        let nan = f64::NAN;
+        let wrong = [
+            Ray { origin: [nan, 1.0, 5.0], ..ray },
+            Ray { direction: [0.0, nan, -1.0], ..ray },
+            Ray { t_min: nan, ..ray },
+            Ray { t_max: nan, ..ray },
+        ];
+        assert_eq!(renderer.occluded(&wrong), [false; 4]);
+        assert!(renderer.closest(&wrong).iter().all(Option::is_none));
+        assert_eq!(renderer.occluded(&[ray, Ray { t_min: -1.0, ..ray }]), [true; 2]);
     }
 }
