@@ -236,11 +236,8 @@ impl Job<'_> {
                 ((r + g + b) / (3.0 * f64::from(MIN_PASS_SAMPLES)), rays)
             })
             .collect();
-        // Summed in the order of the pixels, for the same bits with any number of threads.
-        let finite = sums.iter().filter(|(radiance, _)| radiance.is_finite());
-        let sum: f64 = finite.map(|(radiance, _)| radiance).sum();
         let rays = sums.iter().fold(RayCounts::default(), |all, (_, rays)| all + *rays);
-        (sum / probes.len() as f64, rays)
+        (mean_of_finite(sums.iter().map(|(radiance, _)| *radiance)), rays)
     }
 
     fn pass<R: Record>(&self, passes: &mut Passes<R::Held>, record: &mut R) -> RayCounts {
@@ -250,6 +247,14 @@ impl Job<'_> {
         self.integrator.monitor.rays.fetch_add(all, Relaxed);
         rays
     }
+}
+
+/// Returns the mean of the numbers that are finite, or 0 if there are none. Sums in the given
+/// order: that of the pixels gives the same bits with any number of threads.
+fn mean_of_finite(values: impl Iterator<Item = f64>) -> f64 {
+    let finite = values.filter(|value| value.is_finite());
+    let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    if count > 0.0 { sum / count } else { 0.0 }
 }
 
 /// A tile with its samples so far.
@@ -333,4 +338,15 @@ fn join((rays, a, lost): Rendered, (more_rays, b, more): Rendered) -> Rendered {
     let mean = a.mean + b.mean;
     let taken = SampleCounts { least: a.least.min(b.least), most: a.most.max(b.most), mean };
     (rays + more_rays, taken, lost.and(more))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mean_of_finite;
+
+    #[test]
+    fn values_that_are_not_finite_do_not_lower_the_mean() {
+        assert_eq!(mean_of_finite([1.0, f64::NAN, 3.0, f64::INFINITY].into_iter()), 2.0);
+        assert_eq!(mean_of_finite([f64::NAN].into_iter()), 0.0);
+    }
 }
