@@ -133,16 +133,17 @@ impl Goal {
 impl PixelSamples {
     /// Squared standard error of the mean over the goal's squared target, at most 2^28. The larger
     /// of two errors: R, G, B together, relative to the goal's level, and alpha, relative to 1.
-    /// Samples that are not finite add no error, because more samples would not help.
+    /// A colour that is not finite adds no error, because more samples would not help. Its alpha
+    /// counts.
     pub fn error(&self, goal: &Goal) -> f32 {
         let n = f64::from(self.taken.max(1));
         // (first half - second half) / 2, as means.
         let apart: [f64; 4] = std::array::from_fn(|c| (self.sum[c] - 2.0 * self.half[c]) / n);
         let [r, g, b, alpha] = apart.map(|apart| apart * apart);
         let level = goal.level([0, 1, 2].map(|c| self.sum[c] / n));
-        let error = ((r + g + b) / level).max(alpha);
-        let error = if error.is_finite() { error / goal.noise.powi(2) } else { 0.0 };
-        (error as f32).min(MAX_ERROR)
+        let finite = |error: f64| if error.is_finite() { error } else { 0.0 };
+        let error = finite((r + g + b) / level).max(finite(alpha));
+        ((error / goal.noise.powi(2)) as f32).min(MAX_ERROR)
     }
 }
 
@@ -181,6 +182,14 @@ mod tests {
         for goal in [plain, goal(Relative::Picture, 0.0)] {
             for bad in [tally(0.0, 0.0), tally(f64::NAN, 1.0), tally(f64::INFINITY, 1.0)] {
                 assert_eq!(bad.error(&goal), 0.0);
+            }
+        }
+        // Alpha counts beside a colour that is not finite.
+        for goal in [plain, picture] {
+            for bad in [f64::NAN, f64::INFINITY] {
+                let mut infinite = one;
+                (infinite.sum[0], infinite.half[1]) = (bad, bad);
+                close(infinite, &goal, 0.25);
             }
         }
         let tiny = Goal { noise: 1e-300, ..plain };
