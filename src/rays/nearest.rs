@@ -8,6 +8,7 @@ use super::scene::RayScene;
 use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::monitor::Monitor;
+use crate::reserve;
 
 /// Nearest points on the meshes, an element for each point.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,10 +24,15 @@ pub struct ClosestPoints {
 }
 
 /// The nearest point so far.
+#[derive(Clone)]
 struct Nearest {
     squared: f64,
     point: DVec3,
     primitive: u32,
+}
+
+impl Nearest {
+    const NONE: Self = Self { squared: f64::INFINITY, point: DVec3::NAN, primitive: 0 };
 }
 
 impl RayScene {
@@ -38,17 +44,20 @@ impl RayScene {
     pub fn closest_point(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<ClosestPoints> {
         check_points(points)?;
         let bvh = self.bvh();
-        let chunks = progress::in_chunks(points.len(), monitor, |range| {
-            range.map(|i| self.nearest(&bvh, points[i].into())).collect::<Vec<_>>()
-        })?;
         let count = points.len();
-        let mut all = ClosestPoints {
-            point: Vec::with_capacity(count),
-            distance: Vec::with_capacity(count),
-            primitive: Vec::with_capacity(count),
-            mesh: Vec::with_capacity(count),
-        };
-        for nearest in chunks.into_iter().flatten() {
+        let mut all =
+            ClosestPoints { point: vec![], distance: vec![], primitive: vec![], mesh: vec![] };
+        reserve::exact(&mut all.point, count, "point")?;
+        reserve::exact(&mut all.distance, count, "distance")?;
+        reserve::exact(&mut all.primitive, count, "primitive")?;
+        reserve::exact(&mut all.mesh, count, "mesh")?;
+        let mut found = reserve::filled(Nearest::NONE, count, "closest_point")?;
+        progress::fill(&mut found, monitor, |first, found| {
+            for (nearest, &point) in found.iter_mut().zip(&points[first..]) {
+                *nearest = self.nearest(&bvh, point.into());
+            }
+        })?;
+        for nearest in found {
             let (mesh, face) = self.place(nearest.primitive);
             all.point.push(nearest.point.to_array());
             all.distance.push(nearest.squared.sqrt());
@@ -60,7 +69,7 @@ impl RayScene {
 
     fn nearest(&self, bvh: &Bvh, point: DVec3) -> Nearest {
         let local = point - self.origin();
-        let mut best = Nearest { squared: f64::INFINITY, point: DVec3::NAN, primitive: 0 };
+        let mut best = Nearest::NONE;
         let slack = self.slack(local.abs().max_element());
         bvh.visit_nearest(local.as_vec3().to_array(), slack, |primitive| {
             let on = nearest_on_triangle(self.corners(primitive), point);
