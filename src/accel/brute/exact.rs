@@ -95,7 +95,8 @@ pub fn sign(x: &BigInt) -> Ordering {
 }
 
 /// An exact quotient of integers. The denominator is positive; the fraction need not be reduced.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Comparisons are of values: 1/2 equals 2/4.
+#[derive(Debug, Clone)]
 pub struct Fraction {
     numerator: BigInt,
     denominator: BigInt,
@@ -131,6 +132,14 @@ impl Fraction {
         quotient * 2f64.powi(-half as i32) * 2f64.powi((half - shift) as i32)
     }
 }
+
+impl PartialEq for Fraction {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Fraction {}
 
 impl Ord for Fraction {
     fn cmp(&self, other: &Self) -> Ordering {
@@ -168,6 +177,13 @@ mod tests {
             let c = [0, 1, 2].map(|k| a[k] * s + b[k] * t);
             [a, b, c].map(|v| DVec3::from(v.map(f64::from)))
         })
+    }
+
+    #[test]
+    fn equal_values_are_equal_fractions() {
+        let fraction = |a: i32, b: i32| Fraction::new(a.into(), b.into());
+        assert_eq!(fraction(1, 2), fraction(-2, -4));
+        assert_ne!(fraction(1, 2), fraction(2, 3));
     }
 
     proptest! {
