@@ -319,8 +319,8 @@ pub struct Notes {
     /// Number of triangles dropped by `--repair`: they use a missing or non-finite vertex. In a
     /// cloud of points, the number of dropped points.
     pub repaired_dropped: u64,
-    /// Number of different `texnumber` values of triangles. The value -1, no texture, is counted,
-    /// too.
+    /// Number of different textures that triangles select by `texnumber`. The value -1, no texture,
+    /// is not counted.
     pub textures: u64,
     /// True if the alpha of all colours is 0. It is ignored, because the writer did not set it.
     pub alpha_ignored: bool,

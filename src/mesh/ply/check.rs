@@ -60,7 +60,7 @@ impl Tally {
     }
 
     pub(super) fn write(&self, notes: &mut Notes) {
-        notes.textures = self.textures.len() as u64;
+        notes.textures = self.textures.keys().filter(|number| **number >= 0).count() as u64;
         notes.faces = self.faces;
         notes.faces_too_small = self.too_small;
         notes.polygons_split = self.split;
