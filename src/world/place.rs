@@ -172,17 +172,23 @@ impl PlacedMesh {
         (count > 0).then(|| WithoutArea { path: path(), count })
     }
 
-    /// Checks that the memory of [`Self::finish`] fits into `room`. Returns the room that is left
-    /// after it. Only computed normals are subtracted, 12 bytes per vertex. f32 positions replace
-    /// larger or equal ones. The spheres of a cloud are not subtracted.
+    /// Checks that the memory of [`Self::finish`] or [`Self::finish_points`] fits into `room`.
+    /// Returns the room that is left after it. Computed normals are subtracted, 12 bytes per
+    /// vertex; f32 positions replace larger or equal ones. The spheres of a cloud are subtracted;
+    /// they replace its positions.
     ///
     /// # Errors
     /// As [`MemoryLimit::check`].
     pub fn fits(&self, room: MemoryLimit) -> Result<MemoryLimit> {
         room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
-        let made =
-            !self.is_cloud() && self.spec.smooth != Smooth::Off && self.mesh.normals.is_none();
-        Ok(room.less(if made { 12 * self.mesh.positions.len() as u64 } else { 0 }))
+        let vertices = self.mesh.positions.len();
+        let each = match self.mesh.positions {
+            Positions::F32(_) if self.is_cloud() => POINT_BYTES - 12,
+            Positions::F64(_) if self.is_cloud() => POINT_BYTES - 24,
+            _ if self.spec.smooth != Smooth::Off && self.mesh.normals.is_none() => 12,
+            _ => 0,
+        };
+        Ok(room.less((each * vertices) as u64))
     }
 
     /// Returns the mesh relative to `origin`, and moves its normals, texture coordinates and
@@ -374,5 +380,42 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
     }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, format!("{count} {what}")));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{self, ShapeKind, Source};
+
+    /// Reads a cloud of 3 points as a mesh of the scene.
+    fn cloud(vertex: &str) -> PlacedMesh {
+        let folder = tempfile::tempdir().unwrap();
+        let ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty {vertex} x\nproperty {vertex} y\n\
+             property {vertex} z\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+        );
+        std::fs::write(folder.path().join("cloud.ply"), ply).unwrap();
+        let text = br#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40,
+            "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] }, "scene": { "shapes": [
+            { "type": "trimesh", "path": "cloud.ply", "points": 0.1, "material": {} }] } }"#;
+        let source = Source::Text { name: "test", text, folder: folder.path() };
+        let scene = scene::load(source, &[]).unwrap().scene;
+        let ShapeKind::Trimesh(spec) = &scene.shapes[0].kind else { unreachable!() };
+        let mesh = mesh::read_ply(&spec.path, mesh::ReadOptions::default().points(true)).unwrap();
+        PlacedMesh::new(mesh, spec, false, &mut Vec::new()).unwrap()
+    }
+
+    /// The spheres of a cloud replace its positions, and stay when the next cloud is placed.
+    #[test]
+    fn clouds_share_the_room() {
+        for (vertex, replaced) in [("float", 12), ("double", 24)] {
+            let cloud = cloud(vertex);
+            let spheres = 3 * POINT_BYTES as u64;
+            let room = MemoryLimit { bytes: spheres, asked: true };
+            let left = cloud.fits(room).unwrap();
+            assert_eq!(left.bytes, 3 * replaced);
+            assert!(cloud.fits(left).is_err());
+        }
     }
 }
