@@ -1,5 +1,4 @@
-//! Checks the lights. An area light is the rectangle of docs/guide/scene-format.md and must have an
-//! area.
+//! Checks the lights. An area light is the rectangle of docs/guide/lights.md and must have an area.
 
 use std::f64::consts::PI;
 
