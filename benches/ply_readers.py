@@ -20,7 +20,6 @@ import argparse
 import json
 import os
 import platform
-import resource
 import statistics
 import subprocess
 import sys
@@ -57,11 +56,6 @@ def reader(name):
         return lambda path: len(open3d.io.read_triangle_mesh(path).triangles)
     import meshio
     return lambda path: sum(len(block.data) for block in meshio.read(path).cells)
-
-
-def memory():
-    """Returns the peak memory of this process in bytes."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def serve(name, path):

@@ -269,7 +269,7 @@ def wrong_answers(options, rng, rows):
     for name, contestant in contestants.items():
         missed = (contestant.closest(rays) < 0).sum()
         report("aimed rays that miss the ball around them", name, missed, options.rays)
-        report("of these, crossings other than one", name, (contestant.all_hits(rays) != 1).sum(),
+        report("aimed rays that do not cross it once", name, (contestant.all_hits(rays) != 1).sum(),
                options.rays)
     points, truth = points_of_a_box(options.rays, rng)
     for name, contestant in build(*box(), options.threads, {}).items():
