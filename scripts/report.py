@@ -127,8 +127,8 @@ def bench_lines():
 
 def comparison():
     """README's table: `bvh` and `embree`, which is the first backend of `bench`, in columns for each scene."""
-    what = ['whole picture, Mray/s', 'rays alone, relative', 'build, million triangles/s', 'bytes a triangle',
-            'the same, peak of the build']
+    what = ['whole picture, Mray/s', 'speed of rays alone', 'build, million triangles/s', 'bytes a triangle',
+            'bytes a triangle, peak of the build']
     head, rows = [''], [[name] for name in what]
     for scene in load_or('bench.json', {'scenes': []})['scenes']:
         most, backends = rows_of_most_threads(scene), scene['backends']
