@@ -24,7 +24,7 @@ pub struct BatchArgs {
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::AnyPath)]
     pub inputs: Vec<PathBuf>,
 
-    /// Output folder [default: the job's, else out]
+    /// Output folder [default: the job's, else out in the working folder]
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub output: Option<PathBuf>,
 
