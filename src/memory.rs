@@ -86,7 +86,7 @@ const SPHERE_BYTES: u64 = 36;
 const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Returns the sizes that the header of a PLY file declares, for a reader with these options.
-pub fn promise(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
+pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
     let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. Its message is
     // the better one, so the prediction must not fail first.
@@ -124,7 +124,7 @@ pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
 /// # Errors
 /// Headers that cannot be read.
 pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
-    predict_words(scene, window, LayerPlan::new(scene).recipe.channels.len())
+    predict_words(scene, window, LayerPlan::new(scene).layout.channels.len())
 }
 
 /// Returns the bytes of film and PNG with `words` channels in addition to R, G, B, A.
@@ -147,7 +147,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let textured = scene.materials[shape.material].texture.is_some();
                 let options = ReadOptions::default().color(color_request(mesh, textured));
                 let options = options.points(mesh.points.is_some());
-                let promise = promise(&mesh.path, &options).unwrap_or_else(|error| {
+                let declared = declared_sizes(&mesh.path, &options).unwrap_or_else(|error| {
                     problems.extend(error.problems);
                     Default::default()
                 });
@@ -155,10 +155,10 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                     own_textures(&mesh.path, &mut sum);
                 }
                 let smooth = mesh.smooth != Smooth::Off && mesh.points.is_none();
-                let normals = if smooth { promise.missing_normal_bytes } else { 0 };
-                let bytes = promise.array_bytes.saturating_add(normals);
+                let normals = if smooth { declared.missing_normal_bytes } else { 0 };
+                let bytes = declared.array_bytes.saturating_add(normals);
                 sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
-                promise.triangles
+                declared.triangles
             }
             ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => 1,
             ShapeKind::Plane { .. } => 2,
@@ -178,11 +178,11 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
 /// # Errors
 /// A header that cannot be read.
 pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
-    let promise = promise(path, &ReadOptions::default().points(points))?;
+    let declared = declared_sizes(path, &ReadOptions::default().points(points))?;
     Ok(Prediction {
-        mesh_bytes: promise.array_bytes,
-        primitives: promise.triangles,
-        accelerated: promise.triangles,
+        mesh_bytes: declared.array_bytes,
+        primitives: declared.triangles,
+        accelerated: declared.triangles,
         ..Prediction::default()
     }
     .with_peak())
@@ -299,10 +299,10 @@ impl Budget {
     pub fn check(
         limit: u64,
         scene: &Scene,
-        (window, words, beside): (Window, usize, u64),
+        (window, words, other_bytes): (Window, usize, u64),
         threads: usize,
     ) -> Result<Self> {
-        let prediction = predict_words(scene, window, words)?.with_film_bytes(beside);
+        let prediction = predict_words(scene, window, words)?.with_film_bytes(other_bytes);
         prediction.check(limit)?;
         Self::new(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
     }
@@ -323,7 +323,7 @@ impl Budget {
 
     /// Returns the memory left for meshes: the limit without the program.
     pub fn for_meshes(&self) -> MemoryLimit {
-        room(self.limit)
+        limit_for_meshes(self.limit)
     }
 
     /// Returns the bytes left for the accelerator after a world of `world_bytes` is subtracted.
@@ -372,8 +372,8 @@ impl std::fmt::Display for Prediction {
 }
 
 /// Returns the memory that the user's limit of `limit` bytes leaves for meshes.
-pub fn room(limit: u64) -> MemoryLimit {
-    MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), asked: true }
+pub fn limit_for_meshes(limit: u64) -> MemoryLimit {
+    MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), set_by_user: true }
 }
 
 /// Returns the largest resident set of this process so far, in bytes.
@@ -383,22 +383,22 @@ pub fn peak_bytes() -> u64 {
 
 /// Returns the limit for meshes or textures if the user sets none: the memory that this process can
 /// still get, swap included.
-pub fn machine() -> Option<MemoryLimit> {
-    available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, asked: false })
+pub fn limit_of_machine() -> Option<MemoryLimit> {
+    available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, set_by_user: false })
 }
 
-/// Returns the same as [`machine`]. If fewer than `bytes` are available without swap, it first
-/// returns freed memory to the system.
+/// Returns the same as [`limit_of_machine`]. If fewer than `bytes` are available without swap, it
+/// first returns freed memory to the system.
 pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
     if available_bytes().is_some_and(|available| available < bytes) {
         release_freed();
     }
-    machine()
+    limit_of_machine()
 }
 
 /// Returns the memory that this process can still get before the system kills it.
-pub fn kill_limit() -> Option<MemoryLimit> {
-    bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, asked: false })
+pub fn limit_before_kill() -> Option<MemoryLimit> {
+    bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, set_by_user: false })
 }
 
 /// Upper bound of the bytes per primitive of any accelerator, during the build and after it. It is
@@ -419,12 +419,12 @@ pub fn ensure_build_fits(
     film_bytes: u64,
 ) -> Result<()> {
     let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
-    let short = || kill_limit().filter(|room| room.bytes < maximum);
+    let short = || limit_before_kill().filter(|limit| limit.bytes < maximum);
     if short().is_some() {
         release_freed();
     }
-    let Some(room) = short() else { return Ok(()) };
+    let Some(limit) = short() else { return Ok(()) };
     let footprint = Footprint::of(backend, threads)?;
     let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
-    room.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
+    limit.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
 }

@@ -69,7 +69,7 @@ pub fn named(path: &Path) -> Result<String> {
 ///
 /// # Errors
 /// `Invalid` for control characters, which include line breaks.
-pub fn printable(path: &Path) -> Result<()> {
+pub fn refuse_control_characters(path: &Path) -> Result<()> {
     match path.to_string_lossy().contains(char::is_control) {
         false => Ok(()),
         true => {

@@ -10,7 +10,7 @@ use crate::{
     layers::{LayerPlan, Mattes},
     monitor::Monitor,
     output::{
-        Outputs, ValueCounts, WriteOptions, atomic::Part, exr, legend::Legend, tonemap::Depth,
+        Outputs, ValueCounts, WriteOptions, atomic::PartFile, exr, legend::Legend, tonemap::Depth,
     },
     paths,
     scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
@@ -35,14 +35,14 @@ pub struct Storage {
 /// The files of one picture while they are written: `PREFIX.exr`, `PREFIX.png`, and the manifests
 /// of its cryptomattes with [`Storage::crypto_sidecar`].
 #[derive(Debug)]
-pub struct Files {
+pub struct PictureFiles {
     outputs: Outputs,
     /// Header attributes that describe the layers.
     attributes: Vec<(String, String)>,
-    manifests: Vec<(Part, String)>,
+    manifests: Vec<(PartFile, String)>,
 }
 
-impl Files {
+impl PictureFiles {
     /// Returns the paths of the files: the EXR, the PNG, then the manifests.
     pub fn names(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Vec<PathBuf> {
         let manifests = plan.mattes.iter().filter(|_| storage.crypto_sidecar);
@@ -53,7 +53,7 @@ impl Files {
     /// Creates the part files.
     ///
     /// # Errors
-    /// As [`Part::create`]; a name that no EXR attribute can hold.
+    /// As [`PartFile::create`]; a name that no EXR attribute can hold.
     pub fn create(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Result<Self> {
         let outputs = Outputs::create(prefix)?;
         let mut attributes = layer_attributes(plan);
@@ -66,7 +66,7 @@ impl Files {
     }
 
     /// Adds another file to the picture: see [`Outputs::add`].
-    pub fn add(&mut self, part: Part) -> PathBuf {
+    pub fn add(&mut self, part: PartFile) -> PathBuf {
         self.outputs.add(part)
     }
 }
@@ -102,9 +102,9 @@ impl Manifest {
     /// Creates the part file of the manifest.
     ///
     /// # Errors
-    /// As for [`Part::create`].
-    pub fn create(self) -> Result<(Part, String)> {
-        Ok((Part::create(&self.path)?, self.text))
+    /// As for [`PartFile::create`].
+    pub fn create(self) -> Result<(PartFile, String)> {
+        Ok((PartFile::create(&self.path)?, self.text))
     }
 
     /// Writes the manifest, hands its part file to `outputs` for the final rename, and returns its
@@ -112,7 +112,7 @@ impl Manifest {
     ///
     /// # Errors
     /// `Retry` if the disk is full.
-    pub fn write((mut file, text): (Part, String), outputs: &mut Outputs) -> Result<PathBuf> {
+    pub fn write((mut file, text): (PartFile, String), outputs: &mut Outputs) -> Result<PathBuf> {
         file.fill((text + "\n").as_bytes())?;
         Ok(outputs.add(file))
     }
@@ -164,19 +164,19 @@ pub struct PictureHeader<'a> {
     pub fingerprint: Option<&'a str>,
 }
 
-/// Writes the film of a scene. Returns the paths of [`Files`], in their order.
+/// Writes the film of a scene. Returns the paths of [`PictureFiles`], in their order.
 ///
 /// # Errors
 /// As [`Outputs::write`].
 pub fn write(
-    files: Files,
+    files: PictureFiles,
     film: &Film,
     scene: &Scene,
     says: PictureHeader,
     storage: Storage,
     monitor: &Monitor,
 ) -> Result<(Vec<PathBuf>, ValueCounts)> {
-    let Files { mut outputs, attributes: layers, manifests } = files;
+    let PictureFiles { mut outputs, attributes: layers, manifests } = files;
     let manifests = manifests.into_iter().map(|manifest| Manifest::write(manifest, &mut outputs));
     let beside = manifests.collect::<Result<Vec<_>>>()?;
     let mut attributes = origin(scene, &says);
@@ -246,10 +246,10 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     let mut add = |name: &str, text: &str| {
         attributes.push((format!("lightpath:{name}"), text.to_string()));
     };
-    if plan.recipe.depth.is_some() {
+    if plan.layout.depth.is_some() {
         add("Z", "camera-space depth, not distance; 1e30 where nothing is hit; nearest sample");
     }
-    if plan.recipe.distance.is_some() {
+    if plan.layout.distance.is_some() {
         add(
             "distance",
             "from the origin of the camera ray; 1e30 where nothing is hit; nearest sample",
@@ -258,7 +258,7 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
     if plan.camera_normal.is_some() {
         add("Ncam", "camera space: x right, y up, z to the viewer");
     }
-    if plan.recipe.position.is_some() {
+    if plan.layout.position.is_some() {
         add("P", "world space; 0 where nothing is hit; nearest sample");
     }
     if plan.normal.is_some() || plan.geometric_normal.is_some() {

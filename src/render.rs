@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::film::{Dropped, Film, Planes};
 pub use crate::integrate::RayCounts;
 use crate::integrate::{Beauty, Layers, Record, RenderContext, TileKernel};
-use crate::layers::{LayerPlan, RawLayout};
+use crate::layers::{LayerPlan, PartialSumsLayout};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
 use crate::world::World;
@@ -59,7 +59,7 @@ pub fn render_layers(
 }
 
 /// [`render_layers`] for a part of the samples. The film's planes must be the planes of `raw`,
-/// which is made for the plan's recipe. They receive partial sums, from which a merge computes the
+/// which is made for the plan's layout. They receive partial sums, from which a merge computes the
 /// bits of the whole render. The film's pixels become the mean of these samples.
 ///
 /// # Errors
@@ -70,7 +70,7 @@ pub fn render_samples(
     isa: Isa,
     film: &mut Film,
     plan: &LayerPlan,
-    raw: &RawLayout,
+    raw: &PartialSumsLayout,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     let samples = raw.samples();
@@ -92,7 +92,7 @@ fn render_with<R: Record>(
     monitor: &Monitor,
 ) -> Result<RayCounts> {
     monitor.begin(Phase::Render, pixels(film.window));
-    let integrator = RenderContext { world, accelerator, monitor };
+    let context = RenderContext { world, accelerator, monitor };
     let (counts, dropped) = tiles(film, world.frame_end())
         .into_par_iter()
         .map(|mut tile| {
@@ -100,7 +100,7 @@ fn render_with<R: Record>(
                 return Default::default();
             }
             let kernel = TileKernel {
-                integrator,
+                context,
                 window: tile.window,
                 rows: &mut tile.rows,
                 record: record(),

@@ -290,7 +290,7 @@ impl Renderer<'_> {
         let LoadedScene { scene, world, plan, .. } = self.loaded;
         let [width, height] = world.frame;
         let window = Window::full(width, height);
-        let channels = plan.recipe.channels.clone();
+        let channels = plan.layout.channels.clone();
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
         render::render_layers(world, accelerator, isa, &mut film, plan, monitor)?;
@@ -343,7 +343,7 @@ impl PictureWriter {
             fingerprint: None,
         };
         let storage = Storage::default();
-        let files = picture::Files::create(prefix.as_ref(), plan, storage)?;
+        let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
         picture::write(files, film, scene, header, storage, &Monitor::default())?;
         Ok(Outputs::names(prefix.as_ref()))
     }

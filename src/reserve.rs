@@ -12,7 +12,7 @@ pub struct MemoryLimit {
     /// The limit in bytes.
     pub bytes: u64,
     /// True if the user set the limit (`--max-memory`). False if it is the memory of the machine.
-    pub asked: bool,
+    pub set_by_user: bool,
 }
 
 impl MemoryLimit {
@@ -25,7 +25,7 @@ impl MemoryLimit {
             return Ok(());
         }
         let (bytes, room) = (units::bytes_rounded_up(bytes), units::bytes(self.bytes));
-        let (kind, message) = match self.asked {
+        let (kind, message) = match self.set_by_user {
             true => (Kind::Limit, format!("needs {bytes}; --max-memory leaves {room}")),
             false => (Kind::Retry, format!("needs {bytes}; the machine has {room}")),
         };
@@ -107,13 +107,13 @@ mod tests {
     }
 
     #[test]
-    fn the_error_of_a_room_depends_on_who_set_it() {
-        let room = MemoryLimit { bytes: 100, asked: true };
-        assert_eq!(room.check(100, "x"), Ok(()));
-        let error = room.less(40).check(61, "m.ply").unwrap_err();
+    fn the_error_of_a_limit_depends_on_who_set_it() {
+        let limit = MemoryLimit { bytes: 100, set_by_user: true };
+        assert_eq!(limit.check(100, "x"), Ok(()));
+        let error = limit.less(40).check(61, "m.ply").unwrap_err();
         assert_eq!(error.kind, Kind::Limit);
         assert!(error.to_string().contains("--max-memory leaves 60 B"), "{error}");
-        let machine = MemoryLimit { asked: false, ..room };
+        let machine = MemoryLimit { set_by_user: false, ..limit };
         assert_eq!(machine.check(101, "x").unwrap_err().kind, Kind::Retry);
     }
 }

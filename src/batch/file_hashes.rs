@@ -68,7 +68,7 @@ impl FileHashes {
 
     /// Returns the reason why a file may have changed since it was written, or `None` if its hash
     /// is in a journal.
-    pub fn doubt(&self, path: &Path) -> Option<String> {
+    pub fn mismatch(&self, path: &Path) -> Option<String> {
         let name = path.display();
         let Some(known) = self.known.get(journal::seen_from(path, &self.folder)) else {
             return Some(format!("{name}: no journal knows its bytes"));

@@ -71,7 +71,7 @@ impl Drop for Reservation<'_> {
 
 /// Limits how many frames are rendered at a time.
 #[derive(Debug)]
-pub struct Turns {
+pub struct RenderPermits {
     state: Mutex<Waiting>,
     changed: Condvar,
 }
@@ -85,17 +85,17 @@ struct Waiting {
 
 /// Permission to render one frame; dropping it ends the permission.
 #[derive(Debug)]
-pub struct Turn<'a>(&'a Turns);
+pub struct RenderPermit<'a>(&'a RenderPermits);
 
-impl Turns {
+impl RenderPermits {
     /// Allows `count` frames at a time.
     pub fn new(count: usize) -> Self {
         let state = Waiting { free: count, frames: BTreeMap::new() };
         Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    /// Waits until a turn is free and no frame of an earlier mesh is waiting.
-    pub fn take(&self, mesh: usize) -> Turn<'_> {
+    /// Waits until a permit is free and no frame of an earlier mesh is waiting.
+    pub fn take(&self, mesh: usize) -> RenderPermit<'_> {
         let mut state = lock(&self.state);
         *state.frames.entry(mesh).or_default() += 1;
         let waits = |s: &mut Waiting| {
@@ -111,11 +111,11 @@ impl Turns {
             }
         }
         self.changed.notify_all();
-        Turn(self)
+        RenderPermit(self)
     }
 }
 
-impl Drop for Turn<'_> {
+impl Drop for RenderPermit<'_> {
     fn drop(&mut self) {
         lock(&self.0.state).free += 1;
         self.0.changed.notify_all();
@@ -149,18 +149,18 @@ mod tests {
 
     #[test]
     fn turns_go_to_the_earliest_mesh() {
-        let turns = Turns::new(1);
+        let permits = RenderPermits::new(1);
         let order = Mutex::new(Vec::new());
-        let first = turns.take(0);
+        let first = permits.take(0);
         std::thread::scope(|scope| {
             for mesh in [3, 1, 2] {
-                let (turns, order) = (&turns, &order);
+                let (permits, order) = (&permits, &order);
                 scope.spawn(move || {
-                    let _turn = turns.take(mesh);
+                    let _permit = permits.take(mesh);
                     lock(order).push(mesh);
                 });
             }
-            while lock(&turns.state).frames.len() < 3 {
+            while lock(&permits.state).frames.len() < 3 {
                 std::thread::yield_now();
             }
             drop(first);

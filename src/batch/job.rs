@@ -155,7 +155,7 @@ impl Job {
             }
         };
         if let Some(Name(folder)) = &file.output.folder {
-            failures.keep(paths::printable(Path::new(folder)));
+            failures.keep(paths::refuse_control_characters(Path::new(folder)));
         }
         failures.check()?;
         let (Some(template), Some(name)) = (template, name) else {

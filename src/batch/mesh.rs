@@ -15,7 +15,7 @@ use crate::{
     film::{Film, ReservedFilm, Window},
     layers::LayerPlan,
     memory::{self, Budget, Prediction},
-    picture::{self, Files, PictureHeader, Storage},
+    picture::{self, PictureFiles, PictureHeader, Storage},
     render::{RayCounts, render_layers},
     world::{ContentHashes, LoadOptions, World},
 };
@@ -58,19 +58,20 @@ impl Run<'_> {
         let job = self.job;
         let monitor = self.monitor.part();
         let machine = || memory::machine_limit_for(prediction.peak_bytes);
-        let room = self.options.max_memory.map(|_| memory::room(share)).or_else(machine);
-        let reading = || scene::read(job, &job.inputs[task.input], room, &monitor);
+        let memory_limit =
+            self.options.max_memory.map(|_| memory::limit_for_meshes(share)).or_else(machine);
+        let reading = || scene::read(job, &job.inputs[task.input], memory_limit, &monitor);
         let ready = self.loading.install(reading)?;
         let mut contents = ContentHashes::default();
         let resume = match self.options.resume {
-            true => Resume::Keep(self.sums.as_ref()),
+            true => Resume::Keep(self.hashes.as_ref()),
             false => Resume::Nothing,
         };
         let looking = || ready.frames(job, task, resume, &self.settings, &mut contents);
         let (frames, kept) = self.loading.install(looking)?;
         let plan = LayerPlan::new(&ready.loaded.scene);
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
-            self.sweep_frame(&Files::names(&prefix, &plan, job.storage));
+            self.sweep_frame(&PictureFiles::names(&prefix, &plan, job.storage));
         }
         self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
@@ -88,7 +89,7 @@ impl Run<'_> {
             repair: job.repair,
             no_mmap: job.no_mmap,
             ready: mesh,
-            room,
+            memory_limit,
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
@@ -148,7 +149,7 @@ impl Run<'_> {
         let plan = LayerPlan::new(scene);
         let world = built.world.frame_of(scene);
         let monitor = Arc::new(self.monitor.part());
-        let turn = self.turns.take(built.number);
+        let permit = self.permits.take(built.number);
         if self.stopped() {
             return Ok(());
         }
@@ -161,7 +162,7 @@ impl Run<'_> {
             Some(film) if film.frame == world.frame => film,
             film => {
                 let window = Window::full(world.frame[0], world.frame[1]);
-                let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone())?;
+                let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone())?;
                 // Otherwise the film would need memory beside the memory that the build has freed.
                 memory::release_freed();
                 film.insert(self.pool.install(|| blank.film()))
@@ -173,7 +174,7 @@ impl Run<'_> {
         let counts =
             self.pool.install(|| render_layers(&world, accelerator, isa, film, &plan, &monitor));
         let render_s = began.elapsed().as_secs_f64();
-        drop(turn);
+        drop(permit);
         let written = counts.map(|counts| {
             let says = PictureHeader {
                 more: &[],
@@ -227,11 +228,11 @@ impl Run<'_> {
 }
 
 /// Creates the part files of a frame and their folder.
-fn create(frame: &Frame, plan: &LayerPlan, storage: Storage) -> Result<Files> {
+fn create(frame: &Frame, plan: &LayerPlan, storage: Storage) -> Result<PictureFiles> {
     if let Some(folder) = frame.prefix.parent() {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, "create", &error))?;
     }
-    Files::create(&frame.prefix, plan, storage)
+    PictureFiles::create(&frame.prefix, plan, storage)
 }
 
 fn by_class(counts: &RayCounts) -> std::collections::BTreeMap<String, u64> {

@@ -108,7 +108,7 @@ impl NamePattern {
             );
             return Err(Error::invalid(place, message).help("rename the input, or choose --name"));
         }
-        paths::printable(&name).map_err(|error| Error {
+        paths::refuse_control_characters(&name).map_err(|error| Error {
             problems: error
                 .problems
                 .into_iter()

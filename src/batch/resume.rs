@@ -29,9 +29,10 @@ pub enum Decision {
     Again(String),
 }
 
-/// Decides about a frame by its files ([`Files::names`](crate::picture::Files::names)). With
-/// `sums`, reads all bytes of files that may stay.
-pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&FileHashes>) -> Decision {
+/// Decides about a frame by its files
+/// ([`PictureFiles::names`](crate::picture::PictureFiles::names)). With `hashes`, reads all bytes
+/// of files that may stay.
+pub fn decide(files: &[PathBuf], fingerprint: &str, hashes: Option<&FileHashes>) -> Decision {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
@@ -56,6 +57,6 @@ pub fn look(files: &[PathBuf], fingerprint: &str, sums: Option<&FileHashes>) -> 
             FileState::Missing => format!("{name} is missing"),
         });
     }
-    let doubt = sums.and_then(|sums| files.iter().find_map(|path| sums.doubt(path)));
-    doubt.map_or(Decision::Keep, Decision::Again)
+    let mismatch = hashes.and_then(|hashes| files.iter().find_map(|path| hashes.mismatch(path)));
+    mismatch.map_or(Decision::Keep, Decision::Again)
 }

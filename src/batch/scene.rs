@@ -12,7 +12,7 @@ use crate::{
     memory::{self, Prediction},
     mesh::Mesh,
     monitor::Monitor,
-    picture::{self, Files},
+    picture::{self, PictureFiles},
     reserve::MemoryLimit,
     scene::{Loaded, Scene, Source},
     studio::{self, MeshScene, Subject, Turntable},
@@ -100,15 +100,15 @@ pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
     Ok(loaded.scene)
 }
 
-/// Reads an input: a scene, or a mesh that is framed in the template. `room` limits the mesh's
-/// arrays.
+/// Reads an input: a scene, or a mesh that is framed in the template. `memory_limit` limits the
+/// mesh's arrays.
 ///
 /// # Errors
 /// All problems of the input.
 pub fn read(
     job: &Job,
     input: &JobInput,
-    room: Option<MemoryLimit>,
+    memory_limit: Option<MemoryLimit>,
     monitor: &Monitor,
 ) -> Result<Ready> {
     let path = &input.path;
@@ -123,7 +123,7 @@ pub fn read(
             calibrated: job.poses.is_some(),
             repair: job.repair,
             no_mmap: job.no_mmap,
-            room,
+            memory_limit,
             ..Subject::new(path)
         };
         let MeshScene { loaded, warnings, mesh, middle } =
@@ -193,14 +193,14 @@ impl Ready {
                     Ok(Frame { index, number, loaded, prefix, hash, fingerprint, again: None })
                 })
                 .collect::<Result<_>>()?;
-            let look = |frame: &Frame| match (&frame.fingerprint, resume) {
-                (Some(fingerprint), Resume::Keep(sums)) => {
-                    let files = Files::names(&frame.prefix, &plan, job.storage);
-                    resume::look(&files, fingerprint, sums)
+            let decide = |frame: &Frame| match (&frame.fingerprint, resume) {
+                (Some(fingerprint), Resume::Keep(hashes)) => {
+                    let files = PictureFiles::names(&frame.prefix, &plan, job.storage);
+                    resume::decide(&files, fingerprint, hashes)
                 }
                 _ => Decision::Render,
             };
-            let verdicts: Vec<Decision> = some.par_iter().map(look).collect();
+            let verdicts: Vec<Decision> = some.par_iter().map(decide).collect();
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
                     Decision::Keep => kept.push(frame.number),

@@ -33,7 +33,7 @@ use crate::{
 use super::{
     file_hashes::FileHashes,
     fingerprint::Settings,
-    gate::{MemoryGate, Turns},
+    gate::{MemoryGate, RenderPermits},
     job::Job,
     journal::{Journal, JournalRecord},
     outputs, scene,
@@ -98,12 +98,12 @@ pub struct Run<'a> {
     /// Files that the job reads and that are known before a mesh is read.
     inputs: FileSet,
     /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
-    pub sums: Option<FileHashes>,
-    pub turns: Turns,
+    pub hashes: Option<FileHashes>,
+    pub permits: RenderPermits,
     pub jobs: usize,
     memory: MemoryGate,
     /// Memory that the process could still get when the run began.
-    room: Option<MemoryLimit>,
+    memory_limit: Option<MemoryLimit>,
     next: AtomicUsize,
     footprints: Mutex<Vec<(Backend, Footprint)>>,
     stop: AtomicBool,
@@ -141,11 +141,11 @@ pub fn run(
         pool: threads::pool(options.threads)?,
         loading,
         inputs,
-        sums: (options.resume && options.verify).then(|| FileHashes::read(&job.folder)),
-        turns: Turns::new(jobs),
+        hashes: (options.resume && options.verify).then(|| FileHashes::read(&job.folder)),
+        permits: RenderPermits::new(jobs),
         jobs,
         memory: MemoryGate::new(limit),
-        room: memory::kill_limit(),
+        memory_limit: memory::limit_before_kill(),
         next: AtomicUsize::new(0),
         footprints: Mutex::default(),
         stop: AtomicBool::new(false),
@@ -208,9 +208,9 @@ impl Run<'_> {
                 p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
             });
             // Without `--max-memory`, a mesh must fit into what the machine had when the run began.
-            let room = self.room.filter(|_| self.options.max_memory.is_none());
+            let memory_limit = self.memory_limit.filter(|_| self.options.max_memory.is_none());
             let predicted = predicted.and_then(|prediction| {
-                room.map_or(Ok(()), |room| room.check(bytes, &input))?;
+                memory_limit.map_or(Ok(()), |limit| limit.check(bytes, &input))?;
                 Ok(prediction)
             });
             // Enters even after an error or a stop: the next mesh waits until this one has entered.

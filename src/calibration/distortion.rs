@@ -22,9 +22,9 @@ pub struct Distortion {
     /// How undistorted points encode directions.
     pub model: Model,
     /// Coefficients a1 to a4 of the numerator.
-    pub above: [f64; 4],
+    pub numerator: [f64; 4],
     /// Coefficients b1 to b3 of the denominator.
-    pub below: [f64; 3],
+    pub denominator: [f64; 3],
     /// Coefficients p1 and p2 of the tangential part.
     pub tangential: [f64; 2],
 }
@@ -60,16 +60,16 @@ impl Distortion {
     /// Distorts a point.
     #[inline(always)]
     pub fn map(&self, [x, y]: [f64; 2]) -> Mapped {
-        let ([a1, a2, a3, a4], [b1, b2, b3]) = (self.above, self.below);
+        let ([a1, a2, a3, a4], [b1, b2, b3]) = (self.numerator, self.denominator);
         let [p1, p2] = self.tangential;
         let s = x * x + y * y;
-        let above = 1.0 + s * (a1 + s * (a2 + s * (a3 + s * a4)));
-        let below = 1.0 + s * (b1 + s * (b2 + s * b3));
+        let numerator = 1.0 + s * (a1 + s * (a2 + s * (a3 + s * a4)));
+        let denominator = 1.0 + s * (b1 + s * (b2 + s * b3));
         // Derivatives by s = r^2.
-        let above_slope = a1 + s * (2.0 * a2 + s * (3.0 * a3 + s * 4.0 * a4));
-        let below_slope = b1 + s * (2.0 * b2 + s * 3.0 * b3);
-        let factor = above / below;
-        let slope = (above_slope - factor * below_slope) / below;
+        let numerator_slope = a1 + s * (2.0 * a2 + s * (3.0 * a3 + s * 4.0 * a4));
+        let denominator_slope = b1 + s * (2.0 * b2 + s * 3.0 * b3);
+        let factor = numerator / denominator;
+        let slope = (numerator_slope - factor * denominator_slope) / denominator;
         let cross = 2.0 * x * y;
         Mapped {
             point: [
@@ -88,12 +88,12 @@ impl Distortion {
     /// direction: a fisheye's angle must be less than pi.
     pub fn is_regular(&self, q: [f64; 2]) -> bool {
         let s = q[0] * q[0] + q[1] * q[1];
-        let [b1, b2, b3] = self.below;
-        let below = 1.0 + s * (b1 + s * (b2 + s * b3));
+        let [b1, b2, b3] = self.denominator;
+        let denominator = 1.0 + s * (b1 + s * (b2 + s * b3));
         let mapped = self.map(q);
         let [xx, _, yy] = mapped.derivative;
         let direction = self.model == Model::BrownConrady || s < PI * PI;
-        below > 0.0 && mapped.determinant() > 0.0 && xx + yy > 0.0 && direction
+        denominator > 0.0 && mapped.determinant() > 0.0 && xx + yy > 0.0 && direction
     }
 
     /// Returns the direction of an undistorted point: x right, y down, z forward, of any length.
@@ -114,14 +114,16 @@ impl Distortion {
     /// so that the map folds back. `None` if no coefficient reduces it.
     pub fn culprit(&self, r: f64) -> Option<&'static str> {
         let s = r * r;
-        // Let A and B be numerator and denominator. The terms of `above` are those of (r A)'. The
-        // terms of `below` are those of B - r B', because (r / B)' = (B - r B') / B^2.
-        let above = (1..).zip(self.above).map(|(i, a)| f64::from(2 * i + 1) * a * s.powi(i));
-        let below = (1..).zip(self.below).map(|(i, b)| f64::from(1 - 2 * i) * b * s.powi(i));
+        // Let A and B be numerator and denominator. The terms of `numerator` are those of (r A)'.
+        // The terms of `denominator` are those of B - r B', because (r / B)' = (B - r B') / B^2.
+        let numerator =
+            (1..).zip(self.numerator).map(|(i, a)| f64::from(2 * i + 1) * a * s.powi(i));
+        let denominator =
+            (1..).zip(self.denominator).map(|(i, b)| f64::from(1 - 2 * i) * b * s.powi(i));
         let tangential = self.tangential.map(|p| -6.0 * p.abs() * r);
         let terms: Vec<f64> = match self.model {
-            Model::Fisheye => above.collect(),
-            Model::BrownConrady => above.take(3).chain(below).chain(tangential).collect(),
+            Model::Fisheye => numerator.collect(),
+            Model::BrownConrady => numerator.take(3).chain(denominator).chain(tangential).collect(),
         };
         let names = match self.model {
             Model::Fisheye => &["k1", "k2", "k3", "k4"][..],

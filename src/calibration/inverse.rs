@@ -285,15 +285,15 @@ mod tests {
         Calibration { focal: [900.0, 850.0], principal: [640.5, 350.5], skew: 1.5 }
     }
 
-    fn radial(model: Model, above: [f64; 4]) -> Distortion {
-        Distortion { model, above, below: [0.0; 3], tangential: [0.0; 2] }
+    fn radial(model: Model, numerator: [f64; 4]) -> Distortion {
+        Distortion { model, numerator, denominator: [0.0; 3], tangential: [0.0; 2] }
     }
 
     fn lenses() -> [Distortion; 4] {
         let brown = radial(Model::BrownConrady, [-0.28, 0.09, -0.01, 0.0]);
         let rational = Distortion {
-            above: [0.8, 0.1, 0.02, 0.0],
-            below: [1.1, 0.3, 0.01],
+            numerator: [0.8, 0.1, 0.02, 0.0],
+            denominator: [1.1, 0.3, 0.01],
             tangential: [1e-3, -2e-3],
             ..brown
         };

@@ -106,7 +106,7 @@ pub fn described(camera: &Camera) -> Option<String> {
 }
 
 fn lens(distortion: &Distortion) -> Value {
-    let ([a1, a2, a3, a4], [b1, b2, b3]) = (distortion.above, distortion.below);
+    let ([a1, a2, a3, a4], [b1, b2, b3]) = (distortion.numerator, distortion.denominator);
     let [p1, p2] = distortion.tangential;
     match distortion.model {
         Model::Fisheye => json!({ "type": "fisheye", "k1": a1, "k2": a2, "k3": a3, "k4": a4 }),

@@ -1,7 +1,7 @@
 //! The camera: rays from pixels and samples, exactly as docs/guide/cameras.md defines them.
 
 mod axes;
-mod curved;
+mod general_projection;
 mod header;
 
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::sampler::disk;
 use crate::scene::{self, Projection};
 
 pub use self::axes::{axes, sees_behind};
-pub use self::curved::Curved;
+pub use self::general_projection::GeneralProjection;
 pub use self::header::{
     Screen, described, pixel_size, screen, sides, world_to_camera, world_to_ndc,
 };
@@ -36,7 +36,7 @@ pub struct Camera {
     lens: Option<Lens>,
     /// Rays of a camera that is neither a pinhole nor a thin lens. They take the place of `corner`,
     /// `right` and `down`.
-    curved: Option<Arc<Curved>>,
+    general_projection: Option<Arc<GeneralProjection>>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -80,10 +80,19 @@ impl Camera {
                 return Self::linear(position, z, [corner, right, down], camera);
             }
             _ => {
-                let curved = Some(Arc::new(Curved::new(camera, position, [x, y, z])));
+                let general_projection =
+                    Some(Arc::new(GeneralProjection::new(camera, position, [x, y, z])));
                 let none = DVec3::ZERO;
                 let (corner, right, down) = (z, none, none);
-                return Self { position, corner, right, down, forward: z, lens: None, curved };
+                return Self {
+                    position,
+                    corner,
+                    right,
+                    down,
+                    forward: z,
+                    lens: None,
+                    general_projection,
+                };
             }
         };
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
@@ -106,7 +115,7 @@ impl Camera {
             down: y * (-2.0 * tan / height) * scale,
             forward: z,
             lens,
-            curved: None,
+            general_projection: None,
         }
     }
 
@@ -123,7 +132,7 @@ impl Camera {
         let far = ends.map(|end| end.abs().max_element()).fold(0.0, f64::max) > FARTHEST;
         let scale = if far { 1.0 / FARTHEST } else { 1.0 };
         let [corner, right, down] = [corner, right, down].map(|v| v * scale);
-        Self { position, corner, right, down, forward, lens: None, curved: None }
+        Self { position, corner, right, down, forward, lens: None, general_projection: None }
     }
 
     /// Depth of a point: its distance along the camera's axis, not along the ray. Negative behind
@@ -141,15 +150,15 @@ impl Camera {
 
     /// Whether the camera sees what lies beside and behind it: see the function [`sees_behind`].
     pub fn sees_behind(&self) -> bool {
-        self.curved.as_ref().is_some_and(|curved| curved.sees_behind)
+        self.general_projection.as_ref().is_some_and(|projection| projection.sees_behind)
     }
 
     /// Cone of the pixel in the middle of a frame of this size in pixels. Returns its width at the
     /// ray's origin, in world units, and the growth of the width per unit of distance. Computed
     /// from the rays of neighbouring pixels.
     pub fn cone(&self, [width, height]: [u32; 2]) -> [f64; 2] {
-        let exact = |x: f64, y: f64| match &self.curved {
-            Some(curved) => curved.exact_ray([x, y]),
+        let exact = |x: f64, y: f64| match &self.general_projection {
+            Some(projection) => projection.exact_ray([x, y]),
             None => {
                 let direction = self.corner + self.right * x + self.down * y;
                 (self.position, direction.normalize())
@@ -171,17 +180,17 @@ impl Camera {
 
     /// The rays of a camera that is neither a pinhole nor a thin lens.
     #[inline(always)]
-    pub fn curved(&self) -> Option<&Curved> {
-        self.curved.as_deref()
+    pub fn general_projection(&self) -> Option<&GeneralProjection> {
+        self.general_projection.as_deref()
     }
 
     /// Origin and unit direction of the ray through raster position (x, y), in pixels from the
     /// frame's top left corner. `lens` are lens coordinates in [0, 1)^2; a pinhole ignores them.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Vec3, Vec3) {
-        match (&self.lens, &self.curved) {
+        match (&self.lens, &self.general_projection) {
             (None, None) => self.pinhole_ray(x, y),
-            (None, Some(curved)) => curved.ray(x, y),
+            (None, Some(projection)) => projection.ray(x, y),
             (Some(l), _) => {
                 let direction = self.towards(x, y);
                 let [lx, ly] = disk(lens);
@@ -194,7 +203,7 @@ impl Camera {
 }
 
 impl Camera {
-    /// [`Camera::ray`] for a camera without a lens and without curved rays.
+    /// [`Camera::ray`] for a camera without a lens and without a general projection.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
         (self.position.as_vec3(), unit_of_frame(self.towards(x, y)))

@@ -114,8 +114,8 @@ fn load_mesh(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
     if let Some(limit) = max_memory {
         memory::predict_mesh(subject.path, subject.looks.points.is_some())?.check(limit)?;
     }
-    let room = max_memory.map(memory::room).or_else(memory::machine);
-    let subject = Subject { room, ..subject };
+    let memory_limit = max_memory.map(memory::limit_for_meshes).or_else(memory::limit_of_machine);
+    let subject = Subject { memory_limit, ..subject };
     let shown = studio::show(&subject, &template, overrides, light_samples, monitor)?;
     let MeshScene { loaded, warnings, mesh, .. } = shown;
     Ok(SceneJob { loaded, folder: template.folder, warnings, ready: vec![mesh] })

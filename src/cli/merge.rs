@@ -58,7 +58,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         true => picture::manifests(&mut attributes, &prefix)?,
         false => Vec::new(),
     };
-    let previews = layers::named_previews(&args.png_layer, &part.recipe, &prefix)?;
+    let previews = layers::named_previews(&args.png_layer, &part.layout, &prefix)?;
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();

@@ -70,7 +70,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 /// # Errors
 /// The errors of the command. Their kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
-    signals::ignore_size_limit_signal();
+    signals::survive_size_limit_signal();
     if arguments.version {
         return about::version(arguments.verbose);
     }

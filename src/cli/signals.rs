@@ -72,7 +72,7 @@ fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
 ///
 /// Only the default action of the signal ends the process. With any handler, the write just fails.
 /// The handler here sets a flag that nothing reads.
-pub fn ignore_size_limit_signal() {
+pub fn survive_size_limit_signal() {
     // If the system refuses the handler, the default action stays.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }

@@ -14,7 +14,7 @@ use crate::{
     batch::{self, Job, JournalRecord},
     error::{Error, Kind, Problem, Result},
     farm::{self, Chunks, Slurm},
-    output::atomic::Part,
+    output::atomic::PartFile,
     paths,
     scene::{Light, LightKind},
     units::{self, parse_bytes},
@@ -113,7 +113,7 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
     for (path, text) in &scripts {
-        written.push(Part::create(path)?.finish(text)?);
+        written.push(PartFile::create(path)?.finish(text)?);
     }
     let Chunks { frames, per_task } = slurm.chunks;
     print::note(&format!(
@@ -283,7 +283,7 @@ fn median(folder: &Path) -> Option<f64> {
 /// A name that is not UTF-8 or contains a control character.
 fn absolute(path: &Path) -> Result<String> {
     let path = std::path::absolute(path).map_err(|error| Error::io(path, "find", &error))?;
-    paths::printable(&path)?;
+    paths::refuse_control_characters(&path)?;
     paths::named(&path)
 }
 

@@ -12,7 +12,7 @@ use std::{ffi::OsStr, os::fd::AsFd};
 use crate::{
     error::{Error, Result},
     files,
-    output::atomic::Part,
+    output::atomic::PartFile,
     paths,
 };
 
@@ -21,7 +21,7 @@ use crate::{
 #[derive(Debug)]
 pub enum TextFile {
     /// A file that is renamed when it is complete, and the name that the user gave it.
-    Part(PathBuf, Part),
+    Part(PathBuf, PartFile),
     /// A file that is not renamed.
     Direct(PathBuf, File),
 }
@@ -31,7 +31,7 @@ impl TextFile {
     /// symbolic link stays, and the file that it leads to is replaced.
     ///
     /// # Errors
-    /// The same as [`Part::create`] for a file. A control character in the name of a device, or a
+    /// The same as [`PartFile::create`] for a file. A control character in the name of a device, or a
     /// device that cannot be opened.
     pub fn create(target: &Path) -> Result<Self> {
         let failed = |error| Error::io(target, "open", &error);
@@ -39,7 +39,7 @@ impl TextFile {
         let named = target.to_owned();
         match std::fs::metadata(target) {
             Ok(data) if !data.is_dir() && (!data.is_file() || open.is_some()) => {
-                paths::printable(target)?;
+                paths::refuse_control_characters(target)?;
                 let opened = match open {
                     Some(open) => writer(&open),
                     None => OpenOptions::new().write(true).open(target),
@@ -47,11 +47,11 @@ impl TextFile {
                 Ok(Self::Direct(named, opened.map_err(failed)?))
             }
             Ok(data) if data.is_file() && target.is_symlink() => {
-                paths::printable(target)?;
+                paths::refuse_control_characters(target)?;
                 let real = target.canonicalize().map_err(failed)?;
-                Ok(Self::Part(named, Part::create(&real)?))
+                Ok(Self::Part(named, PartFile::create(&real)?))
             }
-            _ => Ok(Self::Part(named, Part::create(target)?)),
+            _ => Ok(Self::Part(named, PartFile::create(target)?)),
         }
     }
 
@@ -59,7 +59,7 @@ impl TextFile {
     /// name.
     ///
     /// # Errors
-    /// The same as [`Part::finish`]. A device may have received some of the text.
+    /// The same as [`PartFile::finish`]. A device may have received some of the text.
     pub fn finish(self, text: &str) -> Result<PathBuf> {
         match self {
             Self::Part(named, part) => part.finish(text).map(|_| named),
@@ -117,7 +117,7 @@ mod tests {
             write("descriptor");
             assert!(path("descriptor").is_symlink());
             assert_eq!(read("open"), "old\nnew\n");
-            assert!(Part::create(&path("descriptor")).is_err());
+            assert!(PartFile::create(&path("descriptor")).is_err());
         }
         let names = std::fs::read_dir(folder.path()).unwrap().flatten();
         assert!(names.map(|entry| entry.path()).all(|name| name.extension().is_none()));

@@ -6,7 +6,7 @@ mod sums;
 
 pub use self::dropped::Dropped;
 pub use self::planes::{Channel, ChannelKind, Planes};
-pub use self::sums::{SumNode, Sums};
+pub use self::sums::{SampleSums, SumNode};
 
 use rayon::prelude::*;
 

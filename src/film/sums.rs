@@ -41,14 +41,14 @@ impl SumNode {
 /// So renders of the samples `a..b` and `b..c`, merged node by node, give the bits of the render of
 /// `a..c`, for every `b`.
 #[derive(Debug, Clone)]
-pub struct Sums {
+pub struct SampleSums {
     width: usize,
     /// The sums of all nodes, `width` values per node.
     values: Vec<f64>,
     nodes: Vec<SumNode>,
 }
 
-impl Sums {
+impl SampleSums {
     /// Makes sums of `width` quantities, without samples.
     pub fn new(width: usize) -> Self {
         Self { width, values: Vec::new(), nodes: Vec::new() }
@@ -125,15 +125,15 @@ mod tests {
         f64::from(mixed) * (f64::from(sample % 13) * 5.0 - 30.0).exp2()
     }
 
-    fn sums_of(samples: Range<u32>) -> Sums {
-        let mut sums = Sums::new(2);
+    fn sums_of(samples: Range<u32>) -> SampleSums {
+        let mut sums = SampleSums::new(2);
         for first in samples {
             sums.push(SumNode { first, level: 0 }, &[value(first), -value(first)]);
         }
         sums
     }
 
-    fn bits(sums: &Sums) -> Vec<u64> {
+    fn bits(sums: &SampleSums) -> Vec<u64> {
         (0..sums.nodes()).map(|node| sums.value(node, 0).to_bits()).collect()
     }
 
@@ -144,7 +144,7 @@ mod tests {
             let whole = sums_of(0..n);
             for a in 0..=n {
                 for b in a..=n {
-                    let mut merged = Sums::new(2);
+                    let mut merged = SampleSums::new(2);
                     for part in [0..a, a..b, b..n] {
                         let sums = sums_of(part.clone());
                         let nodes = SumNode::cover(part);
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn there_may_be_no_quantities() {
-        let mut sums = Sums::new(0);
+        let mut sums = SampleSums::new(0);
         sums.push(SumNode { first: 0, level: 4 }, &[]);
         let mut totals = vec![1.0];
         sums.totals(0..0, &mut totals);

@@ -26,7 +26,7 @@ pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
 pub use mesh::TriangleMesh;
 pub use passing::{Passing, passing};
-pub use predicates::{Meeting, half_line, segment_crosses};
+pub use predicates::{HalfLineIntersection, half_line, segment_crosses};
 pub use primitives::{Geometry, GeometryKind, doubles, quad_halves};
 pub use sphere::Sphere;
 pub use surface::{Surfaces, hit_triangle, position_error, refine, round_towards};

@@ -10,7 +10,7 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 /// How a half-line intersects a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Meeting {
+pub enum HalfLineIntersection {
     /// The half-line neither crosses the triangle nor starts on it. A triangle parallel to the
     /// half-line is never crossed.
     Misses,
@@ -34,38 +34,50 @@ pub fn half_line(
     point: [f64; 3],
     axes: [usize; 3],
     upward: bool,
-) -> Meeting {
+) -> HalfLineIntersection {
     let flat = |p: [f64; 3]| [p[axes[0]], p[axes[1]]];
     let ([a, b, c], p) = (corners.map(flat), flat(point));
     let sides = [orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)];
     if is_mixed(sides) {
-        return Meeting::Misses;
+        return HalfLineIntersection::Misses;
     }
     if sides == [0; 3] {
         // The triangle is parallel to the half-line, and both lie in one plane.
-        return if is_on(corners, point) { Meeting::Starts } else { Meeting::Misses };
+        return if is_on(corners, point) {
+            HalfLineIntersection::Starts
+        } else {
+            HalfLineIntersection::Misses
+        };
     }
     // 1 if the corners appear clockwise from the point, -1 if counterclockwise.
-    let below = height(corners, point);
+    let below = side_of_plane(corners, point);
     if below == 0 {
-        return Meeting::Starts;
+        return HalfLineIntersection::Starts;
     }
     let moved = [or_tie(sides[0], b, c), or_tie(sides[1], c, a), or_tie(sides[2], a, b)];
     if moved[0] == 0 || moved[0] != moved[1] || moved[1] != moved[2] {
-        return Meeting::Misses;
+        return HalfLineIntersection::Misses;
     }
     let is_above_point = below == moved[0];
-    if is_above_point == upward { Meeting::Crosses } else { Meeting::Misses }
+    if is_above_point == upward {
+        HalfLineIntersection::Crosses
+    } else {
+        HalfLineIntersection::Misses
+    }
 }
 
 /// Whether the open segment from `from` to `to` passes through a triangle, edges and corners
 /// included. False if one of the points lies in the plane of the triangle.
 pub fn segment_crosses(corners: [[f64; 3]; 3], from: [f64; 3], to: [f64; 3]) -> bool {
     let [a, b, c] = corners;
-    if height(corners, from) * height(corners, to) != -1 {
+    if side_of_plane(corners, from) * side_of_plane(corners, to) != -1 {
         return false;
     }
-    let sides = [height([from, to, b], c), height([from, to, c], a), height([from, to, a], b)];
+    let sides = [
+        side_of_plane([from, to, b], c),
+        side_of_plane([from, to, c], a),
+        side_of_plane([from, to, a], b),
+    ];
     // Three zeros are possible only after underflow: a triangle without area has failed above.
     !is_mixed(sides) && sides != [0; 3]
 }
@@ -82,7 +94,7 @@ fn is_on(corners: [[f64; 3]; 3], point: [f64; 3]) -> bool {
         !is_mixed([orientation(b, c, p), orientation(c, a, p), orientation(a, b, p)])
     };
     in_box
-        && height(corners, point) == 0
+        && side_of_plane(corners, point) == 0
         && in_projection(0, 1)
         && in_projection(1, 2)
         && in_projection(2, 0)
@@ -106,7 +118,7 @@ fn orientation(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> i32 {
 /// Returns the side of a triangle's plane on which the point lies. 1 if the corners appear
 /// clockwise from the point, -1 if counterclockwise. 0 in the plane, or for a triangle without
 /// area.
-fn height(corners: [[f64; 3]; 3], point: [f64; 3]) -> i32 {
+fn side_of_plane(corners: [[f64; 3]; 3], point: [f64; 3]) -> i32 {
     let [a, b, c, p] =
         [corners[0], corners[1], corners[2], point].map(|[x, y, z]| Coord3D { x, y, z });
     sign(orient3d(a, b, c, p))
@@ -148,9 +160,10 @@ mod tests {
                 for upward in [false, true] {
                     let meetings = cube.iter().map(|t| half_line(*t, point, axes, upward));
                     let meetings: Vec<_> = meetings.collect();
-                    let starts = meetings.contains(&Meeting::Starts);
+                    let starts = meetings.contains(&HalfLineIntersection::Starts);
                     assert_eq!(starts, far == 1.0, "{point:?} {axes:?} {upward}");
-                    let crossed = meetings.iter().filter(|&&m| m == Meeting::Crosses).count();
+                    let crossed =
+                        meetings.iter().filter(|&&m| m == HalfLineIntersection::Crosses).count();
                     assert!(starts || crossed % 2 == usize::from(far < 1.0), "{point:?} {axes:?}");
                 }
             }

@@ -42,14 +42,14 @@ impl Sphere {
         tfar: f64,
         leaving: bool,
     ) -> f64 {
-        let (t, sure) = self.quickly(origin, direction, tnear, tfar, leaving);
-        if sure { t } else { self.carefully(origin, direction, tnear, tfar, leaving) }
+        let (t, sure) = self.intersect_f64(origin, direction, tnear, tfar, leaving);
+        if sure { t } else { self.intersect_double_double(origin, direction, tnear, tfar, leaving) }
     }
 
     /// [`Sphere::intersect`] in f64 alone, and whether that is precise enough. Without branches, so
     /// that 16 rays compile to a few vector instructions.
     #[inline(always)]
-    pub fn quickly(
+    pub fn intersect_f64(
         &self,
         origin: DVec3,
         direction: DVec3,
@@ -88,7 +88,7 @@ impl Sphere {
     /// [`Sphere::intersect`] with twice the bits.
     #[cold]
     #[inline(never)]
-    fn carefully(
+    fn intersect_double_double(
         &self,
         origin: DVec3,
         direction: DVec3,

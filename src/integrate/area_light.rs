@@ -4,11 +4,11 @@ use super::adaptive_shadows::{AdaptiveShadows, LightPoint, Sum};
 use super::camera_packet::CameraPacket;
 use super::light_batch::{POINTS, grid};
 use super::light_shafts::View;
+use super::light_sums::LightSums;
 use super::record::Record;
 use super::render_context::RayCounts;
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
-use super::sums::Sums;
 use super::whitted::WhittedIntegrator;
 use crate::ray::{Coherence, LANES, Mask};
 use crate::shading::{Area, Emitter, Light};
@@ -19,19 +19,19 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     pub(super) fn area_light<R: Record>(
         &mut self,
-        lamp: &SampledLight,
+        sampled_light: &SampledLight,
         area: &Area,
-        slot: &CameraPacket,
+        camera_packet: &CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
         let samples = area.samples;
         let hit = self.points.at.hit;
-        let mut sums = Sums::NONE;
+        let mut sums = LightSums::NONE;
         // Rays near edges, and rays to a light in a surface, have tests that a shaft query does not
         // cover.
-        let view = if self.crevices.is_empty() && area.flush == 0.0 {
-            self.shafts.view(self.shadows, &self.points.at, lamp.index, area)
+        let view = if self.crevices.is_empty() && area.plane_gap == 0.0 {
+            self.shafts.view(self.shadows, &self.points.at, sampled_light.index, area)
         } else {
             View::Unknown
         };
@@ -42,9 +42,14 @@ impl WhittedIntegrator<'_> {
             && AdaptiveShadows::first(samples) < samples
             && area.map().is_none()
         {
-            self.sparing_light::<R>((lamp, area, clear), slot, counts, &mut sums);
+            self.adaptive_light::<R>(
+                (sampled_light, area, clear),
+                camera_packet,
+                counts,
+                &mut sums,
+            );
         } else {
-            self.all_points::<R>((lamp, area, clear), slot, counts, &mut sums);
+            self.all_points::<R>((sampled_light, area, clear), camera_packet, counts, &mut sums);
         }
         let share = 1.0 / f64::from(samples);
         if R::ON {
@@ -52,7 +57,7 @@ impl WhittedIntegrator<'_> {
             if let Some(plate) = &self.plate {
                 plate.darken(&mut split);
             }
-            record.light(lamp, &self.points.base, &self.throughput, &split);
+            record.light(sampled_light, &self.points.base, &self.throughput, &split);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -70,16 +75,16 @@ impl WhittedIntegrator<'_> {
     pub(super) fn occlusion<R: Record>(
         &mut self,
         light: &Light,
-        slot: &CameraPacket,
+        camera_packet: &CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
         let Emitter::Area(area) = &light.emitter else { return };
         // A sample set of its own: the index after the last light.
         let index = self.world.lights.len() as u32;
-        let lamp = SampledLight { light, index, bounce: 0, glossy: false };
-        let mut sums = Sums::NONE;
-        self.all_points::<R>((&lamp, area, false), slot, counts, &mut sums);
+        let sampled_light = SampledLight { light, index, bounce: 0, glossy: false };
+        let mut sums = LightSums::NONE;
+        self.all_points::<R>((&sampled_light, area, false), camera_packet, counts, &mut sums);
         record.occlusion(&sums.split.mean(1.0 / f64::from(area.samples)).visible);
     }
 
@@ -88,18 +93,23 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     fn all_points<R: Record>(
         &mut self,
-        (lamp, area, clear): (&SampledLight, &Area, bool),
-        slot: &CameraPacket,
+        (sampled_light, area, clear): (&SampledLight, &Area, bool),
+        camera_packet: &CameraPacket,
         counts: &mut RayCounts,
-        sums: &mut Sums,
+        sums: &mut LightSums,
     ) {
-        let (world, sampler, glossy) = (self.world, self.sampler, lamp.glossy);
+        let (world, sampler, glossy) = (self.world, self.sampler, sampled_light.glossy);
         let mut number = [0; LANES];
         for i in 0..LANES {
-            number[i] = slot.sample[i].wrapping_mul(area.samples);
+            number[i] = camera_packet.sample[i].wrapping_mul(area.samples);
         }
-        let source = (lamp.index, lamp.bounce);
-        let squares = sampler.light_points([&slot.x, &slot.y], &number, area.samples, source);
+        let source = (sampled_light.index, sampled_light.bounce);
+        let squares = sampler.light_points(
+            [&camera_packet.x, &camera_packet.y],
+            &number,
+            area.samples,
+            source,
+        );
         let (scene, grid) = ((&*world.geometry, self.shadows), grid(area.samples));
         let mut left = area.samples;
         while left > 0 && !self.monitor.stopped() {
@@ -111,11 +121,11 @@ impl WhittedIntegrator<'_> {
                 }
                 let from = &self.points.at;
                 let light = (&area.points(&square, from), Some(area));
-                let (rays, lit) = (&mut self.batch.rays[k], &mut self.batch.lit[k]);
+                let (rays, weights) = (&mut self.batch.rays[k], &mut self.batch.weights[k]);
                 let aimed =
-                    ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, lit);
+                    ShadowRays::aim(&self.points.at, light, world.falloff, glossy, rays, weights);
                 if let Some(map) = area.map() {
-                    self.batch.colors[k] = map.weigh(&self.points.at, light.0, lit);
+                    self.batch.colors[k] = map.weigh(&self.points.at, light.0, weights);
                 }
                 counts.shadow += u64::from(aimed.active.count());
                 self.batch.active[k] = aimed.active;
@@ -139,11 +149,15 @@ impl WhittedIntegrator<'_> {
                 for i in 0..LANES {
                     seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
                 }
-                let lit = &self.batch.lit[k];
+                let weights = &self.batch.weights[k];
                 if area.map().is_some() {
-                    sums.add_colored::<R>(lamp.light, (lit, &self.batch.colors[k]), &seen);
+                    sums.add_colored::<R>(
+                        sampled_light.light,
+                        (weights, &self.batch.colors[k]),
+                        &seen,
+                    );
                 } else {
-                    sums.add_lanes::<R>(lamp.light, lit, &seen);
+                    sums.add_lanes::<R>(sampled_light.light, weights, &seen);
                 }
             }
             left -= count as u32;
@@ -152,19 +166,24 @@ impl WhittedIntegrator<'_> {
 
     /// Adaptive shadows: [`AdaptiveShadows`] selects the points to trace, in several steps.
     #[inline(always)]
-    fn sparing_light<R: Record>(
+    fn adaptive_light<R: Record>(
         &mut self,
-        (lamp, area, clear): (&SampledLight, &Area, bool),
-        slot: &CameraPacket,
+        (sampled_light, area, clear): (&SampledLight, &Area, bool),
+        camera_packet: &CameraPacket,
         counts: &mut RayCounts,
-        sums: &mut Sums,
+        sums: &mut LightSums,
     ) {
         let sampler = self.sampler;
         let hit = self.points.at.hit;
         let mut sparing = AdaptiveShadows::new(area.samples, |lane| {
-            sampler.choices(slot.pixel(lane), slot.sample[lane], lamp.index, lamp.bounce)
+            sampler.choices(
+                camera_packet.pixel(lane),
+                camera_packet.sample[lane],
+                sampled_light.index,
+                sampled_light.bounce,
+            )
         });
-        let mut part = Sums::NONE;
+        let mut part = LightSums::NONE;
         loop {
             let step = sparing.clone();
             let lanes = (0..LANES).filter(|&i| hit.0[i] != 0);
@@ -174,13 +193,17 @@ impl WhittedIntegrator<'_> {
                 samples.map(move |sample| (lane, sample))
             });
             let counts = step.traced().then_some(&mut *counts);
-            self.light_points((lamp, area, clear), slot, pairs, counts, |point| {
-                match sparing.take(&point) {
-                    Some(Sum::Whole) => sums.add::<R>(lamp, &point),
-                    Some(Sum::Part) => part.add::<R>(lamp, &point),
+            self.light_points(
+                (sampled_light, area, clear),
+                camera_packet,
+                pairs,
+                counts,
+                |point| match sparing.take(&point) {
+                    Some(Sum::Whole) => sums.add::<R>(sampled_light, &point),
+                    Some(Sum::Part) => part.add::<R>(sampled_light, &point),
                     None => {}
-                }
-            });
+                },
+            );
             if self.monitor.stopped() || !sparing.next() {
                 break;
             }
@@ -194,20 +217,21 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     fn light_points(
         &mut self,
-        (lamp, area, clear): (&SampledLight, &Area, bool),
-        slot: &CameraPacket,
+        (sampled_light, area, clear): (&SampledLight, &Area, bool),
+        camera_packet: &CameraPacket,
         mut pairs: impl Iterator<Item = (usize, u32)>,
         mut counts: Option<&mut RayCounts>,
         mut each: impl FnMut(LightPoint),
     ) {
-        let SampledLight { index, bounce, glossy, .. } = *lamp;
+        let SampledLight { index, bounce, glossy, .. } = *sampled_light;
         loop {
             let (mut from, mut samples) = ([0; LANES], [0; LANES]);
             let (mut x, mut y, mut number) = ([0; LANES], [0; LANES], [0; LANES]);
             let mut count = 0;
             for (lane, sample) in pairs.by_ref().take(LANES) {
-                [x[count], y[count]] = slot.pixel(lane);
-                number[count] = slot.sample[lane].wrapping_mul(area.samples).wrapping_add(sample);
+                [x[count], y[count]] = camera_packet.pixel(lane);
+                number[count] =
+                    camera_packet.sample[lane].wrapping_mul(area.samples).wrapping_add(sample);
                 (from[count], samples[count]) = (lane, sample);
                 count += 1;
             }
@@ -217,9 +241,10 @@ impl WhittedIntegrator<'_> {
             let square = self.sampler.light_lanes([&x, &y], &number, index, bounce);
             self.gathered.gather(&self.points.at, &from, count);
             let q = area.points(&square, &self.gathered);
-            let (points, rays, lit) = (&self.gathered, &mut self.shadow, &mut self.lit);
+            let (points, rays, weights) =
+                (&self.gathered, &mut self.shadow, &mut self.light_weights);
             let (world, light_points) = (self.world, (&q, Some(area)));
-            let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, lit);
+            let aimed = ShadowRays::aim(points, light_points, world.falloff, glossy, rays, weights);
             let active = aimed.active;
             if !active.any() {
                 continue;
@@ -236,8 +261,8 @@ impl WhittedIntegrator<'_> {
                     lane: from[j],
                     sample: samples[j],
                     visible: rays.tfar[j] >= 0.0,
-                    diffuse: lit.diffuse[j],
-                    specular: lit.specular[j],
+                    diffuse: weights.diffuse[j],
+                    specular: weights.specular[j],
                 });
             }
         }

@@ -13,7 +13,7 @@ impl WhittedIntegrator<'_> {
     #[inline(always)]
     pub(super) fn background<R: Record>(
         &mut self,
-        slot: &CameraPacket,
+        camera_packet: &CameraPacket,
         (active, hit): (&Mask, &Mask),
         bounce: u32,
         record: &mut R,
@@ -30,8 +30,8 @@ impl WhittedIntegrator<'_> {
                 sent[axis][i] = if missed.0[i] != 0 { carried } else { 0.0 };
             }
         }
-        if !self.world.backdrops.is_empty() {
-            self.backdrops(&slot.packet.rays, &missed, &mut sent);
+        if !self.world.visible_environments.is_empty() {
+            self.visible_environments(&camera_packet.packet.rays, &missed, &mut sent);
         }
         for axis in 0..3 {
             for i in 0..LANES {
@@ -46,10 +46,13 @@ impl WhittedIntegrator<'_> {
     /// Adds the radiance of the visible environment maps to `sent`, for the rays that missed.
     #[cold]
     #[inline(never)]
-    fn backdrops(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {
+    fn visible_environments(&self, rays: &Rays, missed: &Mask, sent: &mut Lanes3) {
         for i in (0..LANES).filter(|&i| missed.0[i] != 0) {
-            let seen =
-                self.world.backdrops.iter().map(|backdrop| backdrop.seen(lane(&rays.dir, i)));
+            let seen = self
+                .world
+                .visible_environments
+                .iter()
+                .map(|environment| environment.seen(lane(&rays.dir, i)));
             let color = seen.sum::<Vec3>() * self.throughput[i];
             set_lane(sent, i, lane(sent, i) + color);
         }

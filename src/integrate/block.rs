@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::film::{SumNode, Sums};
+use crate::film::{SampleSums, SumNode};
 use crate::ray::LANES;
 use crate::shading::Lanes;
 
@@ -14,14 +14,14 @@ use super::quarters::{PACKETS, packet};
 #[repr(align(64))]
 pub struct Values(pub Lanes);
 
-/// Sums of several quantities for each pixel of a block, in the fixed order of [`Sums`].
+/// Sums of several quantities for each pixel of a block, in the fixed order of [`SampleSums`].
 #[derive(Debug)]
 pub struct BlockSums {
     quantities: usize,
     /// How many quantities are squares of other quantities.
     squares: usize,
     pixels: usize,
-    sums: Sums,
+    sums: SampleSums,
     /// Values of the current node, pixel by pixel.
     node: Vec<f64>,
     /// Sums of neighbouring samples, by quantity: for the first two packets of a group of
@@ -37,7 +37,7 @@ impl BlockSums {
     pub fn new(pattern: &Pattern, values: usize, squares: usize) -> Self {
         let (pixels, quantities) = (pattern.pixels(), values + squares);
         let width = pixels * quantities;
-        let (sums, node) = (Sums::new(width), vec![0.0; width]);
+        let (sums, node) = (SampleSums::new(width), vec![0.0; width]);
         Self { quantities, squares, pixels, sums, node, pairs: vec![[[0.0; LANES]; 2]; quantities] }
     }
 

@@ -23,7 +23,7 @@ pub struct Pattern {
     pub pixel: [usize; LANES],
     /// Sample index within the packet, by lane. The lower half of the lanes has the even samples,
     /// the upper half the odd ones, and so on within each half. So sums over lanes fold by halves
-    /// in the order of [`crate::film::Sums`].
+    /// in the order of [`crate::film::SampleSums`].
     sample: [u32; LANES],
     /// Lanes sorted by pixel, then by sample.
     pub order: [usize; LANES],
@@ -65,11 +65,11 @@ impl Pattern {
         numbers
     }
 
-    /// Number of pixels of the block at `corner` that lie left of and above `limit`. `corner` must,
-    /// too.
+    /// Number of pixels of the block at `corner` that lie left of and above `packet_end`. `corner`
+    /// must, too.
     #[inline(always)]
-    pub fn within(&self, limit: [u32; 2], corner: [u32; 2]) -> u32 {
-        let [width, height] = [0, 1].map(|k| self.block[k].min(limit[k] - corner[k]));
+    pub fn within(&self, packet_end: [u32; 2], corner: [u32; 2]) -> u32 {
+        let [width, height] = [0, 1].map(|k| self.block[k].min(packet_end[k] - corner[k]));
         width * height
     }
 
@@ -130,8 +130,8 @@ impl CameraPacket {
 
     /// Creates the camera rays of the block at `corner` and returns how many are active. The caller
     /// sets `sample`, `first` and `quarter` before. A lane is active if its `sample` is in
-    /// `samples` and its pixel lies left of and above the limit `[width, height]`. With `spare`,
-    /// also draws [`CameraPacket::spare`], unless a lens uses these dimensions.
+    /// `samples` and its pixel lies left of and above `packet_end`, `[width, height]`. With
+    /// `spare`, also draws [`CameraPacket::spare`], unless a lens uses these dimensions.
     #[inline(always)]
     pub fn aim(
         &mut self,
@@ -187,8 +187,8 @@ impl CameraPacket {
             }
             return count;
         }
-        if let Some(curved) = world.camera.curved() {
-            curved.aim(&px, &py, &mut self.packet.rays);
+        if let Some(projection) = world.camera.general_projection() {
+            projection.aim(&px, &py, &mut self.packet.rays);
             return count;
         }
         for i in 0..LANES {

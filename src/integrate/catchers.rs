@@ -2,10 +2,10 @@
 //! shadows. Alpha is 1 minus the quotient of the two luminances.
 
 use super::camera_packet::CameraPacket;
+use super::light_sums::LightSums;
 use super::record::{Beauty, Record};
 use super::sampled_light::SampledLight;
 use super::shadows::ShadowRays;
-use super::sums::Sums;
 use super::whitted::WhittedIntegrator;
 use crate::math::luminance;
 use crate::ray::{LANES, Mask};
@@ -17,10 +17,10 @@ impl WhittedIntegrator<'_> {
     /// which also lose their surface points.
     #[cold]
     #[inline(never)]
-    pub(super) fn hold_out(&mut self, slot: &CameraPacket, hit: &Mask) -> Mask {
+    pub(super) fn split_off_holdouts(&mut self, camera_packet: &CameraPacket, hit: &Mask) -> Mask {
         let Some(plate) = &mut self.plate else { return *hit };
         plate.clear();
-        let hits = &slot.packet.hits;
+        let hits = &camera_packet.packet.hits;
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             match self.world.shapes.role(hits.geom[i], hits.prim[i]) {
                 Role::Surface => {}
@@ -59,42 +59,59 @@ impl WhittedIntegrator<'_> {
         }
     }
 
-    /// Moves the light of a lamp from the radiance of catchers into their sums, after
+    /// Moves the light of a light source from the radiance of catchers into their sums, after
     /// [`WhittedIntegrator::one_point`] with the same light point `q` in each lane.
     #[cold]
     #[inline(never)]
-    pub(super) fn catch_point(&mut self, lamp: &SampledLight, q: &Lanes3, area: Option<&Area>) {
-        let (rays, lit) = (&mut self.shadow, &mut self.lit);
-        let (falloff, light) = (self.world.falloff, lamp.light);
-        let aimed = ShadowRays::aim(&self.points.at, (q, area), falloff, lamp.glossy, rays, lit);
+    pub(super) fn catch_point(
+        &mut self,
+        sampled_light: &SampledLight,
+        q: &Lanes3,
+        area: Option<&Area>,
+    ) {
+        let (rays, weights) = (&mut self.shadow, &mut self.light_weights);
+        let (falloff, light) = (self.world.falloff, sampled_light.light);
+        let aimed = ShadowRays::aim(
+            &self.points.at,
+            (q, area),
+            falloff,
+            sampled_light.glossy,
+            rays,
+            weights,
+        );
         let points = &self.points.at;
-        let colors = aimed.colors(points, q, lit);
+        let colors = aimed.colors(points, q, weights);
         let mut whole = [[0.0; LANES]; 3];
         for axis in 0..3 {
             for i in (0..LANES).filter(|&i| aimed.active.0[i] != 0) {
-                whole[axis][i] =
-                    lit.diffuse[i] * light.diffuse[axis] + lit.specular[i] * light.specular[axis];
+                whole[axis][i] = weights.diffuse[i] * light.diffuse[axis]
+                    + weights.specular[i] * light.specular[axis];
                 if let Some(colors) = &colors {
                     whole[axis][i] *= colors[axis][i];
                 }
             }
         }
-        self.catch(lamp, &whole);
+        self.catch(sampled_light, &whole);
     }
 
     /// [`WhittedIntegrator::catch_point`] for all points of an area light.
     #[cold]
     #[inline(never)]
-    pub(super) fn catch_area(&mut self, lamp: &SampledLight, area: &Area, slot: &CameraPacket) {
+    pub(super) fn catch_area(
+        &mut self,
+        sampled_light: &SampledLight,
+        area: &Area,
+        camera_packet: &CameraPacket,
+    ) {
         let falloff = self.world.falloff;
         let mut number = [0; LANES];
         for i in 0..LANES {
-            number[i] = slot.sample[i].wrapping_mul(area.samples);
+            number[i] = camera_packet.sample[i].wrapping_mul(area.samples);
         }
-        let source = (lamp.index, lamp.bounce);
-        let pixels = [&slot.x, &slot.y];
+        let source = (sampled_light.index, sampled_light.bounce);
+        let pixels = [&camera_packet.x, &camera_packet.y];
         let squares = self.sampler.light_points(pixels, &number, area.samples, source);
-        let mut sums = Sums::NONE;
+        let mut sums = LightSums::NONE;
         for _ in 0..area.samples {
             if self.monitor.stopped() {
                 break;
@@ -102,36 +119,47 @@ impl WhittedIntegrator<'_> {
             let from = &self.points.at;
             let light = (&area.points(&squares.at(&number), from), Some(area));
             number = number.map(|number: u32| number.wrapping_add(1));
-            let (rays, lit) = (&mut self.shadow, &mut self.lit);
-            let aimed = ShadowRays::aim(&self.points.at, light, falloff, lamp.glossy, rays, lit);
+            let (rays, weights) = (&mut self.shadow, &mut self.light_weights);
+            let aimed = ShadowRays::aim(
+                &self.points.at,
+                light,
+                falloff,
+                sampled_light.glossy,
+                rays,
+                weights,
+            );
             match area.map() {
                 Some(map) => {
-                    let colors = map.weigh(&self.points.at, light.0, lit);
-                    sums.add_colored::<Beauty>(lamp.light, (lit, &colors), &aimed.active);
+                    let colors = map.weigh(&self.points.at, light.0, weights);
+                    sums.add_colored::<Beauty>(
+                        sampled_light.light,
+                        (weights, &colors),
+                        &aimed.active,
+                    );
                 }
-                None => sums.add_lanes::<Beauty>(lamp.light, lit, &aimed.active),
+                None => sums.add_lanes::<Beauty>(sampled_light.light, weights, &aimed.active),
             }
         }
         let share = 1.0 / f64::from(area.samples);
         let whole = sums.light.map(|axis| axis.map(|sum| (sum * share) as f32));
-        self.catch(lamp, &whole);
+        self.catch(sampled_light, &whole);
     }
 
-    /// Moves the radiance of catchers, which is the light of `lamp`, into their sums. `whole` is
-    /// this light without shadows, with the same rounding.
-    fn catch(&mut self, lamp: &SampledLight, whole: &Lanes3) {
+    /// Moves the radiance of catchers, which is the light of `sampled_light`, into their sums.
+    /// `whole` is this light without shadows, with the same rounding.
+    fn catch(&mut self, sampled_light: &SampledLight, whole: &Lanes3) {
         let Some(plate) = &mut self.plate else { return };
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
             let arrived = luminance([0, 1, 2].map(|axis| self.radiance[axis][i]));
             let unshadowed = luminance([0, 1, 2].map(|axis| whole[axis][i]));
             plate.arrived[i] += arrived;
             plate.unshadowed[i] += unshadowed;
-            plate.taken[lamp.index as usize][i] = unshadowed - arrived;
+            plate.taken[sampled_light.index as usize][i] = unshadowed - arrived;
             self.radiance.iter_mut().for_each(|axis| axis[i] = 0.0);
         }
     }
 
-    /// Computes the alpha of catchers after the last lamp.
+    /// Computes the alpha of catchers after the last light.
     #[cold]
     #[inline(never)]
     pub(super) fn finish_catchers<R: Record>(&mut self, record: &mut R) {

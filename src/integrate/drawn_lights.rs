@@ -47,7 +47,7 @@ impl<'a> WhittedIntegrator<'a> {
     pub(super) fn drawn_lights<R: Record>(
         &mut self,
         tree: &LightTree,
-        slot: &CameraPacket,
+        camera_packet: &CameraPacket,
         (bounce, glossy): (u32, bool),
         counts: &mut RayCounts,
         record: &mut R,
@@ -57,7 +57,7 @@ impl<'a> WhittedIntegrator<'a> {
             if self.monitor.stopped() {
                 break;
             }
-            let draws = self.draw(tree, slot, k, bounce);
+            let draws = self.draw(tree, camera_packet, k, bounce);
             // A light in a surface has its own rules for shadow rays, so it gets a round of its
             // own.
             let mut rest = draws.drawn.lanes;
@@ -73,17 +73,19 @@ impl<'a> WhittedIntegrator<'a> {
 
     /// Draws light `k` of every lane that hit.
     #[inline(always)]
-    fn draw(&self, tree: &LightTree, slot: &CameraPacket, k: u32, bounce: u32) -> Draws {
+    fn draw(&self, tree: &LightTree, camera_packet: &CameraPacket, k: u32, bounce: u32) -> Draws {
         let mut number = [0; LANES];
         for i in 0..LANES {
-            number[i] = slot.sample[i].wrapping_mul(tree.samples).wrapping_add(k);
+            number[i] = camera_packet.sample[i].wrapping_mul(tree.samples).wrapping_add(k);
         }
-        let [u, s, t] = self.sampler.drawn_light_lanes([&slot.x, &slot.y], &number, bounce);
+        let [u, s, t] =
+            self.sampler.drawn_light_lanes([&camera_packet.x, &camera_packet.y], &number, bounce);
         let (points, share) = (&self.points.at, 1.0 / tree.samples as f32);
         let mut uniform = [0.0; LANES];
         for i in 0..LANES {
             // A sample point has 24 bits, too few for thousands of draws in a row.
-            let [low, _] = self.sampler.choices(slot.pixel(i), number[i], DRAWN_LIGHT, bounce);
+            let [low, _] =
+                self.sampler.choices(camera_packet.pixel(i), number[i], DRAWN_LIGHT, bounce);
             uniform[i] = f64::from(u[i]) + low * BELOW_SAMPLE;
         }
         let drawn = tree.draw(uniform, points);
@@ -108,7 +110,7 @@ impl<'a> WhittedIntegrator<'a> {
     fn round(&self, draws: &Draws, rest: &Mask) -> (Mask, Option<&'a Area>) {
         let world = self.world;
         let flush = |i: usize| match draws.emitter(world, i) {
-            Emitter::Area(area) if area.flush > 0.0 => Some(area),
+            Emitter::Area(area) if area.plane_gap > 0.0 => Some(area),
             _ => None,
         };
         let first = rest.first();
@@ -136,9 +138,9 @@ impl<'a> WhittedIntegrator<'a> {
         record: &mut R,
     ) {
         let world = self.world;
-        let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
+        let (points, rays, weights) = (&self.points.at, &mut self.shadow, &mut self.light_weights);
         let light = (&draws.q, area);
-        let mut aimed = ShadowRays::aim(points, light, world.falloff, glossy, rays, lit);
+        let mut aimed = ShadowRays::aim(points, light, world.falloff, glossy, rays, weights);
         for i in 0..LANES {
             if aimed.active.0[i] == 0 {
                 continue;
@@ -147,8 +149,8 @@ impl<'a> WhittedIntegrator<'a> {
             if area.is_none() {
                 weight *= emission(draws.emitter(world, i), &rays.dir, i);
             }
-            lit.diffuse[i] *= weight;
-            lit.specular[i] *= weight;
+            weights.diffuse[i] *= weight;
+            weights.specular[i] *= weight;
             aimed.active.0[i] = -i32::from(weight > 0.0);
         }
         let active = aimed.active;
@@ -162,7 +164,7 @@ impl<'a> WhittedIntegrator<'a> {
         for i in (0..LANES).filter(|&i| active.0[i] != 0 && rays.tfar[i] >= 0.0) {
             seen.0[i] = -1;
             let light = draws.light(world, i);
-            let sent = light.diffuse * lit.diffuse[i] + light.specular * lit.specular[i];
+            let sent = light.diffuse * weights.diffuse[i] + light.specular * weights.specular[i];
             for axis in 0..3 {
                 let carried = self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += sent[axis] * carried;
@@ -191,12 +193,12 @@ impl<'a> WhittedIntegrator<'a> {
             }
             rest = rest.without(&lanes);
             let light = &self.world.lights[index as usize];
-            let mut split = LightParts::from_weights(light, &self.lit, &lanes);
+            let mut split = LightParts::from_weights(light, &self.light_weights, &lanes);
             for i in 0..LANES {
                 split.visible[i] *= draws.weight[i];
             }
-            let lamp = SampledLight { light, index, bounce, glossy };
-            record.light(&lamp, &self.points.base, &self.throughput, &split);
+            let sampled_light = SampledLight { light, index, bounce, glossy };
+            record.light(&sampled_light, &self.points.base, &self.throughput, &split);
         }
     }
 }

@@ -43,10 +43,11 @@ impl<'a> EmptyBlocks<'a> {
             let rays = u64::from(side * side) * u64::from(samples);
             side >= block[0].max(block[1]) && rays >= MIN_RAYS
         };
-        // The rays of a lens have no common origin. Curved rays may leave the corners' frustum.
-        let cone = !world.camera.has_lens() && world.camera.curved().is_none();
+        // The rays of a lens have no common origin. Rays of a general projection may leave the
+        // corners' frustum.
+        let cone = !world.camera.has_lens() && world.camera.general_projection().is_none();
         // A visible environment map differs from pixel to pixel.
-        let even = world.backdrops.is_empty() || world.transparent;
+        let even = world.visible_environments.is_empty() || world.transparent;
         let levels = if cone && even { (0..LEVELS).filter(worth).count() } else { 0 };
         // No query was made yet.
         let squares = [Square { corner: [u32::MAX; 2], empty: false }; LEVELS];

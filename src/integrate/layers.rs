@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::film::Dropped;
 use crate::geometry::Surfaces;
-use crate::layers::{BEAUTY, LayerPlan, NearestHit, RawLayout, count};
+use crate::layers::{BEAUTY, LayerPlan, NearestHit, PartialSumsLayout, count};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::shading::{Lanes, Lanes3, Points, lane, set_lane};
 use crate::world::World;
@@ -29,7 +29,7 @@ pub struct Held {
 pub struct Layers<'a> {
     plan: &'a LayerPlan,
     /// Encoding of a part of the samples; `None` for all samples, which are written as channels.
-    raw: Option<&'a RawLayout>,
+    raw: Option<&'a PartialSumsLayout>,
     pattern: Pattern,
     /// One packet's values by quantity: the filtered channels, then R, G, B for the variance.
     lanes: Vec<Values>,
@@ -51,7 +51,7 @@ pub struct Layers<'a> {
 
 impl<'a> Layers<'a> {
     /// Allocates the layers of `plan`, for a world of `spp` samples per pixel.
-    pub fn new(plan: &'a LayerPlan, raw: Option<&'a RawLayout>, spp: u32) -> Self {
+    pub fn new(plan: &'a LayerPlan, raw: Option<&'a PartialSumsLayout>, spp: u32) -> Self {
         let pattern = Pattern::for_spp(spp);
         let (values, squares) = quantities(plan);
         Self {
@@ -210,7 +210,7 @@ impl<'a> Layers<'a> {
     #[inline(never)]
     fn encode(
         &self,
-        raw: &RawLayout,
+        raw: &PartialSumsLayout,
         pixel: usize,
         beauty: &BlockSums,
         column: usize,
@@ -228,8 +228,8 @@ impl<'a> Layers<'a> {
 
 /// Number of summed values, and number of squares beside them.
 fn quantities(plan: &LayerPlan) -> (usize, usize) {
-    let squares = if plan.recipe.variance.is_some() { 3 } else { 0 };
-    (plan.recipe.summed() - squares, squares)
+    let squares = if plan.layout.variance.is_some() { 3 } else { 0 };
+    (plan.layout.summed() - squares, squares)
 }
 
 impl Record for Layers<'_> {
@@ -282,7 +282,7 @@ impl Record for Layers<'_> {
                 self.faces[self.pattern.pixel[i]].push(surfaces.primitive[i]);
             }
         }
-        if plan.recipe.has_nearest() {
+        if plan.layout.has_nearest() {
             self.keep_nearest(world, packet, surfaces);
         }
         if !plan.mattes.is_empty() {
@@ -293,13 +293,13 @@ impl Record for Layers<'_> {
     #[inline(always)]
     fn light(
         &mut self,
-        lamp: &SampledLight,
+        sampled_light: &SampledLight,
         base: &Lanes3,
         throughput: &Lanes,
         split: &LightParts,
     ) {
-        let (plan, light) = (self.plan, lamp.index as usize);
-        if let (0, Some((channel, share))) = (lamp.bounce, plan.shadows[light]) {
+        let (plan, light) = (self.plan, sampled_light.index as usize);
+        if let (0, Some((channel, share))) = (sampled_light.bounce, plan.shadows[light]) {
             let mut visible = split.visible;
             for i in 0..LANES {
                 visible[i] *= share;
@@ -318,9 +318,9 @@ impl Record for Layers<'_> {
                 both[axis][i] = diffuse[axis][i] + specular[axis][i];
             }
         }
-        if lamp.bounce == 0 {
+        if sampled_light.bounce == 0 {
             self.add3(plan.diffuse, &diffuse);
-            self.add3(plan.specular.filter(|_| lamp.glossy), &specular);
+            self.add3(plan.specular.filter(|_| sampled_light.glossy), &specular);
         } else {
             self.add3(plan.reflection, &both);
         }
@@ -354,10 +354,10 @@ impl Record for Layers<'_> {
     }
 
     #[inline(always)]
-    fn packet(&mut self, slot: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3) {
-        let filtered = self.plan.recipe.filtered;
-        self.add3(self.plan.recipe.variance.map(|_| filtered), radiance);
-        self.sums.add(&self.pattern, slot.first, samples, &self.lanes, &self.filled);
+    fn packet(&mut self, camera_packet: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3) {
+        let filtered = self.plan.layout.filtered;
+        self.add3(self.plan.layout.variance.map(|_| filtered), radiance);
+        self.sums.add(&self.pattern, camera_packet.first, samples, &self.lanes, &self.filled);
         self.filled.fill(false);
     }
 
@@ -370,11 +370,11 @@ impl Record for Layers<'_> {
             counts.add(&mut self.faces[pixel]);
         }
         self.sums.totals(pixel, &mut self.totals);
-        let stride = self.plan.recipe.channels.len();
+        let stride = self.plan.layout.channels.len();
         let words = &mut row[column * stride..(column + 1) * stride];
-        let recipe = &self.plan.recipe;
+        let layout = &self.plan.layout;
         let dropped =
-            recipe.fill(n, &self.totals, &self.nearest[pixel], &self.mattes[pixel], words);
+            layout.fill(n, &self.totals, &self.nearest[pixel], &self.mattes[pixel], words);
         self.dropped = self.dropped.and(dropped);
     }
 

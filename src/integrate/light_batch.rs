@@ -19,7 +19,7 @@ pub struct LightBatch {
     /// By light point: the rays from all lanes.
     pub rays: [Rays; POINTS],
     /// By light point: the light that arrives if nothing occludes it.
-    pub lit: [LightWeights; POINTS],
+    pub weights: [LightWeights; POINTS],
     /// By light point of an environment map: its colour, by lane.
     pub colors: [Lanes3; POINTS],
     /// By light point: the lanes that have a ray.
@@ -37,7 +37,7 @@ impl LightBatch {
     /// A batch without rays.
     pub const EMPTY: Self = Self {
         rays: [Rays::EMPTY; POINTS],
-        lit: [const { LightWeights::EMPTY }; POINTS],
+        weights: [const { LightWeights::EMPTY }; POINTS],
         colors: [[[0.0; LANES]; 3]; POINTS],
         active: [Mask::NONE; POINTS],
         waiting: [Mask::NONE; POINTS],

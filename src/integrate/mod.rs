@@ -17,6 +17,7 @@ mod joint;
 mod layers;
 mod light_batch;
 mod light_shafts;
+mod light_sums;
 mod noise;
 mod passes;
 mod pipeline;
@@ -28,7 +29,6 @@ mod render_context;
 mod sampled_light;
 mod shadows;
 mod split;
-mod sums;
 mod tile_grid;
 mod whitted;
 
@@ -48,7 +48,7 @@ use self::pipeline::{ShadePacket, pipeline};
 pub use self::record::{Beauty, Record};
 pub use self::render_context::{RayCounts, RenderContext};
 pub use self::shadows::{OWN_LANES, ShadowRays};
-pub use self::tile_grid::{TILE, limit};
+pub use self::tile_grid::{TILE, packet_end};
 use self::whitted::WhittedIntegrator;
 
 use self::camera_packet::CameraPacket;
@@ -58,7 +58,7 @@ use self::tile_grid::corners;
 /// Renders one tile into its rows.
 pub struct TileKernel<'a, 'r, 'f, R> {
     /// Scene, backend and monitor.
-    pub integrator: RenderContext<'a>,
+    pub context: RenderContext<'a>,
     /// The kept pixels of this tile, all within one square of the frame's tile grid.
     pub window: Window,
     /// R, G, B, A of the kept pixels, row by row.
@@ -74,12 +74,12 @@ pub struct TileKernel<'a, 'r, 'f, R> {
 impl<'a, 'r, 'f> TileKernel<'a, 'r, 'f, Beauty<'static>> {
     /// A kernel without layers, for all samples of the world.
     pub fn beauty(
-        integrator: RenderContext<'a>,
+        context: RenderContext<'a>,
         window: Window,
         rows: &'r mut [&'f mut [[f32; 4]]],
     ) -> Self {
-        let samples = 0..integrator.world.spp;
-        Self { integrator, window, rows, record: Beauty(None), words: &mut [], samples }
+        let samples = 0..context.world.spp;
+        Self { context, window, rows, record: Beauty(None), words: &mut [], samples }
     }
 }
 
@@ -88,18 +88,18 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
 
     #[inline(always)]
     fn run(mut self) -> (RayCounts, Dropped) {
-        let integrator = self.integrator;
-        let world = integrator.world;
+        let context = self.context;
+        let world = context.world;
         let pattern = Pattern::for_spp(world.spp);
         let samples = self.samples.clone();
-        let limit = limit(world, self.window);
-        let (blocks, background_rays) = self.blocks(&pattern, limit);
+        let packet_end = packet_end(world, self.window);
+        let (blocks, background_rays) = self.blocks(&pattern, packet_end);
         let begin = samples.start / pattern.samples * pattern.samples;
         let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
         let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
-        let mut counts = pipeline(integrator, &pattern, &samples, limit, units, &mut tile);
+        let mut counts = pipeline(context, &pattern, &samples, packet_end, units, &mut tile);
         counts.primary += background_rays;
         (counts, tile.kernel.record.dropped())
     }
@@ -118,12 +118,12 @@ impl<R: Record> ShadePacket for Tile<'_, '_, '_, R> {
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut CameraPacket,
+        camera_packet: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut WhittedIntegrator,
+        integrator: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     ) {
-        self.kernel.finish(slot, pattern, cast, &mut self.sums, counts);
+        self.kernel.finish(camera_packet, pattern, integrator, &mut self.sums, counts);
     }
 }
 
@@ -132,17 +132,17 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     /// other blocks, and the number of camera rays of the written blocks. Called once per tile,
     /// outside the loop over packets.
     #[inline(never)]
-    fn blocks(&mut self, pattern: &Pattern, limit: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
-        let (world, count) = (self.integrator.world, self.samples.end - self.samples.start);
+    fn blocks(&mut self, pattern: &Pattern, packet_end: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
+        let (world, count) = (self.context.world, self.samples.end - self.samples.start);
         // Layers, and sums that will be merged, need every sample of a pixel.
         let mut sky = (!self.record.has_words())
-            .then(|| EmptyBlocks::new(world, self.integrator.accelerator, count, pattern.block));
+            .then(|| EmptyBlocks::new(world, self.context.accelerator, count, pattern.block));
         let mut background_rays = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(pattern, self.window) {
             if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
                 self.write_sky(corner, pattern.block);
-                background_rays += u64::from(pattern.within(limit, corner)) * u64::from(count);
+                background_rays += u64::from(pattern.within(packet_end, corner)) * u64::from(count);
             } else {
                 blocks.push(corner);
             }
@@ -155,38 +155,40 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut CameraPacket,
+        camera_packet: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut WhittedIntegrator,
+        integrator: &mut WhittedIntegrator,
         sums: &mut BlockSums,
         counts: &mut RayCounts,
     ) {
-        let (world, samples) = (self.integrator.world, self.samples.clone());
-        if slot.first <= samples.start {
+        let (world, samples) = (self.context.world, self.samples.clone());
+        if camera_packet.first <= samples.start {
             sums.clear();
             self.record.begin();
         }
-        let alpha = cast.run(slot, counts, &mut self.record);
-        let (block, [r, g, b]) = (pattern.block, &cast.radiance);
+        let alpha = integrator.run(camera_packet, counts, &mut self.record);
+        let (block, [r, g, b]) = (pattern.block, &integrator.radiance);
         if world.spp == 1 && !self.record.has_words() {
             // Each lane is one pixel.
-            return self.write(slot.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
+            return self.write(camera_packet.corner, block, |i| [r[i], g[i], b[i], alpha[i]]);
         }
         if R::ON {
-            self.record.packet(slot, &samples, &cast.radiance);
+            self.record.packet(camera_packet, &samples, &integrator.radiance);
         }
         let values = [*r, *g, *b, alpha].map(Values);
-        if slot.quarter {
-            sums.add_quarter(slot.first, &values);
+        if camera_packet.quarter {
+            sums.add_quarter(camera_packet.first, &values);
         } else {
-            sums.add(pattern, slot.first, &samples, &values, &[true; 4]);
+            sums.add(pattern, camera_packet.first, &samples, &values, &[true; 4]);
         }
-        if slot.first.saturating_add(pattern.samples) >= samples.end {
+        if camera_packet.first.saturating_add(pattern.samples) >= samples.end {
             if self.record.has_words() {
-                self.write_words(slot.corner, pattern, sums);
+                self.write_words(camera_packet.corner, pattern, sums);
             }
             let n = f64::from(samples.end - samples.start);
-            self.write(slot.corner, block, |i| [0, 1, 2, 3].map(|c| (sums.total(i, c) / n) as f32));
+            self.write(camera_packet.corner, block, |i| {
+                [0, 1, 2, 3].map(|c| (sums.total(i, c) / n) as f32)
+            });
         }
     }
 
@@ -209,7 +211,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
     /// Writes the pixels of a block as background. One value is enough: the mean of equal samples
     /// is exactly that value.
     fn write_sky(&mut self, corner: [u32; 2], block: [u32; 2]) {
-        let world = self.integrator.world;
+        let world = self.context.world;
         let [r, g, b] = world.background.to_array();
         let pixel = if world.transparent { [0.0; 4] } else { [r, g, b, 1.0] };
         self.write(corner, block, |_| pixel);

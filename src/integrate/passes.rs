@@ -18,7 +18,7 @@ use super::pipeline::{ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
 use super::render_context::{RayCounts, RenderContext};
-use super::tile_grid::{limit, morton};
+use super::tile_grid::{morton, packet_end};
 use super::whitted::WhittedIntegrator;
 
 /// Fewest samples that a pass takes of a pixel; a pass takes a multiple of it.
@@ -168,7 +168,7 @@ impl<H> Passes<H> {
 /// Runs one pass: takes the wanted samples of every pixel.
 pub struct PassKernel<'a, 'p, R: Record> {
     /// Scene, backend and monitor.
-    pub integrator: RenderContext<'a>,
+    pub context: RenderContext<'a>,
     /// The pixels to sample.
     pub passes: &'p mut Passes<R::Held>,
     /// Records the layers of the pixels.
@@ -183,7 +183,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let pattern = Pattern::for_spp(MIN_PASS_SAMPLES);
         let passes = &self.passes;
         let w = passes.window;
-        let limit = limit(self.integrator.world, w);
+        let packet_end = packet_end(self.context.world, w);
         let side = w.width().max(w.height()).next_power_of_two();
         let pixels =
             (0..side * side).map(morton).filter(|[x, y]| *x < w.width() && *y < w.height());
@@ -199,7 +199,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         });
         let mut pass =
             Pass { passes: self.passes, record: self.record, sums: BlockSums::new(&pattern, 4, 0) };
-        pipeline(self.integrator, &pattern, &ALL, limit, units, &mut pass)
+        pipeline(self.context, &pattern, &ALL, packet_end, units, &mut pass)
     }
 }
 
@@ -216,33 +216,33 @@ impl<R: Record> ShadePacket for Pass<'_, R> {
     #[inline(always)]
     fn finish(
         &mut self,
-        slot: &mut CameraPacket,
+        camera_packet: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut WhittedIntegrator,
+        integrator: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     ) {
-        let index = self.passes.index(slot.corner);
+        let index = self.passes.index(camera_packet.corner);
         let tally = &mut self.passes.tallies[index];
         let held = &mut self.passes.held[index];
-        if slot.first == tally.taken {
+        if camera_packet.first == tally.taken {
             self.record.exchange(held);
             self.sums.clear();
             tally.half = [0.0; 4];
         }
-        let alpha = cast.run(slot, counts, self.record);
+        let alpha = integrator.run(camera_packet, counts, self.record);
         if R::ON {
-            self.record.packet(slot, &ALL, &cast.radiance);
+            self.record.packet(camera_packet, &ALL, &integrator.radiance);
         }
-        let [r, g, b] = &cast.radiance;
+        let [r, g, b] = &integrator.radiance;
         let lanes = [*r, *g, *b, alpha].map(Values);
-        self.sums.add(pattern, slot.first, &ALL, &lanes, &[true; 4]);
+        self.sums.add(pattern, camera_packet.first, &ALL, &lanes, &[true; 4]);
         for (half, Values(lanes)) in tally.half.iter_mut().zip(&lanes) {
             for i in 0..LANES {
-                let second = u64::from(slot.sample[i]) * 2 >= u64::from(tally.wanted);
+                let second = u64::from(camera_packet.sample[i]) * 2 >= u64::from(tally.wanted);
                 *half += if second { f64::from(lanes[i]) } else { 0.0 };
             }
         }
-        if slot.first + MIN_PASS_SAMPLES >= tally.wanted {
+        if camera_packet.first + MIN_PASS_SAMPLES >= tally.wanted {
             for (channel, sum) in tally.sum.iter_mut().enumerate() {
                 *sum += self.sums.total(0, channel);
             }

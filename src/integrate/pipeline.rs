@@ -20,9 +20,9 @@ pub trait ShadePacket {
     /// Shades a packet and adds it to its pixels. Packets come in the order of their units.
     fn finish(
         &mut self,
-        slot: &mut CameraPacket,
+        camera_packet: &mut CameraPacket,
         pattern: &Pattern,
-        cast: &mut WhittedIntegrator,
+        integrator: &mut WhittedIntegrator,
         counts: &mut RayCounts,
     );
 }
@@ -30,51 +30,57 @@ pub trait ShadePacket {
 /// Traces and finishes the packets of all units: traces packet k, then finishes packet k - 1. While
 /// one packet is traced, prefetches load the memory that shading of the other packet needs. A unit
 /// is the corner of a block and the first sample of a packet. Lanes are active left of and above
-/// `limit`. Returns early if the monitor stops the render.
+/// `packet_end`. Returns early if the monitor stops the render.
 #[inline(always)]
 pub fn pipeline<F: ShadePacket>(
-    integrator: RenderContext,
+    context: RenderContext,
     pattern: &Pattern,
     samples: &Range<u32>,
-    limit: [u32; 2],
+    packet_end: [u32; 2],
     units: impl Iterator<Item = ([u32; 2], u32)>,
     work: &mut F,
 ) -> RayCounts {
-    let RenderContext { world, accelerator, monitor } = integrator;
+    let RenderContext { world, accelerator, monitor } = context;
     let sampler = Sampler::with_kind(world.sampler, world.seed);
     let mut counts = RayCounts::default();
     let joint = joint_light(world);
-    let mut cast = WhittedIntegrator::new(world, accelerator, sampler, monitor, joint);
+    let mut integrator = WhittedIntegrator::new(world, accelerator, sampler, monitor, joint);
     let by_quarters = F::ANY_ORDER && pattern.samples as usize == LANES;
     let mut quarters = Quarters::new(world);
     let [even, odd] = &mut [CameraPacket::EMPTY; 2];
-    let (mut slot, mut before) = (even, odd);
+    let (mut camera_packet, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         if let Some(unit) = unit {
             let (corner, first) = unit;
-            slot.first = first;
-            slot.quarter = by_quarters && quarters.has(first, samples);
-            slot.sample = if slot.quarter {
+            camera_packet.first = first;
+            camera_packet.quarter = by_quarters && quarters.has(first, samples);
+            camera_packet.sample = if camera_packet.quarter {
                 let pixel = corner.map(|x| x.wrapping_sub(world.overscan));
                 quarters.samples(&sampler, pixel, first)
             } else {
                 pattern.numbers(first)
             };
-            let rays =
-                slot.aim(world, &sampler, pattern, (corner, limit), samples, joint.is_some());
+            let rays = camera_packet.aim(
+                world,
+                &sampler,
+                pattern,
+                (corner, packet_end),
+                samples,
+                joint.is_some(),
+            );
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
-            let (active, packet) = (&slot.active, &mut slot.packet);
+            let (active, packet) = (&camera_packet.active, &mut camera_packet.packet);
             accelerator.closest_unfiltered(active, packet, Coherence::Coherent);
-            prefetch_indices(&world.geometry, &slot.packet);
+            prefetch_indices(&world.geometry, &camera_packet.packet);
         }
         if traced > 0 {
-            work.finish(before, pattern, &mut cast, &mut counts);
+            work.finish(before, pattern, &mut integrator, &mut counts);
         }
         // Half of the cache lines now, half after the next aim: all at once exceed the misses that
         // a core can have outstanding.
-        prefetch_vertices(&world.geometry, &slot.packet, 0..LANES / 2);
-        std::mem::swap(&mut slot, &mut before);
+        prefetch_vertices(&world.geometry, &camera_packet.packet, 0..LANES / 2);
+        std::mem::swap(&mut camera_packet, &mut before);
         if monitor.stopped() {
             break;
         }

@@ -44,11 +44,11 @@ pub struct SamplePlan {
     /// Number of samples, by pixel.
     pub samples: Vec<u32>,
     /// Sums over the neighbours of each pixel.
-    sums: Vec<Sums>,
+    sums: Vec<NeighbourSums>,
 }
 
 /// Weighted sums over the neighbours of a pixel, by window.
-type Sums = [Sum; WINDOWS.len()];
+type NeighbourSums = [Sum; WINDOWS.len()];
 
 /// A weighted sum over the neighbours of a pixel.
 #[derive(Debug, Clone, Copy, Default)]
@@ -94,7 +94,7 @@ impl Errors {
     /// Computes the first plan: numbers of samples from the errors after the first pass.
     pub fn first_plan(&self, goal: &Goal) -> SamplePlan {
         let errors: Vec<u64> = self.levels[0].iter().map(|&error| steps(error)).collect();
-        let mut sums = vec![Sums::default(); errors.len()];
+        let mut sums = vec![NeighbourSums::default(); errors.len()];
         for (window, weights) in WINDOWS.into_iter().enumerate() {
             // Sums by row, then by column, without the pixel itself.
             let (width, height) = (self.width, errors.len() / self.width);
@@ -169,7 +169,7 @@ impl Errors {
     }
 
     /// Number of samples of a pixel, from its neighbours' errors after `taken` samples.
-    fn by(&self, goal: &Goal, taken: u32, sums: &Sums) -> u32 {
+    fn by(&self, goal: &Goal, taken: u32, sums: &NeighbourSums) -> u32 {
         let need = sums.iter().map(|sum| sum.mean()).fold(0.0, f64::max);
         goal.samples(taken, need)
     }

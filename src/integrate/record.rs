@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use crate::film::Dropped;
 use crate::geometry::Surfaces;
-use crate::layers::{NearestHit, RawLayout};
+use crate::layers::{NearestHit, PartialSumsLayout};
 use crate::ray::RayPacket;
 use crate::shading::{Lanes, Lanes3, Points};
 use crate::world::World;
@@ -35,7 +35,13 @@ pub trait Record {
     fn surface(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, points: &Points);
     /// Records the light of one light at a bounce, to be multiplied by base colours and
     /// throughputs.
-    fn light(&mut self, lamp: &SampledLight, base: &Lanes3, throughput: &Lanes, split: &LightParts);
+    fn light(
+        &mut self,
+        sampled_light: &SampledLight,
+        base: &Lanes3,
+        throughput: &Lanes,
+        split: &LightParts,
+    );
     /// Records ambient light, by lane.
     fn ambient(&mut self, bounce: u32, sent: &Lanes3);
     /// Records background radiance, by lane.
@@ -45,7 +51,7 @@ pub trait Record {
     /// Records the share of the light on shadow catchers that shadows of a light take, by lane.
     fn caught(&mut self, light: usize, taken: &Lanes);
     /// Ends the packet and adds its samples within `samples`.
-    fn packet(&mut self, slot: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3);
+    fn packet(&mut self, camera_packet: &CameraPacket, samples: &Range<u32>, radiance: &Lanes3);
     /// Writes the words of one pixel of the block, with `n` samples, into a row at pixel `column`.
     /// `beauty` holds R, G, B, A.
     fn write(&mut self, pixel: usize, n: u32, beauty: &BlockSums, column: usize, row: &mut [u32]);
@@ -57,7 +63,7 @@ pub trait Record {
 
 /// Records no layers. For a part of the samples, writes the sums of the beauty as words.
 #[derive(Debug, Clone, Copy)]
-pub struct Beauty<'a>(pub Option<&'a RawLayout>);
+pub struct Beauty<'a>(pub Option<&'a PartialSumsLayout>);
 
 impl Record for Beauty<'_> {
     const ON: bool = false;

@@ -19,9 +19,9 @@ pub struct ShadowRays<'a> {
 }
 
 impl<'a> ShadowRays<'a> {
-    /// Creates `rays` from `points` to the light points `q`. Sets `lit` to the weights of the light
-    /// that arrives if nothing occludes the ray. `glossy`: whether any shading point has a specular
-    /// term.
+    /// Creates `rays` from `points` to the light points `q`. Sets `weights` to the weights of the
+    /// light that arrives if nothing occludes the ray. `glossy`: whether any shading point has a
+    /// specular term.
     ///
     /// For a light with a map, [`ShadowRays::colors`] must then divide the weights by the density
     /// of the light points.
@@ -32,19 +32,19 @@ impl<'a> ShadowRays<'a> {
         falloff: Falloff,
         glossy: bool,
         rays: &mut Rays,
-        lit: &mut LightWeights,
+        weights: &mut LightWeights,
     ) -> Self {
         let normal = area.and_then(|area| area.normal);
         let falloff = area.map_or(falloff, |area| area.falloff(falloff));
-        let mut active = light_rays(points, q, normal, falloff, glossy, rays, lit);
+        let mut active = light_rays(points, q, normal, falloff, glossy, rays, weights);
         match area.and_then(|area| area.distant.as_ref()) {
             Some(Distant::Environment(environment)) if environment.map().is_none() => {
-                environment.weigh(points, q, lit);
+                environment.weigh(points, q, weights);
             }
             _ => {}
         }
         let grazing = match area {
-            Some(area) if area.flush > 0.0 => area.end_before_plane(points, rays, &mut active),
+            Some(area) if area.plane_gap > 0.0 => area.end_before_plane(points, rays, &mut active),
             _ => Mask::NONE,
         };
         Self { area, active, grazing }
@@ -57,9 +57,9 @@ impl<'a> ShadowRays<'a> {
         &self,
         points: &ShadowPoints,
         q: &Lanes3,
-        lit: &mut LightWeights,
+        weights: &mut LightWeights,
     ) -> Option<Lanes3> {
-        Some(self.area?.map()?.weigh(points, q, lit))
+        Some(self.area?.map()?.weigh(points, q, weights))
     }
 
     /// Whether the backend alone decides which rays are occluded.

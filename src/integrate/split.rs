@@ -23,13 +23,13 @@ impl LightParts {
     /// Light of one point per lane, with the weights of [`LightWeights`]. Lanes outside of
     /// `visible` receive none.
     #[inline(always)]
-    pub fn from_weights(light: &Light, lit: &LightWeights, visible: &Mask) -> Self {
+    pub fn from_weights(light: &Light, weights: &LightWeights, visible: &Mask) -> Self {
         let mut split = Self::NONE;
         for axis in 0..3 {
             let (diffuse, specular) = (light.diffuse[axis], light.specular[axis]);
             for i in 0..LANES {
                 let seen = visible.0[i] != 0;
-                let (d, s) = (diffuse * lit.diffuse[i], specular * lit.specular[i]);
+                let (d, s) = (diffuse * weights.diffuse[i], specular * weights.specular[i]);
                 split.diffuse[axis][i] = if seen { d } else { 0.0 };
                 split.specular[axis][i] = if seen { s } else { 0.0 };
             }

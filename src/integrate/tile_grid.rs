@@ -11,7 +11,7 @@ pub const TILE: u32 = 32;
 /// `window`. On each axis, that is the end of the camera's frame if the window begins before that
 /// end, else the end of the overscan. So overscan changes no packet of the frame: on the left and
 /// at the top, its width is a multiple of [`TILE`].
-pub fn limit(world: &World, window: Window) -> [u32; 2] {
+pub fn packet_end(world: &World, window: Window) -> [u32; 2] {
     let [right, bottom] = world.frame_end();
     let [width, height] = world.frame;
     [

@@ -47,7 +47,7 @@ pub struct WhittedIntegrator<'a> {
     certain: Mask,
     pub(super) points: Points,
     pub(super) shadow: Rays,
-    pub(super) lit: LightWeights,
+    pub(super) light_weights: LightWeights,
     pub(super) gathered: ShadowPoints,
     pub(super) batch: LightBatch,
     /// Holdouts and shadow catchers; `None` in a scene without any.
@@ -86,7 +86,7 @@ impl<'a> WhittedIntegrator<'a> {
             certain: Mask::NONE,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
-            lit: LightWeights::EMPTY,
+            light_weights: LightWeights::EMPTY,
             gathered: ShadowPoints::EMPTY,
             batch: LightBatch::EMPTY,
             plate: world.shapes.has_roles.then(plate),
@@ -101,12 +101,12 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
-        slot: &mut CameraPacket,
+        camera_packet: &mut CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) -> Lanes {
         let world = self.world;
-        let mut active = slot.active;
+        let mut active = camera_packet.active;
         let mut first_hit = Mask::NONE;
         self.throughput = [1.0; LANES];
         self.radiance = [[0.0; LANES]; 3];
@@ -122,39 +122,45 @@ impl<'a> WhittedIntegrator<'a> {
                 if self.monitor.stopped() {
                     break;
                 }
-                active = self.mirror(slot, counts);
+                active = self.mirror(camera_packet, counts);
                 if !active.any() {
                     break;
                 }
             }
-            let mut hit = self.refine(slot, &active, bounce);
+            let mut hit = self.refine(camera_packet, &active, bounce);
             if bounce == 0 {
                 first_hit = hit;
             }
             if !(bounce == 0 && world.transparent) {
-                self.background(slot, (&active, &hit), bounce, record);
+                self.background(camera_packet, (&active, &hit), bounce, record);
             }
             if !hit.any() {
                 break;
             }
-            self.find_crevices(slot, &hit, bounce);
+            self.find_crevices(camera_packet, &hit, bounce);
             if bounce == 0 && self.plate.is_some() {
-                hit = self.hold_out(slot, &hit);
+                hit = self.split_off_holdouts(camera_packet, &hit);
             }
             let points = &mut self.points;
             if let Some(cones) = &mut self.cones {
-                cones.advance(&slot.packet.rays, &self.surfaces);
+                cones.advance(&camera_packet.packet.rays, &self.surfaces);
             }
             let widths = self.cones.as_ref().map(|cones| &cones.widths);
-            world.shapes.look(&world.geometry, &slot.packet, &self.surfaces, widths, points);
+            world.shapes.look(
+                &world.geometry,
+                &camera_packet.packet,
+                &self.surfaces,
+                widths,
+                points,
+            );
             let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);
             if catching {
                 self.blacken_catchers();
             }
             if R::ON && bounce == 0 {
-                record.surface(world, &slot.packet, &self.surfaces, &self.points);
+                record.surface(world, &camera_packet.packet, &self.surfaces, &self.points);
                 if let Some(light) = &world.occlusion {
-                    self.occlusion(light, slot, counts, record);
+                    self.occlusion(light, camera_packet, counts, record);
                 }
             }
             if world.ambient != Vec3::ZERO {
@@ -163,7 +169,7 @@ impl<'a> WhittedIntegrator<'a> {
             if catching {
                 self.whiten_catchers();
             }
-            self.lights(slot, (bounce, catching), counts, record);
+            self.lights(camera_packet, (bounce, catching), counts, record);
             if catching {
                 self.finish_catchers(record);
             }
@@ -178,45 +184,45 @@ impl<'a> WhittedIntegrator<'a> {
     /// Computes the surface points of a traced packet. Traces doubtful hits again. Returns the
     /// lanes that hit.
     #[inline(always)]
-    fn refine(&mut self, slot: &mut CameraPacket, active: &Mask, bounce: u32) -> Mask {
-        let hit = slot.packet.hit(active);
+    fn refine(&mut self, camera_packet: &mut CameraPacket, active: &Mask, bounce: u32) -> Mask {
+        let hit = camera_packet.packet.hit(active);
         if !hit.any() {
             return hit;
         }
-        self.refine_hits(slot, &hit);
+        self.refine_hits(camera_packet, &hit);
         let doubtful = self.surfaces.doubtful.without(&self.certain);
         if doubtful.any() {
-            self.retrace_doubtful(slot, &doubtful, bounce);
-            let hit = slot.packet.hit(active);
-            self.refine_hits(slot, &hit);
+            self.retrace_doubtful(camera_packet, &doubtful, bounce);
+            let hit = camera_packet.packet.hit(active);
+            self.refine_hits(camera_packet, &hit);
             return hit;
         }
         hit
     }
 
     #[inline(always)]
-    fn refine_hits(&mut self, slot: &mut CameraPacket, hit: &Mask) {
+    fn refine_hits(&mut self, camera_packet: &mut CameraPacket, hit: &Mask) {
         let geometry = &self.world.geometry;
-        geometry.replace_stitch_hits(hit, &mut slot.packet);
-        refine(geometry, hit, &slot.packet, &mut self.surfaces);
+        geometry.replace_stitch_hits(hit, &mut camera_packet.packet);
+        refine(geometry, hit, &camera_packet.packet, &mut self.surfaces);
     }
 
     /// Traces the lanes with doubtful hits again.
     #[cold]
     #[inline(never)]
-    fn retrace_doubtful(&mut self, slot: &mut CameraPacket, doubtful: &Mask, bounce: u32) {
+    fn retrace_doubtful(&mut self, camera_packet: &mut CameraPacket, doubtful: &Mask, bounce: u32) {
         for i in (0..LANES).filter(|&i| doubtful.0[i] != 0) {
             // Camera rays and mirrored rays have no end.
-            slot.packet.rays.tfar[i] = f32::INFINITY;
-            slot.packet.hits.geom[i] = NONE;
+            camera_packet.packet.rays.tfar[i] = f32::INFINITY;
+            camera_packet.packet.hits.geom[i] = NONE;
         }
         let accelerator = if bounce == 0 { self.camera } else { self.reflections };
-        accelerator.closest(doubtful, &mut slot.packet, Coherence::Incoherent);
+        accelerator.closest(doubtful, &mut camera_packet.packet, Coherence::Incoherent);
     }
 
     /// Finds the walls beside points near an edge, if a secondary ray may start there.
     #[inline(always)]
-    fn find_crevices(&mut self, slot: &mut CameraPacket, hit: &Mask, bounce: u32) {
+    fn find_crevices(&mut self, camera_packet: &mut CameraPacket, hit: &Mask, bounce: u32) {
         self.crevices.clear();
         let world = self.world;
         let mut at_edge = Mask::NONE;
@@ -226,7 +232,7 @@ impl<'a> WhittedIntegrator<'a> {
         if at_edge.any()
             && (!world.lights.is_empty() || world.occlusion.is_some() || bounce < world.nbounces)
         {
-            let (scene, packet) = ((&*world.geometry, self.accelerator), &mut slot.packet);
+            let (scene, packet) = ((&*world.geometry, self.accelerator), &mut camera_packet.packet);
             let kind = if bounce == 0 { RayKind::Camera } else { RayKind::Reflection };
             self.crevices.find(scene, kind, packet, &mut self.surfaces, &at_edge);
         }
@@ -234,8 +240,8 @@ impl<'a> WhittedIntegrator<'a> {
 
     /// Traces the mirrored rays of the last shading points. Returns the lanes that have one.
     #[inline(always)]
-    fn mirror(&mut self, slot: &mut CameraPacket, counts: &mut RayCounts) -> Mask {
-        let rays = &mut slot.packet.rays;
+    fn mirror(&mut self, camera_packet: &mut CameraPacket, counts: &mut RayCounts) -> Mask {
+        let rays = &mut camera_packet.packet.rays;
         let active = reflect(&self.points, &self.surfaces.outside, rays);
         if active.any() {
             for i in 0..LANES {
@@ -243,18 +249,18 @@ impl<'a> WhittedIntegrator<'a> {
             }
             counts.reflection += u64::from(active.count());
             let coherence = coherence(&active, rays);
-            slot.packet.clear_hits();
+            camera_packet.packet.clear_hits();
             let mut rest = active;
             if !self.crevices.is_empty() {
                 let geometry = &self.world.geometry;
-                let packet = &mut slot.packet;
+                let packet = &mut camera_packet.packet;
                 let (done, certain) =
                     self.crevices.closest(geometry, self.reflections, &active, packet);
                 (rest, self.certain) = (active.without(&done), certain);
             } else {
                 self.certain = Mask::NONE;
             }
-            self.reflections.closest_unfiltered(&rest, &mut slot.packet, coherence);
+            self.reflections.closest_unfiltered(&rest, &mut camera_packet.packet, coherence);
         }
         active
     }
@@ -264,7 +270,7 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     fn lights<R: Record>(
         &mut self,
-        slot: &CameraPacket,
+        camera_packet: &CameraPacket,
         (bounce, catching): (u32, bool),
         counts: &mut RayCounts,
         record: &mut R,
@@ -275,42 +281,47 @@ impl<'a> WhittedIntegrator<'a> {
         // The alpha of a shadow catcher is a quotient of sums over all lights. Its mean over draws
         // of lights would be biased.
         let tree = world.light_tree.as_ref().filter(|_| !catching);
-        let count = tree.map_or(world.lights.len(), |tree| tree.gathered.len());
+        let count = tree.map_or(world.lights.len(), |tree| tree.distant.len());
         for number in 0..count {
-            let index = tree.map_or(number, |tree| tree.gathered[number] as usize);
+            let index = tree.map_or(number, |tree| tree.distant[number] as usize);
             let light = &world.lights[index];
-            let lamp = SampledLight { light, index: index as u32, bounce, glossy };
+            let sampled_light = SampledLight { light, index: index as u32, bounce, glossy };
             match &light.emitter {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
-                    self.one_point(&lamp, &q, None, counts, record);
+                    self.one_point(&sampled_light, &q, None, counts, record);
                     if catching {
-                        self.catch_point(&lamp, &q, None);
+                        self.catch_point(&sampled_light, &q, None);
                     }
                 }
                 Emitter::Area(area) if area.samples == 1 => {
-                    let square = if bounce == 0 && self.joint == Some(lamp.index) {
-                        slot.spare
+                    let square = if bounce == 0 && self.joint == Some(sampled_light.index) {
+                        camera_packet.spare
                     } else {
-                        let pixels = [&slot.x, &slot.y];
-                        self.sampler.light_lanes(pixels, &slot.sample, lamp.index, bounce)
+                        let pixels = [&camera_packet.x, &camera_packet.y];
+                        self.sampler.light_lanes(
+                            pixels,
+                            &camera_packet.sample,
+                            sampled_light.index,
+                            bounce,
+                        )
                     };
                     let q = area.points(&square, &self.points.at);
-                    self.one_point(&lamp, &q, Some(area), counts, record);
+                    self.one_point(&sampled_light, &q, Some(area), counts, record);
                     if catching {
-                        self.catch_point(&lamp, &q, Some(area));
+                        self.catch_point(&sampled_light, &q, Some(area));
                     }
                 }
                 Emitter::Area(area) => {
-                    self.area_light(&lamp, area, slot, counts, record);
+                    self.area_light(&sampled_light, area, camera_packet, counts, record);
                     if catching {
-                        self.catch_area(&lamp, area, slot);
+                        self.catch_area(&sampled_light, area, camera_packet);
                     }
                 }
             }
         }
         if let Some(tree) = tree {
-            self.drawn_lights(tree, slot, (bounce, glossy), counts, record);
+            self.drawn_lights(tree, camera_packet, (bounce, glossy), counts, record);
         }
     }
 
@@ -319,21 +330,21 @@ impl<'a> WhittedIntegrator<'a> {
     #[inline(always)]
     fn one_point<R: Record>(
         &mut self,
-        lamp: &SampledLight,
+        sampled_light: &SampledLight,
         q: &Lanes3,
         area: Option<&Area>,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
-        let light = lamp.light;
-        let (points, rays, lit) = (&self.points.at, &mut self.shadow, &mut self.lit);
-        let (world, glossy) = (self.world, lamp.glossy);
-        let aimed = ShadowRays::aim(points, (q, area), world.falloff, glossy, rays, lit);
+        let light = sampled_light.light;
+        let (points, rays, weights) = (&self.points.at, &mut self.shadow, &mut self.light_weights);
+        let (world, glossy) = (self.world, sampled_light.glossy);
+        let aimed = ShadowRays::aim(points, (q, area), world.falloff, glossy, rays, weights);
         let active = aimed.active;
         if !active.any() {
             return;
         }
-        let colors = aimed.colors(points, q, lit);
+        let colors = aimed.colors(points, q, weights);
         counts.shadow += u64::from(active.count());
         let scene = (&*world.geometry, self.shadows);
         aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
@@ -343,7 +354,7 @@ impl<'a> WhittedIntegrator<'a> {
             for i in 0..LANES {
                 seen.0[i] = active.0[i] & -i32::from(rays.tfar[i] >= 0.0);
             }
-            let mut split = LightParts::from_weights(light, lit, &seen);
+            let mut split = LightParts::from_weights(light, weights, &seen);
             if let Some(colors) = &colors {
                 split.color(colors);
             }
@@ -351,13 +362,14 @@ impl<'a> WhittedIntegrator<'a> {
                 plate.darken(&mut split);
             }
             let (base, throughput) = (&self.points.base, &self.throughput);
-            record.light(lamp, base, throughput, &split);
+            record.light(sampled_light, base, throughput, &split);
         }
         if let Some(colors) = &colors {
             for axis in 0..3 {
                 for i in 0..LANES {
                     let visible = (active.0[i] != 0) & (rays.tfar[i] >= 0.0);
-                    let light = lit.diffuse[i] * diffuse[axis] + lit.specular[i] * specular[axis];
+                    let light =
+                        weights.diffuse[i] * diffuse[axis] + weights.specular[i] * specular[axis];
                     let sent = light * colors[axis][i];
                     let sent = sent * self.points.base[axis][i] * self.throughput[i];
                     self.radiance[axis][i] += if visible { sent } else { 0.0 };
@@ -368,7 +380,8 @@ impl<'a> WhittedIntegrator<'a> {
         for axis in 0..3 {
             for i in 0..LANES {
                 let visible = (active.0[i] != 0) & (rays.tfar[i] >= 0.0);
-                let light = lit.diffuse[i] * diffuse[axis] + lit.specular[i] * specular[axis];
+                let light =
+                    weights.diffuse[i] * diffuse[axis] + weights.specular[i] * specular[axis];
                 let sent = light * self.points.base[axis][i] * self.throughput[i];
                 self.radiance[axis][i] += if visible { sent } else { 0.0 };
             }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::answer::Answer;
 use super::query::answers;
-use super::rays::Recorded;
+use super::rays::PacketToTrace;
 use super::replay::Replay;
 use super::verdict::refute;
 use crate::accel::Accelerator;
@@ -98,7 +98,7 @@ pub fn compare(
 fn judged(
     geometry: &Geometry,
     backends: &[&dyn Accelerator],
-    packet: &Recorded,
+    packet: &PacketToTrace,
     lane: usize,
     said: &[Answer],
     shadow: bool,

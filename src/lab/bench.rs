@@ -7,7 +7,7 @@ use rayon::ThreadPool;
 use super::ab::{TimingPlan, interleave};
 use super::agreement::{self, Agreement};
 use super::backend::{TestedBackend, build_all};
-use super::rays::{Class, Recording, record};
+use super::rays::{RayClass, Recording, record};
 use super::replay::{Mode, Replay};
 use super::result::{BackendResult, PairResult, TimingRow, WorkKind};
 use crate::accel::{self, Accelerator};
@@ -28,7 +28,7 @@ pub struct BenchSettings {
     /// the hits from which secondary rays start.
     pub tested_backends: Vec<TestedBackend>,
     /// Classes of rays to replay.
-    pub classes: Vec<Class>,
+    pub classes: Vec<RayClass>,
     /// Numbers of worker threads, each >= 1.
     pub threads: Vec<usize>,
     /// Largest number of rays of each class, rounded up to whole packets of 16.
@@ -49,7 +49,7 @@ pub struct Measured {
     /// Version, memory and number of wrong answers of every backend.
     pub backends: Vec<BackendResult>,
     /// Number of recorded rays of each class in [`BenchSettings::classes`].
-    pub rays: Vec<(Class, u64)>,
+    pub rays: Vec<(RayClass, u64)>,
     /// Timings: builds, classes of rays, whole pictures.
     pub rows: Vec<TimingRow>,
     /// Agreement of every pair of backends, for each class and mode that has rays.
@@ -75,8 +75,8 @@ pub fn measure(
 }
 
 /// Scores and visits of one replay. They do not depend on the number of threads.
-struct Judged {
-    class: Class,
+struct ReplayScores {
+    class: RayClass,
     mode: Mode,
     scores: Vec<agreement::Score>,
     visits: Vec<Option<accel::Visits>>,
@@ -154,14 +154,14 @@ impl<'a> Bench<'a> {
         &self,
         built: &[&dyn Accelerator],
         recording: &Recording,
-    ) -> (Vec<Judged>, Vec<PairResult>) {
+    ) -> (Vec<ReplayScores>, Vec<PairResult>) {
         (self.note)("comparing answers");
         let (mut judged, mut agreements) = (Vec::new(), Vec::new());
         for replay in self.replays(recording) {
             let Replay { class, mode, .. } = replay;
             let (scores, pairs) = agreement::compare(&replay, &self.world.geometry, built);
             let visits = built.iter().map(|b| replay.visits(*b)).collect();
-            judged.push(Judged { class, mode, scores, visits });
+            judged.push(ReplayScores { class, mode, scores, visits });
             let name = |i: usize| self.settings.tested_backends[i].name.clone();
             let pair = |(i, j, agreement): (usize, usize, Agreement)| PairResult {
                 name: class.name().into(),
@@ -178,7 +178,7 @@ impl<'a> Bench<'a> {
         &self,
         built: &[&dyn Accelerator],
         recording: &Recording,
-        judged: &[Judged],
+        judged: &[ReplayScores],
     ) -> Result<Vec<TimingRow>> {
         let threads = rayon::current_num_threads();
         let mut rows = Vec::new();

@@ -17,7 +17,7 @@ pub enum BackendFault {
     /// Misses everything along directions shorter than 1e-29.
     MissesTiny,
     /// Reports a hit for every miss.
-    HitsNothing,
+    HitsInsteadOfMisses,
     /// Swaps the two primitives of the first geometry.
     OtherPrimitive,
     /// Lane 5 reports primitive 0 of the geometry that it hits.
@@ -59,7 +59,7 @@ impl Accelerator for Faulty<'_> {
         for i in lanes(active) {
             match self.hit(&Ray::of(&packet.rays, i)) {
                 Some(hit) => hit.store(packet, i),
-                None if self.1 == BackendFault::HitsNothing => {
+                None if self.1 == BackendFault::HitsInsteadOfMisses => {
                     (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);
                     packet.rays.tfar[i] = 1.0;
                 }

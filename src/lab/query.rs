@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::answer::Answer;
-use super::rays::Recorded;
+use super::rays::PacketToTrace;
 use crate::accel::Accelerator;
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 
@@ -17,7 +17,7 @@ pub struct QueryPacket {
     /// Coherence of the packet in the renderer.
     pub coherence: Coherence,
     /// The rays before the query.
-    pub packet: Recorded,
+    pub packet: PacketToTrace,
 }
 
 impl QueryPacket {
@@ -32,7 +32,7 @@ impl QueryPacket {
 /// are not active.
 pub fn answers(
     accelerator: &dyn Accelerator,
-    packet: &Recorded,
+    packet: &PacketToTrace,
     shadow: bool,
     coherence: Coherence,
 ) -> [Answer; LANES] {

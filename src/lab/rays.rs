@@ -24,7 +24,7 @@ use crate::world::World;
 named! {
     /// Class of rays by their purpose. It decides the query and the coherence of their packets.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-    pub enum Class {
+    pub enum RayClass {
         /// Rays from the camera.
         Primary = "primary",
         /// Shadow rays from camera hits to point lights.
@@ -39,7 +39,7 @@ named! {
     }
 }
 
-impl Class {
+impl RayClass {
     /// Returns whether the query of these rays is [`Accelerator::occluded`], not
     /// [`Accelerator::closest`].
     pub fn is_shadow(self) -> bool {
@@ -57,7 +57,7 @@ impl Class {
 
 /// A packet of rays as it is before its query.
 #[derive(Debug, Clone)]
-pub struct Recorded {
+pub struct PacketToTrace {
     /// Lanes that hold rays; at least one.
     pub active: Mask,
     /// The rays. Active lanes pass [`Rays::possible`].
@@ -67,17 +67,17 @@ pub struct Recorded {
 /// All recorded rays of one scene, by class.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
-    packets: [Vec<Recorded>; Class::ALL.len()],
+    packets: [Vec<PacketToTrace>; RayClass::ALL.len()],
 }
 
 impl Recording {
     /// The packets of a class, in the renderer's order. Empty if the scene has no such rays.
-    pub fn packets(&self, class: Class) -> &[Recorded] {
+    pub fn packets(&self, class: RayClass) -> &[PacketToTrace] {
         &self.packets[class as usize]
     }
 
     /// Number of rays of a class.
-    pub fn count(&self, class: Class) -> u64 {
+    pub fn count(&self, class: RayClass) -> u64 {
         self.packets(class).iter().map(|packet| u64::from(packet.active.count())).sum()
     }
 }
@@ -103,7 +103,7 @@ pub fn record(
         seen: 0,
         primary,
         limit: packets,
-        taking: [true; Class::ALL.len()],
+        taking: [true; RayClass::ALL.len()],
         surfaces: Surfaces::EMPTY,
     };
     let points = world.lights.iter().filter_map(|light| match &light.emitter {
@@ -122,8 +122,8 @@ pub fn record(
         let width = window.width() as usize;
         let mut pixels = vec![[0.0; 4]; width * window.height() as usize];
         let mut rows: Vec<_> = pixels.chunks_mut(width).collect();
-        let integrator = RenderContext { world, accelerator: &recorder, monitor };
-        simd::dispatch(Isa::detect(), TileKernel::beauty(integrator, window, &mut rows));
+        let context = RenderContext { world, accelerator: &recorder, monitor };
+        simd::dispatch(Isa::detect(), TileKernel::beauty(context, window, &mut rows));
     }
     monitor.check()?;
     let state = recorder.state.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -185,22 +185,22 @@ struct State {
     limit: usize,
     /// Whether each class records the rays that belong to the current camera packet. It records all
     /// of them or none, so rays from one place stay together, as in a render.
-    taking: [bool; Class::ALL.len()],
+    taking: [bool; RayClass::ALL.len()],
     surfaces: Surfaces,
 }
 
 impl State {
-    fn push(&mut self, class: Class, active: &Mask, rays: &Rays) {
+    fn push(&mut self, class: RayClass, active: &Mask, rays: &Rays) {
         let packets = &mut self.recording.packets[class as usize];
         if packets.len() < self.limit && self.taking[class as usize] && active.any() {
-            packets.push(Recorded { active: *active, rays: rays.clone() });
+            packets.push(PacketToTrace { active: *active, rays: rays.clone() });
         }
     }
 
     /// Begins the next camera packet. Its rays are recorded by every class that does not exceed its
     /// even share so far.
     fn next(&mut self) {
-        self.taking = Class::ALL.map(|class| {
+        self.taking = RayClass::ALL.map(|class| {
             let have = self.recording.packets(class).len() as u128;
             have * (self.primary as u128) <= self.limit as u128 * self.seen as u128
         });
@@ -237,7 +237,7 @@ impl Recorder<'_> {
             rays.set(i, lane(&state.surfaces.outside, i), direction);
             rays.leaving[i] = state.surfaces.primitive[i];
         }
-        state.push(Class::Diffuse, hit, &rays);
+        state.push(RayClass::Diffuse, hit, &rays);
     }
 }
 
@@ -249,11 +249,11 @@ impl Accelerator for Recorder<'_> {
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
         // Only mirrored rays leave a primitive; camera rays do not.
         if (0..LANES).any(|i| active.0[i] != 0 && packet.rays.leaving[i] != NONE) {
-            return self.with(|state| state.push(Class::Mirror, active, &packet.rays));
+            return self.with(|state| state.push(RayClass::Mirror, active, &packet.rays));
         }
         self.with(|state| {
             state.next();
-            state.push(Class::Primary, active, &packet.rays);
+            state.push(RayClass::Primary, active, &packet.rays);
         });
         self.inner.closest(active, packet, coherence);
         self.with(|state| self.diffuse(state, &packet.hit(active), packet));
@@ -266,8 +266,8 @@ impl Accelerator for Recorder<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
         self.with(|state| {
             let class = match self.towards_a_point(active, rays) {
-                true => Class::ShadowPoint,
-                false => Class::ShadowArea,
+                true => RayClass::ShadowPoint,
+                false => RayClass::ShadowArea,
             };
             state.push(class, active, rays);
         });

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::answer::Answer;
 use super::query::answers;
-use super::rays::{Class, Recorded};
+use super::rays::{PacketToTrace, RayClass};
 use crate::accel::{Accelerator, Visits};
 use crate::lab::named::named;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
@@ -34,11 +34,11 @@ named! {
 #[derive(Debug, Clone, Copy)]
 pub struct Replay<'a> {
     /// Class of the rays: decides the query and its coherence.
-    pub class: Class,
+    pub class: RayClass,
     /// Single rays or packets.
     pub mode: Mode,
     /// The recorded packets of the class.
-    pub packets: &'a [Recorded],
+    pub packets: &'a [PacketToTrace],
 }
 
 impl Replay<'_> {
@@ -111,7 +111,7 @@ impl Replay<'_> {
     /// there are no packets.
     pub fn visits(&self, accelerator: &dyn Accelerator) -> Option<Visits> {
         let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
-        let visits = |p: &Recorded| accelerator.visits(&p.active, &p.rays, shadow, coherence);
+        let visits = |p: &PacketToTrace| accelerator.visits(&p.active, &p.rays, shadow, coherence);
         let add = |a: Visits, b: Visits| Visits {
             nodes: a.nodes + b.nodes,
             primitives: a.primitives + b.primitives,

@@ -233,7 +233,7 @@ pub struct BaselineComparison {
     /// File and commit of the baseline.
     pub baseline: String,
     /// Differences between the two machines, in words; `None` if there are none.
-    pub elsewhere: Option<String>,
+    pub machine_differences: Option<String>,
     /// Changes of all timings that both runs have. Scene (name and content), row, number of threads
     /// and backend must be the same.
     pub changes: Vec<Change>,
@@ -245,14 +245,14 @@ impl BaselineComparison {
         let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
         Self {
             baseline: format!("{name}, commit {commit}"),
-            elsewhere: elsewhere(now, then),
+            machine_differences: machine_differences(now, then),
             changes: changes(now, then),
         }
     }
 }
 
 /// Describes how the machines or kernels of two runs differ; `None` if they do not.
-fn elsewhere(now: &BenchReport, then: &BenchReport) -> Option<String> {
+fn machine_differences(now: &BenchReport, then: &BenchReport) -> Option<String> {
     let (a, b) = (&now.machine, &then.machine);
     let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
     let cores = [a.cores, b.cores].map(|n| plural(n, "processor"));
@@ -349,12 +349,12 @@ mod tests {
     #[test]
     fn a_different_machine_is_described() {
         let (now, mut then) = (report(1.0, "h"), report(1.0, "h"));
-        assert_eq!(elsewhere(&now, &then), None);
+        assert_eq!(machine_differences(&now, &then), None);
         then.machine.versions.clear();
-        assert_eq!(elsewhere(&now, &then), None);
+        assert_eq!(machine_differences(&now, &then), None);
         then.machine.cpu = "another".into();
         then.machine.cores += 1;
-        let text = elsewhere(&now, &then).unwrap();
+        let text = machine_differences(&now, &then).unwrap();
         assert!(
             text.contains("another then") && text.contains("2 processors then, 1 processor now"),
             "{text}"

@@ -4,13 +4,13 @@
 mod faces;
 mod mattes;
 mod names;
-mod raw;
-mod recipe;
+mod partial_sums;
+mod pixel_layout;
 
 pub use self::faces::FaceCounts;
 pub use self::mattes::Mattes;
-pub use self::raw::{BEAUTY, Pixel, RawLayout};
-pub use self::recipe::{MatteLayout, NearestHit, PixelLayout, count};
+pub use self::partial_sums::{BEAUTY, PartialSumsLayout, PixelState};
+pub use self::pixel_layout::{MatteLayout, NearestHit, PixelLayout, count};
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ pub const MISS_DEPTH: f32 = 1e30;
 #[derive(Debug, Clone, Default)]
 pub struct LayerPlan {
     /// All channels, and the positions of those that need no scene.
-    pub recipe: PixelLayout,
+    pub layout: PixelLayout,
     /// Shading normal: 3 channels.
     pub normal: Option<usize>,
     /// Geometric normal: 3 channels.
@@ -82,7 +82,7 @@ impl LayerPlan {
         let (means, others): (Vec<Layer>, Vec<Layer>) =
             scene.layers.iter().partition(|layer| is_mean(**layer));
         for layer in means {
-            let first = Some(plan.recipe.channels.len());
+            let first = Some(plan.layout.channels.len());
             let suffixes = match layer {
                 Layer::Shadow(_) if scene.has_catchers() => &["Y", "A"],
                 layer => suffixes(layer),
@@ -108,7 +108,7 @@ impl LayerPlan {
                 _ => {}
             }
         }
-        plan.recipe.filtered = plan.recipe.channels.len();
+        plan.layout.filtered = plan.layout.channels.len();
         plan.lights = groups.of.iter().map(|&group| light[group]).collect();
         let members = |group: usize| groups.of.iter().filter(|&&g| g == group).count();
         let shares = groups.of.iter().map(|&g| Some((shadow[g]?, 1.0 / members(g) as f32)));
@@ -116,17 +116,17 @@ impl LayerPlan {
         let caught = groups.of.iter().map(|&g| Some(shadow[g]? + 1));
         plan.caught = caught.filter(|_| scene.has_catchers()).collect();
         for layer in others {
-            let first = Some(plan.recipe.channels.len());
+            let first = Some(plan.layout.channels.len());
             match layer {
                 Layer::CryptoObject => plan.mattes.push(Mattes::objects(scene)),
                 Layer::CryptoMaterial => plan.mattes.push(Mattes::materials(scene)),
-                Layer::Depth => plan.recipe.depth = first,
-                Layer::Distance => plan.recipe.distance = first,
-                Layer::Position => plan.recipe.position = first,
-                Layer::Primitive => plan.recipe.primitive = first,
-                Layer::Object => plan.recipe.object = first,
-                Layer::Variance => plan.recipe.variance = first,
-                Layer::Samples => plan.recipe.samples = first,
+                Layer::Depth => plan.layout.depth = first,
+                Layer::Distance => plan.layout.distance = first,
+                Layer::Position => plan.layout.position = first,
+                Layer::Primitive => plan.layout.primitive = first,
+                Layer::Object => plan.layout.object = first,
+                Layer::Variance => plan.layout.variance = first,
+                Layer::Samples => plan.layout.samples = first,
                 _ => {}
             }
             match layer {
@@ -136,16 +136,16 @@ impl LayerPlan {
             }
         }
         for mattes in &plan.mattes {
-            let (first, ranks) = (plan.recipe.channels.len(), scene.crypto_ranks as usize);
-            plan.recipe.mattes.push(MatteLayout { first, ranks, ids: mattes.ids() });
-            plan.recipe.channels.extend(mattes.channels(ranks));
+            let (first, ranks) = (plan.layout.channels.len(), scene.crypto_ranks as usize);
+            plan.layout.mattes.push(MatteLayout { first, ranks, ids: mattes.ids() });
+            plan.layout.channels.extend(mattes.channels(ranks));
         }
         plan
     }
 
     /// Returns true if there is nothing to record in addition to the beauty.
     pub fn is_empty(&self) -> bool {
-        self.recipe.channels.is_empty() && self.faces.is_none()
+        self.layout.channels.is_empty() && self.faces.is_none()
     }
 
     fn add(&mut self, layer: &str, suffixes: &[&str], kind: ChannelKind) {
@@ -154,7 +154,7 @@ impl LayerPlan {
                 "" => (*suffix).to_string(),
                 layer => format!("{layer}.{suffix}"),
             };
-            self.recipe.channels.push(Channel { name, kind });
+            self.layout.channels.push(Channel { name, kind });
         }
     }
 }

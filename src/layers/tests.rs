@@ -41,7 +41,7 @@ fn a_scene_without_layers_has_an_empty_plan() {
 #[test]
 fn channels_have_conventional_names_and_types() {
     let plan = LayerPlan::new(&scene(r#"["Z", "N", "P", "objectid", "light", "uv"]"#));
-    let names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
+    let names: Vec<&str> = plan.layout.channels.iter().map(|c| c.name.as_str()).collect();
     let expected = [
         "N.X",
         "N.Y",
@@ -68,18 +68,18 @@ fn channels_have_conventional_names_and_types() {
         "objectid.id",
     ];
     assert_eq!(names, expected);
-    let kind_of = |name: &str| plan.recipe.channels.iter().find(|c| c.name == name).unwrap().kind;
+    let kind_of = |name: &str| plan.layout.channels.iter().find(|c| c.name == name).unwrap().kind;
     assert_eq!(kind_of("N.X"), ChannelKind::Half);
     assert_eq!(kind_of("Z"), ChannelKind::Float);
     assert_eq!(kind_of("objectid.id"), ChannelKind::Uint);
     assert_eq!(plan.lights, [Some(6), Some(9), Some(6)]);
-    assert_eq!(plan.recipe.filtered, 18);
+    assert_eq!(plan.layout.filtered, 18);
 }
 
 #[test]
 fn repeated_layers_are_planned_once() {
     let plan = LayerPlan::new(&scene(r#"["all", "Z"]"#));
-    let mut names: Vec<&str> = plan.recipe.channels.iter().map(|c| c.name.as_str()).collect();
+    let mut names: Vec<&str> = plan.layout.channels.iter().map(|c| c.name.as_str()).collect();
     let count = names.len();
     names.sort_unstable();
     names.dedup();

@@ -4,7 +4,7 @@
 //!
 //! A part is an EXR with the attribute [`part::ATTRIBUTE`]. A part with all samples of its pixels
 //! holds the channels of the picture. A part with some of the samples holds sums (see
-//! [`RawLayout`]).
+//! [`PartialSumsLayout`]).
 
 mod cover;
 pub mod part;
@@ -15,13 +15,13 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Failures, Kind, Problem, Result};
 use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
-use crate::layers::{BEAUTY, Pixel, RawLayout};
+use crate::layers::{BEAUTY, PartialSumsLayout, PixelState};
 use crate::monitor::Monitor;
 use crate::output::exr::{CameraMatrices, Sequence};
 use crate::output::exr_read::{ExrReader, Rows};
 
 use self::cover::{CoverFault, CoveredRegion};
-pub use self::part::{PictureFormat, PictureTile};
+pub use self::part::{PartDescription, PictureFormat};
 
 /// Approximate number of bytes of the parts' rows in memory at a time. A band has at least 16 rows.
 const BAND_BYTES: usize = 128 << 20;
@@ -36,23 +36,23 @@ const MAX_NAMED_FAULTS: usize = 20;
 /// The parts of one picture, which cover it exactly once.
 #[derive(Debug)]
 pub struct Parts {
-    open: Vec<Open>,
+    open: Vec<OpenPart>,
     /// Description of the first part. All parts share the fields about the whole picture.
-    pub part: PictureTile,
+    pub part: PartDescription,
 }
 
 /// A part whose header has been read and checked.
 #[derive(Debug)]
-struct Open {
+struct OpenPart {
     name: String,
     reader: ExrReader,
-    part: PictureTile,
-    raw: Option<RawLayout>,
+    part: PartDescription,
+    raw: Option<PartialSumsLayout>,
     /// Indices of R, G, B, A among the file's channels.
     beauty: [usize; 4],
     /// For each word (32-bit value) of a pixel besides `beauty`, the index of its channel in the
     /// file. The words are those of `raw`. If `raw` is `None`, they are the layers' channels
-    /// (`part.recipe`).
+    /// (`part.layout`).
     words: Vec<usize>,
 }
 
@@ -64,8 +64,8 @@ impl Parts {
     /// that are missing or duplicated. The errors of [`ExrReader::open`].
     pub fn open(paths: &[PathBuf]) -> Result<Self> {
         let mut failures = Failures::default();
-        let open: Vec<Open> =
-            paths.iter().filter_map(|path| failures.keep(Open::new(path))).collect();
+        let open: Vec<OpenPart> =
+            paths.iter().filter_map(|path| failures.keep(OpenPart::new(path))).collect();
         failures.check()?;
         let Some(first) = open.first() else {
             return Err(Error::invalid("", "found no parts to merge"));
@@ -117,11 +117,11 @@ impl Parts {
     pub fn film(&self, monitor: &Monitor) -> Result<Film> {
         let (part, whole) = (&self.part, self.part.whole());
         let frame = self.open.first().map_or([0; 2], |open| open.reader.frame);
-        let mut film = ReservedFilm::new(frame, whole, part.recipe.channels.clone())?.film();
+        let mut film = ReservedFilm::new(frame, whole, part.layout.channels.clone())?.film();
         let width = whole.width() as usize;
-        let stride = part.recipe.channels.len();
+        let stride = part.layout.channels.len();
         let row_bytes =
-            |open: &Open| open.reader.channels.len() * 4 * open.reader.window.width() as usize;
+            |open: &OpenPart| open.reader.channels.len() * 4 * open.reader.window.width() as usize;
         let bytes: usize = self.open.iter().map(row_bytes).sum();
         let height = (BAND_BYTES / bytes.max(1)).clamp(16, 1 << 16) / 16 * 16;
         let (mut pixels, mut words) =
@@ -156,7 +156,7 @@ impl Parts {
     }
 
     /// Reads the rows `y0..y1` from every part that overlaps them.
-    fn rows(&self, y0: u32, y1: u32) -> Result<Vec<(&Open, Rows)>> {
+    fn rows(&self, y0: u32, y1: u32) -> Result<Vec<(&OpenPart, Rows)>> {
         let reaches = |w: Window| w.y0 < y1 && w.y1 > y0;
         let here = self.open.iter().filter(|open| reaches(open.reader.window));
         here.map(|open| Ok((open, open.reader.rows(y0..y1)?))).collect()
@@ -167,21 +167,21 @@ impl Parts {
     /// part has dropped such coverage.)
     fn line(
         &self,
-        parts: &[(&Open, Rows)],
+        parts: &[(&OpenPart, Rows)],
         y: u32,
         pixels: &mut [[f32; 4]],
         words: &mut [u32],
     ) -> Dropped {
-        let (recipe, of, x0) = (&self.part.recipe, self.part.of, self.part.whole().x0);
-        let stride = recipe.channels.len();
-        let mut sums = Pixel::new(recipe);
+        let (layout, of, x0) = (&self.part.layout, self.part.of, self.part.whole().x0);
+        let stride = layout.channels.len();
+        let mut sums = PixelState::new(layout);
         let mut gathered = Vec::new();
         let mut dropped = Dropped::default();
-        let of_row = |(open, _): &&(&Open, Rows)| {
+        let of_row = |(open, _): &&(&OpenPart, Rows)| {
             let window = open.reader.window;
             window.y0 <= y && window.y1 > y
         };
-        let parts: Vec<&(&Open, Rows)> = parts.iter().filter(of_row).collect();
+        let parts: Vec<&(&OpenPart, Rows)> = parts.iter().filter(of_row).collect();
         for (column, pixel) in pixels.iter_mut().enumerate() {
             let x = x0 + column as u32;
             let words = &mut words[column * stride..(column + 1) * stride];
@@ -209,7 +209,7 @@ impl Parts {
                 }
             }
             if is_sum {
-                let (mean, lost) = sums.finish(recipe, of, words);
+                let (mean, lost) = sums.finish(layout, of, words);
                 *pixel = mean;
                 dropped = dropped.and(lost);
             }
@@ -218,7 +218,7 @@ impl Parts {
     }
 }
 
-impl Open {
+impl OpenPart {
     fn new(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let reader = ExrReader::open(path)?;
@@ -229,7 +229,7 @@ impl Open {
                 "parts are made by `lightpath render` with --tile, --samples, --part or --crop",
             ));
         };
-        let part: PictureTile = serde_json::from_str(text).map_err(|error| {
+        let part: PartDescription = serde_json::from_str(text).map_err(|error| {
             let message =
                 format!("found a {} that this version cannot read: {error}", part::ATTRIBUTE);
             Error::invalid(&name, message)
@@ -255,7 +255,7 @@ impl Open {
                 return Err(damaged());
             }
             Some(raw) => raw.channels(),
-            None => part.recipe.channels.clone(),
+            None => part.layout.channels.clone(),
         };
         let found = |channel: &Channel| {
             let index = index(&channel.name)?;
@@ -309,7 +309,7 @@ impl Open {
         facts.extend([
             both("camera", &|open| format!("{:?}", open.reader.view)),
             both("frame of a sequence", &|open| format!("{:?}", open.reader.sequence)),
-            both("layers", &|open| format!("{:?}", open.part.recipe)),
+            both("layers", &|open| format!("{:?}", open.part.layout)),
         ]);
         let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
         let message =
@@ -327,7 +327,7 @@ impl Open {
     }
 }
 
-fn describe(fault: &CoverFault, open: &[Open], part: &PictureTile) -> Problem {
+fn describe(fault: &CoverFault, open: &[OpenPart], part: &PartDescription) -> Problem {
     let Window { x0, y0, x1, y1 } = fault.window;
     let samples = match fault.samples.clone() {
         all if all == (0..part.of) => String::new(),

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use crate::film::Window;
-use crate::layers::{PixelLayout, RawLayout};
+use crate::layers::{PartialSumsLayout, PixelLayout};
 use crate::output::{exr::Compression, tonemap::Depth};
 use crate::scene::Tonemap;
 
@@ -16,7 +16,7 @@ pub const ATTRIBUTE: &str = "lightpath:part";
 /// A part of a picture: some of its pixels, some of its samples, or both.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PictureTile {
+pub struct PartDescription {
     /// SHA-256 of the scene and its files; `None` if a mesh is read from a pipe.
     pub fingerprint: Option<String>,
     /// Instruction set of Embree: the last bits of its results may depend on it. `None` for
@@ -36,7 +36,8 @@ pub struct PictureTile {
     /// Format of the merged picture's files.
     pub files: PictureFormat,
     /// Layers of the merged picture.
-    pub recipe: PixelLayout,
+    #[serde(rename = "recipe")]
+    pub layout: PixelLayout,
 }
 
 /// Format of a picture's files.
@@ -83,16 +84,16 @@ impl PictureFormat {
     }
 }
 
-impl PictureTile {
+impl PartDescription {
     /// Returns the range of samples.
     pub fn samples(&self) -> Range<u32> {
         self.samples[0]..self.samples[1]
     }
 
     /// Returns the layout of the sums, or `None` if the part has all samples.
-    pub fn raw(&self) -> Option<RawLayout> {
+    pub fn raw(&self) -> Option<PartialSumsLayout> {
         let samples = self.samples();
-        (samples != (0..self.of)).then(|| RawLayout::new(&self.recipe, samples))
+        (samples != (0..self.of)).then(|| PartialSumsLayout::new(&self.layout, samples))
     }
 
     /// Returns the window of the merged picture.
@@ -123,7 +124,7 @@ impl PictureTile {
         if self.tile.is_some_and(|[i, n]| i < 1 || i > n || n > whole.height()) {
             return Some("there is no such tile");
         }
-        if !self.recipe.is_sound() {
+        if !self.layout.is_sound() {
             return Some("its layers are not among its channels");
         }
         if self.files.curve().is_none() {

@@ -161,7 +161,7 @@ pub struct FaceTextures {
     /// Names of the image files. `texnumber` is an index into them.
     pub files: Vec<String>,
     /// For each triangle, an index into `files`, or [`FaceTextures::NO_TEXTURE`].
-    pub numbers: Vec<u16>,
+    pub indices: Vec<u16>,
 }
 
 impl FaceTextures {
@@ -266,8 +266,8 @@ impl Mesh {
         let colors: usize = colors.into_iter().flatten().map(Colors::bytes).sum();
         let property = self.property.as_ref().map(|property| &property.values);
         let scalars: usize = self.alpha.iter().chain(property).map(Scalars::bytes).sum();
-        let numbers = self.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
-        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..])) + numbers;
+        let index_bytes = self.textures.as_ref().map_or(0, |all| size_of_val(&all.indices[..]));
+        let normals = self.normals.as_ref().map_or(0, |all| size_of_val(&all[..])) + index_bytes;
         (positions + size_of_val(&self.triangles[..]) + normals + uvs + colors + scalars) as u64
     }
 

@@ -1,10 +1,10 @@
 //! Writes files atomically: under its final name, a file is complete or absent.
 //!
-//! A [`Part`] is the file `NAME.<unique>.part` in the target's folder. A rename within one folder
-//! is atomic; across file systems it is a copy. Dropping a [`Part`] removes the file, so an error
-//! or a signal that stops the work leaves no file. `kill -9` may leave a `.part`, but never a
-//! broken target. The data is on the disk before the rename. So after a power cut the final name
-//! still refers to a complete file.
+//! A [`PartFile`] is the file `NAME.<unique>.part` in the target's folder. A rename within one
+//! folder is atomic; across file systems it is a copy. Dropping a [`PartFile`] removes the file, so
+//! an error or a signal that stops the work leaves no file. `kill -9` may leave a `.part`, but
+//! never a broken target. The data is on the disk before the rename. So after a power cut the final
+//! name still refers to a complete file.
 
 use std::{
     collections::HashMap,
@@ -31,8 +31,8 @@ const UNIQUE: usize = 6;
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the part files of this process. For a process that ends without running destructors.
-/// Waits for no lock: if another thread is creating or dropping a [`Part`], all part files stay.
-/// Allocates no memory, except for a path too long for the standard library's stack buffer.
+/// Waits for no lock: if another thread is creating or dropping a [`PartFile`], all part files
+/// stay. Allocates no memory, except for a path too long for the standard library's stack buffer.
 pub fn remove_parts() {
     let live = LIVE.try_lock();
     live.iter().flat_map(|live| live.iter()).for_each(|path| {
@@ -42,7 +42,7 @@ pub fn remove_parts() {
 
 /// A file that gets its final name once it is complete.
 #[derive(Debug)]
-pub struct Part {
+pub struct PartFile {
     target: PathBuf,
     file: NamedTempFile,
     live: Live,
@@ -68,7 +68,7 @@ impl Drop for Live {
     }
 }
 
-impl Part {
+impl PartFile {
     /// Creates the part file in the folder of `target`, with the permissions that umask gives new
     /// files.
     ///
@@ -78,7 +78,7 @@ impl Part {
     /// if the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
-        paths::printable(target)?;
+        paths::refuse_control_characters(target)?;
         let Some(name) = target.file_name() else {
             return Err(Error::invalid(place(), "found no file name to write to"));
         };
@@ -153,8 +153,8 @@ impl Part {
         synced.map_err(|error| Error::io(&self.target, "write", &error))
     }
 
-    /// Renames the file to its final name and replaces any file of that name. Call [`Part::sync`]
-    /// first.
+    /// Renames the file to its final name and replaces any file of that name. Call
+    /// [`PartFile::sync`] first.
     ///
     /// # Errors
     /// A failed rename. The part file is removed then.
@@ -285,7 +285,7 @@ mod tests {
     fn a_sweep_removes_only_abandoned_part_files_of_its_targets() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let alive = Part::create(&path("a.exr")).unwrap();
+        let alive = PartFile::create(&path("a.exr")).unwrap();
         for name in ["a.exr.dead12.part", "b.exr.dead12.part", "a.exr", "a.part"] {
             std::fs::write(path(name), "x").unwrap();
         }

@@ -54,7 +54,7 @@ pub fn check(path: &Path) -> Result<()> {
         let chunk = chunk.map_err(failed)?;
         let header = &headers[chunk.layer_index];
         let stored = stored_bytes(header, &chunk).map_err(failed)?;
-        if is_dwa(header) && announced(&chunk, stored) > max_announced(header) {
+        if is_dwa(header) && largest_stated_size(&chunk, stored) > max_stated_size(header) {
             let message = "found a chunk that announces more than its pixels need";
             return Err(Error::invalid(path.display().to_string(), message));
         }
@@ -79,9 +79,9 @@ fn stored_bytes(header: &Header, chunk: &Chunk) -> ExrResult<usize> {
     Ok(bounds.size.area().saturating_mul(header.channels.bytes_per_pixel))
 }
 
-/// Returns the largest size or count that a DWAA or DWAB chunk announces. Returns 0 if the chunk is
+/// Returns the largest size or count that a DWAA or DWAB chunk states. Returns 0 if the chunk is
 /// too short for the integers, or if it has `stored` bytes and so is uncompressed.
-fn announced(chunk: &Chunk, stored: usize) -> u64 {
+fn largest_stated_size(chunk: &Chunk, stored: usize) -> u64 {
     let bytes = match &chunk.compressed_block {
         CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
         CompressedBlock::Tile(block) => &block.compressed_pixels_le,
@@ -99,7 +99,7 @@ fn announced(chunk: &Chunk, stored: usize) -> u64 {
 
 /// Returns an upper bound for every size and count in a valid chunk: four times the bytes of its
 /// pixels, with 8 more pixels on each axis for incomplete blocks of 8 x 8, plus 4 KiB.
-fn max_announced(header: &Header) -> u64 {
+fn max_stated_size(header: &Header) -> u64 {
     let (width, height) = match header.blocks {
         BlockDescription::ScanLines => {
             (header.layer_size.width(), header.compression.scan_lines_per_block())

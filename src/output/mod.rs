@@ -30,14 +30,14 @@ use crate::{
 pub use finished::FINGERPRINT;
 pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};
 
-use atomic::Part;
+use atomic::PartFile;
 
 /// The part files of `PREFIX.exr`, `PREFIX.png` and further files of the same picture.
 #[derive(Debug)]
 pub struct Outputs {
-    exr: Part,
-    png: Part,
-    beside: Vec<Part>,
+    exr: PartFile,
+    png: PartFile,
+    further_files: Vec<PartFile>,
 }
 
 /// Options for writing a film to files.
@@ -68,17 +68,21 @@ impl Outputs {
     /// Creates the part files of the EXR and the PNG.
     ///
     /// # Errors
-    /// The same as [`Part::create`].
+    /// The same as [`PartFile::create`].
     pub fn create(prefix: &Path) -> Result<Self> {
         let [exr, png] = Self::names(prefix);
-        Ok(Self { exr: Part::create(&exr)?, png: Part::create(&png)?, beside: Vec::new() })
+        Ok(Self {
+            exr: PartFile::create(&exr)?,
+            png: PartFile::create(&png)?,
+            further_files: Vec::new(),
+        })
     }
 
     /// Adds a further file of the same picture, which must be written and synced.
     /// [`Outputs::write`] gives it its final name. Returns that name.
-    pub fn add(&mut self, part: Part) -> PathBuf {
+    pub fn add(&mut self, part: PartFile) -> PathBuf {
         let target = part.target().to_owned();
-        self.beside.push(part);
+        self.further_files.push(part);
         target
     }
 
@@ -115,7 +119,7 @@ impl Outputs {
         png?;
         monitor.check()?;
         // The EXR may refer to the further files, so they are renamed first.
-        self.beside.into_iter().try_for_each(|part| part.commit().map(drop))?;
+        self.further_files.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         Ok((paths, ValueCounts::count(film, options.exr.float)))
     }

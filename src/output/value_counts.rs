@@ -88,8 +88,8 @@ impl ValueCounts {
         values: impl Iterator<Item = ((&'a str, f32), f32)> + Clone,
     ) {
         let spot = |name: &str| ValueLocation { pixel, channel: name.to_string() };
-        let infinite = values.clone().find(|((_, value), _)| !value.is_finite());
-        if let Some(((name, _), _)) = infinite {
+        let non_finite = values.clone().find(|((_, value), _)| !value.is_finite());
+        if let Some(((name, _), _)) = non_finite {
             self.non_finite += 1;
             self.first_non_finite.get_or_insert_with(|| spot(name));
         } else if let Some(((name, _), _)) = values.clone().find(|((_, v), max)| v.abs() > *max) {

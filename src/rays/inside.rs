@@ -8,7 +8,7 @@ use super::progress;
 use super::scene::RayScene;
 use crate::accel::bvh::{Bvh, HalfLine};
 use crate::error::{Error, Result};
-use crate::geometry::{Meeting, half_line};
+use crate::geometry::{HalfLineIntersection, half_line};
 use crate::monitor::Monitor;
 use crate::reserve;
 
@@ -112,9 +112,9 @@ impl RayScene {
         for &primitive in found.iter() {
             let corners = self.corners(primitive).map(|corner| corner.to_array());
             match half_line(corners, point, axes, upward) {
-                Meeting::Misses => {}
-                Meeting::Starts => return true,
-                Meeting::Crosses => {
+                HalfLineIntersection::Misses => {}
+                HalfLineIntersection::Starts => return true,
+                HalfLineIntersection::Crosses => {
                     let (mesh, _) = self.place(primitive);
                     match odd.iter().position(|&other| other == mesh) {
                         Some(at) => drop(odd.swap_remove(at)),

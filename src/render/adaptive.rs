@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};
 use crate::integrate::{
     Beauty, Goal, Layers, MIN_PASS_SAMPLES, PassKernel, Passes, PixelSamples, RayCounts, Record,
-    Relative, RenderContext, TILE, limit, rate,
+    Relative, RenderContext, TILE, packet_end, rate,
 };
 use crate::layers::LayerPlan;
 use crate::monitor::{Monitor, Phase};
@@ -81,7 +81,7 @@ type Rendered = (RayCounts, SampleCounts, Dropped);
 /// Settings that all tiles share.
 #[derive(Clone, Copy)]
 struct Job<'a> {
-    integrator: RenderContext<'a>,
+    context: RenderContext<'a>,
     isa: Isa,
     adaptive: Adaptive,
     goal: Option<Goal>,
@@ -102,8 +102,8 @@ pub fn render_adaptive(
 ) -> Result<(RayCounts, SampleCounts)> {
     debug_assert_eq!(world.spp, adaptive.most);
     monitor.begin(Phase::Render, pixels(film.window));
-    let integrator = RenderContext { world, accelerator, monitor };
-    let mut job = Job { integrator, isa, adaptive, goal: None };
+    let context = RenderContext { world, accelerator, monitor };
+    let mut job = Job { context, isa, adaptive, goal: None };
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
@@ -128,7 +128,7 @@ impl Job<'_> {
         record: impl Fn() -> R + Sync,
     ) -> (RayCounts, SampleCounts) {
         let all = pixels(film.window);
-        let tiles = tiles(film, self.integrator.world.frame_end());
+        let tiles = tiles(film, self.context.world.frame_end());
         let done = match self.adaptive.time {
             Some(time) => self.in_time(time, tiles, record),
             None => self.tile_by_tile(tiles, record),
@@ -145,7 +145,7 @@ impl Job<'_> {
         tiles: Vec<Tile>,
         record: impl Fn() -> R + Sync,
     ) -> Option<Rendered> {
-        let monitor = self.integrator.monitor;
+        let monitor = self.context.monitor;
         let render = |tile: Tile| {
             let mut work = Work::new(self, tile, record());
             let mut rays = work.pass(self);
@@ -167,7 +167,7 @@ impl Job<'_> {
         tiles: Vec<Tile>,
         record: impl Fn() -> R + Sync,
     ) -> Option<Rendered> {
-        let (start, monitor) = (Instant::now(), self.integrator.monitor);
+        let (start, monitor) = (Instant::now(), self.context.monitor);
         let make = |tile| Work::new(self, tile, record());
         let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
         let mut rays = RayCounts::default();
@@ -212,9 +212,9 @@ impl Job<'_> {
     /// it. The picture's sample counts depend on this mean. So the mean has samples of its own,
     /// which are independent of the picture's samples.
     fn brightness(&self) -> (f64, RayCounts) {
-        let world = self.integrator.world;
+        let world = self.context.world;
         let other = World { seed: independent_seed(world.seed), ..world.clone() };
-        let job = Job { integrator: RenderContext { world: &other, ..self.integrator }, ..*self };
+        let job = Job { context: RenderContext { world: &other, ..self.context }, ..*self };
         let [width, height] = world.frame.map(|side| side - 2 * world.overscan);
         let area = f64::from(width) * f64::from(height);
         let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
@@ -241,10 +241,9 @@ impl Job<'_> {
     }
 
     fn pass<R: Record>(&self, passes: &mut Passes<R::Held>, record: &mut R) -> RayCounts {
-        let rays =
-            simd::dispatch(self.isa, PassKernel { integrator: self.integrator, passes, record });
+        let rays = simd::dispatch(self.isa, PassKernel { context: self.context, passes, record });
         let all = rays.primary + rays.shadow + rays.reflection;
-        self.integrator.monitor.rays.fetch_add(all, Relaxed);
+        self.context.monitor.rays.fetch_add(all, Relaxed);
         rays
     }
 }
@@ -267,7 +266,7 @@ struct Work<'f, R: Record> {
 impl<'f, R: Record> Work<'f, R> {
     fn new(job: &Job, tile: Tile<'f>, record: R) -> Self {
         let window = match job.goal {
-            Some(_) => whole(tile.window, job.integrator.world),
+            Some(_) => whole(tile.window, job.context.world),
             None => tile.window,
         };
         let passes = Passes::new(window, job.adaptive.first, || record.held());
@@ -275,7 +274,7 @@ impl<'f, R: Record> Work<'f, R> {
     }
 
     fn pass(&mut self, job: &Job) -> RayCounts {
-        match job.integrator.monitor.stopped() {
+        match job.context.monitor.stopped() {
             true => RayCounts::default(),
             false => job.pass(&mut self.passes, &mut self.record),
         }
@@ -324,11 +323,11 @@ fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
 /// Returns the whole tile of the absolute grid in which `part` lies. An edge of the camera's frame
 /// may cut the tile. Then the result is the piece on the same side of the edge as `part`.
 fn whole(part: Window, world: &World) -> Window {
-    let limit = limit(world, part);
+    let packet_end = packet_end(world, part);
     let cut = |from: u32, axis: usize| {
         let (begin, end) = (from / TILE * TILE, world.frame_end()[axis]);
         let begin = if from >= end { begin.max(end) } else { begin };
-        (begin, (from / TILE * TILE + TILE).min(limit[axis]))
+        (begin, (from / TILE * TILE + TILE).min(packet_end[axis]))
     };
     let ((x0, x1), (y0, y1)) = (cut(part.x0, 0), cut(part.y0, 1));
     Window { x0, y0, x1, y1 }

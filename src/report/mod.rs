@@ -2,17 +2,17 @@
 //! file.
 
 mod bars;
+mod color_scale;
 mod lines;
 mod page;
 mod picture;
 mod ratios;
-mod scale;
 mod svg;
 
 pub use bars::{Bar, Bars, Group};
+pub use color_scale::ColorScale;
 pub use lines::{ChartLine, LineChart};
 pub use page::{Cell, Page, Section};
 pub use picture::{picture, picture_of_width};
 pub use ratios::{Ratio, Ratios};
-pub use scale::Scale;
 pub use svg::escape;

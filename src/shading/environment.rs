@@ -76,9 +76,9 @@ impl TurnedMap {
     /// The density is that of both kinds of directions together. This is the balance heuristic of
     /// Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", eq. 9.13.
     #[inline(always)]
-    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) -> Lanes3 {
+    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights) -> Lanes3 {
         let mut radiance = [[0.0; LANES]; 3];
-        let share = if self.map.is_flat() { 0.0 } else { MAP_SHARE };
+        let share = if self.map.is_uniform() { 0.0 } else { MAP_SHARE };
         for i in 0..LANES {
             let to_light = lane(q, i) - lane(&points.position, i);
             let direction = to_light * (1.0 / to_light.dot(to_light).sqrt());
@@ -87,8 +87,8 @@ impl TurnedMap {
             let density = share * std::f32::consts::PI * density + (1.0 - share) * cosine;
             // A light point behind the surface has no ray and no weight.
             let weight = if density > 0.0 { 1.0 / density } else { 0.0 };
-            lit.diffuse[i] *= weight;
-            lit.specular[i] *= weight;
+            weights.diffuse[i] *= weight;
+            weights.specular[i] *= weight;
             set_lane(&mut radiance, i, sent);
         }
         radiance
@@ -116,7 +116,7 @@ impl Environment {
     #[inline(always)]
     pub fn points(&self, square: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
         match &self.map {
-            Some(map) if !map.map.is_flat() => self.map_points(map, square, from),
+            Some(map) if !map.map.is_uniform() => self.map_points(map, square, from),
             _ => self.cosine_points(square, from),
         }
     }
@@ -164,13 +164,13 @@ impl Environment {
     /// Divides the diffuse and specular weights of the light points `q` by the density of their
     /// directions, relative to 1 / pi. For an environment without a map.
     #[inline(always)]
-    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) {
+    pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights) {
         // The cosine of the diffuse term cancels out.
-        lit.diffuse = points.kd;
+        weights.diffuse = points.kd;
         for i in 0..LANES {
             let to_light = lane(q, i) - lane(&points.position, i);
             let cosine = lane(&points.n, i).dot(to_light) * (1.0 / to_light.dot(to_light).sqrt());
-            lit.specular[i] *= 1.0 / cosine;
+            weights.specular[i] *= 1.0 / cosine;
         }
     }
 }

@@ -113,7 +113,7 @@ impl EnvironmentMap {
     }
 
     /// Whether all directions are equally bright, so that none is more important.
-    pub fn is_flat(&self) -> bool {
+    pub fn is_uniform(&self) -> bool {
         self.scale == 0.0
     }
 

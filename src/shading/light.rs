@@ -49,7 +49,7 @@ pub struct Area {
     pub plane: DVec3,
     /// Bound of the distance, along `plane`, between the light's rounded points and the surfaces
     /// that hold the light. 0 if no surface holds the light.
-    pub flush: f32,
+    pub plane_gap: f32,
 }
 
 impl Area {
@@ -142,7 +142,7 @@ pub fn light_rays(
     falloff: Falloff,
     glossy: bool,
     rays: &mut Rays,
-    lit: &mut LightWeights,
+    weights: &mut LightWeights,
 ) -> Mask {
     let mut active = Mask::NONE;
     let (linear, quadratic) = (falloff == Falloff::Linear, falloff == Falloff::Quadratic);
@@ -160,9 +160,9 @@ pub fn light_rays(
         let emission = uniform + (-l.dot(emitted)).max(0.0);
         let divided = if quadratic { 1.0 / d2 } else { 1.0 };
         let weight = emission * if linear { inverse } else { divided };
-        lit.diffuse[i] = points.kd[i] * cosine * weight;
+        weights.diffuse[i] = points.kd[i] * cosine * weight;
         // The weight only; `specular` below multiplies it by the rest.
-        lit.specular[i] = points.ks[i] * weight;
+        weights.specular[i] = points.ks[i] * weight;
         let on = (cosine > 0.0) & (d2 > 0.0) & (emission > 0.0);
         active.0[i] = points.hit.0[i] & -i32::from(on);
 
@@ -181,20 +181,20 @@ pub fn light_rays(
         rays.leaving[i] = if own_counts { NONE } else { points.primitive[i] };
     }
     if glossy {
-        specular(points, q, lit);
+        specular(points, q, weights);
     }
     active
 }
 
 /// Multiplies the specular weights by max(0, N.H)^exponent; H is the unit half vector.
 #[inline(always)]
-fn specular(points: &ShadowPoints, q: &Lanes3, lit: &mut LightWeights) {
+fn specular(points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights) {
     for i in 0..LANES {
         let to_light = lane(q, i) - lane(&points.position, i);
         let l = to_light * (1.0 / to_light.dot(to_light).sqrt());
         let h = l + lane(&points.view, i);
         let cosine = lane(&points.n, i).dot(h) * (1.0 / h.dot(h).sqrt());
-        lit.specular[i] *= crate::math::pow(cosine.clamp(0.0, 1.0), points.exponent[i]);
+        weights.specular[i] *= crate::math::pow(cosine.clamp(0.0, 1.0), points.exponent[i]);
     }
 }
 
@@ -213,11 +213,12 @@ mod tests {
     }
 
     fn at(q: Vec3, falloff: Falloff, normal: Option<Vec3>) -> (Mask, Rays, LightWeights) {
-        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
+        let (mut rays, mut weights) = (Rays::EMPTY, LightWeights::EMPTY);
         let mut lanes = [[0.0; LANES]; 3];
         set_lane(&mut lanes, 0, q);
-        let active = light_rays(&one_point(), &lanes, normal, falloff, true, &mut rays, &mut lit);
-        (active, rays, lit)
+        let active =
+            light_rays(&one_point(), &lanes, normal, falloff, true, &mut rays, &mut weights);
+        (active, rays, weights)
     }
 
     #[test]
@@ -226,11 +227,11 @@ mod tests {
         for (falloff, divisor) in
             [(Falloff::None, 1.0), (Falloff::Linear, 5.0), (Falloff::Quadratic, 25.0)]
         {
-            let (active, rays, lit) = at(q, falloff, None);
+            let (active, rays, weights) = at(q, falloff, None);
             assert_eq!(active.count(), 1);
-            assert!((lit.diffuse[0] - 0.7 * 0.8 / divisor).abs() < 1e-7);
+            assert!((weights.diffuse[0] - 0.7 * 0.8 / divisor).abs() < 1e-7);
             // L + V = (0, 1.6, 0), so H = N.
-            assert!((lit.specular[0] - 0.3 / divisor).abs() < 1e-7);
+            assert!((weights.specular[0] - 0.3 / divisor).abs() < 1e-7);
             assert!(rays.tfar[0] < 1.0 && rays.tfar[0] > 0.99999);
         }
     }
@@ -238,9 +239,9 @@ mod tests {
     #[test]
     fn a_lambertian_emitter_shines_one_way() {
         let q = Vec3::new(0.0, 2.0, 0.0);
-        let (active, _, lit) = at(q, Falloff::Quadratic, Some(-Vec3::Y));
+        let (active, _, weights) = at(q, Falloff::Quadratic, Some(-Vec3::Y));
         assert_eq!(active.count(), 1);
-        assert!((lit.diffuse[0] - 0.7 / 4.0).abs() < 1e-7);
+        assert!((weights.diffuse[0] - 0.7 / 4.0).abs() < 1e-7);
         assert_eq!(at(q, Falloff::Quadratic, Some(Vec3::Y)).0.count(), 0);
     }
 
@@ -253,8 +254,8 @@ mod tests {
         set_lane(&mut points.origin, 0, at);
         let mut q = [[0.0; LANES]; 3];
         set_lane(&mut q, 0, at + Vec3::Y * 1e-4);
-        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
-        let active = light_rays(&points, &q, None, Falloff::None, false, &mut rays, &mut lit);
+        let (mut rays, mut weights) = (Rays::EMPTY, LightWeights::EMPTY);
+        let active = light_rays(&points, &q, None, Falloff::None, false, &mut rays, &mut weights);
         assert!(active.count() == 1 && rays.tfar[0] >= 0.0, "{}", rays.tfar[0]);
     }
 

@@ -15,7 +15,7 @@ use crate::ray::{LANES, Mask, Rays};
 /// Unit roundoff u of f32: half an ulp of 1.
 const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 
-/// Tolerance of coplanarity; see [`Area::gap`].
+/// Tolerance of coplanarity; see [`Area::coplanar_distance`].
 const COPLANAR: f64 = 4.0 * UNIT;
 
 /// Smallest end of a ray in front of the light's plane; the light is at 1. A ray that would end
@@ -27,12 +27,12 @@ const ALONG: f64 = 1e-4;
 
 impl Area {
     /// An area light of `samples` points with these sides, relative to the scene's origin.
-    /// [`Area::flush`] is not set yet.
+    /// [`Area::plane_gap`] is not set yet.
     pub fn new(corner: Vec3, edge: DVec3, height: DVec3, lambertian: bool, samples: u32) -> Self {
         let plane = edge.cross(height).normalize();
         let normal = lambertian.then(|| plane.as_vec3());
         let (edge, height) = (edge.as_vec3(), height.as_vec3());
-        Self { distant: None, corner, edge, height, normal, samples, plane, flush: 0.0 }
+        Self { distant: None, corner, edge, height, normal, samples, plane, plane_gap: 0.0 }
     }
 
     /// Light from `samples` directions beyond the scene.
@@ -47,7 +47,7 @@ impl Area {
             normal: None,
             samples,
             plane,
-            flush: 0.0,
+            plane_gap: 0.0,
         }
     }
 
@@ -56,7 +56,7 @@ impl Area {
     /// for a sphere, and for a primitive farther away than 4u of the largest coordinate (u =
     /// 2^-24). Such a primitive lies in front of the light or behind it. Corners in the light's own
     /// plane are rounded by 1.8u.
-    pub fn gap(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
+    pub fn coplanar_distance(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
         let gap = |corners: &[[f32; 3]]| {
@@ -77,10 +77,10 @@ impl Area {
 
     /// Whether a triangle or quad lies in the light's plane, up to the rounding of f32.
     pub fn holds(&self, geometry: &Geometry, primitive: u32) -> bool {
-        self.distant.is_none() && self.gap(geometry, primitive).is_some()
+        self.distant.is_none() && self.coplanar_distance(geometry, primitive).is_some()
     }
 
-    /// Sets [`Area::flush`] from the triangles and quads that the light lies in.
+    /// Sets [`Area::plane_gap`] from the triangles and quads that the light lies in.
     pub fn set_plane_gap(&mut self, geometry: &Geometry) {
         let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
         let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
@@ -104,7 +104,8 @@ impl Area {
             }
             let gap_of = |prim: u32| {
                 let near = reaches(&mesh.corners(prim));
-                let gap = near.then(|| self.gap(geometry, geometry.primitive(geom, prim)));
+                let gap =
+                    near.then(|| self.coplanar_distance(geometry, geometry.primitive(geom, prim)));
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)
             };
             let all = 0..mesh.triangles().len() as u32;
@@ -121,11 +122,13 @@ impl Area {
         }
         let quads = (0..geometry.quads.len() as u32)
             .filter(|&prim| reaches(&geometry.quads[prim as usize]))
-            .filter_map(|prim| self.gap(geometry, geometry.primitive(geometry.quads_id(), prim)));
+            .filter_map(|prim| {
+                self.coplanar_distance(geometry, geometry.primitive(geometry.quads_id(), prim))
+            });
         gap = quads.fold(gap, most);
         // Points of the light are sums of three products in f32.
         let own = 8.0 * UNIT * (largest + f64::from(self.edge.length() + self.height.length()));
-        self.flush = if gap >= 0.0 { (gap + own) as f32 } else { 0.0 };
+        self.plane_gap = if gap >= 0.0 { (gap + own) as f32 } else { 0.0 };
     }
 
     /// Ends the shadow rays to a light that lies in a surface before that surface. Returns the
@@ -139,13 +142,13 @@ impl Area {
         rays: &mut Rays,
         active: &mut Mask,
     ) -> Mask {
-        let ([x, y, z], flush) = (self.plane.to_array(), f64::from(self.flush));
+        let ([x, y, z], plane_gap) = (self.plane.to_array(), f64::from(self.plane_gap));
         let mut grazing = Mask::NONE;
         for i in 0..LANES {
             let [dx, dy, dz] = [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]].map(f64::from);
             // Distance of the ray's origin from the plane.
             let height = (dx * x + dy * y + dz * z).abs();
-            let end = 1.0 - flush / height;
+            let end = 1.0 - plane_gap / height;
             let near = end >= GRAZING;
             let tfar = rays.tfar[i];
             let end = if near { end as f32 } else { tfar };
@@ -170,7 +173,7 @@ impl Area {
     ) {
         for i in 0..LANES {
             let direction = lane(&rays.dir, i).as_dvec3();
-            let within = direction.dot(self.plane).abs() <= f64::from(self.flush);
+            let within = direction.dot(self.plane).abs() <= f64::from(self.plane_gap);
             let along = lane(&points.n, i).as_dvec3().dot(direction) <= ALONG * direction.length();
             if within && along {
                 (active.0[i], grazing.0[i]) = (0, 0);

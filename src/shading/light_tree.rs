@@ -18,11 +18,11 @@ use super::points::{Lanes, ShadowPoints, lane};
 use crate::ray::{LANES, Mask};
 
 /// A cosine below this means below the horizon, even after rounding.
-const BELOW: f32 = -1e-4;
+const HORIZON_COSINE: f32 = -1e-4;
 
 /// Lower limit of both cosine factors of a bound: at the surface and at the light. It keeps the
 /// probability of a light above 0 if rounding makes its cosine 0 or negative.
-const LEAST: f32 = 1e-3;
+const MIN_COSINE_FACTOR: f32 = 1e-3;
 
 /// The largest f64 below 1.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
@@ -43,7 +43,7 @@ pub struct LightTree {
     /// Number of lights that each shading point draws.
     pub samples: u32,
     /// Indices of the lights that are not drawn: lights beyond the scene, without a position.
-    pub gathered: Vec<u32>,
+    pub distant: Vec<u32>,
     nodes: Vec<Node>,
     falloff: Falloff,
     /// Square of the least distance: a nearer light counts as at this distance.
@@ -176,16 +176,16 @@ impl Item {
     }
 
     /// Cost of a node in the surface area orientation heuristic, sections 4.3 and 4.4. In place of
-    /// the box's surface area: its squared diagonal plus `least`, which is above 0 for lights on a
-    /// line or at one place.
-    fn cost(&self, least: f32) -> f32 {
+    /// the box's surface area: its squared diagonal plus `min_size_squared`, which is above 0 for
+    /// lights on a line or at one place.
+    fn cost(&self, min_size_squared: f32) -> f32 {
         let Facing { cosine, sine, .. } = self.facing;
         let angle = self.facing.angle();
         let most = (angle + TAU / 4.0).min(TAU / 2.0);
         let orientation = TAU * (1.0 - cosine)
             + TAU / 4.0
                 * (2.0 * most * sine - (angle - 2.0 * most).cos() - 2.0 * angle * sine + cosine);
-        self.power * (self.low.distance_squared(self.high) + least) * orientation
+        self.power * (self.low.distance_squared(self.high) + min_size_squared) * orientation
     }
 }
 
@@ -203,13 +203,13 @@ impl LightTree {
         if items.len() as u64 <= u64::from(samples).max(1) {
             return None;
         }
-        let gathered = (0..).zip(lights).filter(|(_, light)| is_beyond(light));
-        let gathered = gathered.map(|(index, _)| index).collect();
+        let distant = (0..).zip(lights).filter(|(_, light)| is_beyond(light));
+        let distant = distant.map(|(index, _)| index).collect();
         let whole = items.iter().skip(1).fold(items[0], |all, item| all.union(*item));
         let size = whole.low.distance_squared(whole.high);
         let mut tree = Self {
             samples,
-            gathered,
+            distant,
             nodes: Vec::with_capacity(items.len()),
             falloff,
             least_square: (1e-12 * size).max(f32::MIN_POSITIVE),
@@ -220,7 +220,12 @@ impl LightTree {
     }
 
     /// Adds the node of at least two items, and all nodes below it. Returns its index.
-    fn build(&mut self, items: &mut [Item], (whole, least): (f32, f32), depth: u32) -> u32 {
+    fn build(
+        &mut self,
+        items: &mut [Item],
+        (whole, min_size_squared): (f32, f32),
+        depth: u32,
+    ) -> u32 {
         let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (low, high) = items
             .iter()
@@ -232,7 +237,11 @@ impl LightTree {
             a.middle()[axis].total_cmp(&b.middle()[axis]).then(a.index.cmp(&b.index))
         });
         let half = items.len() / 2;
-        let split = if depth < DEEP { cheapest_split(items, least).unwrap_or(half) } else { half };
+        let split = if depth < DEEP {
+            cheapest_split(items, min_size_squared).unwrap_or(half)
+        } else {
+            half
+        };
         let index = self.nodes.len() as u32;
         let (left, right) = items.split_at_mut(split);
         let all = |items: &[Item]| items[1..].iter().fold(items[0], |all, item| all.union(*item));
@@ -241,7 +250,7 @@ impl LightTree {
         for (child, items) in [left, right].into_iter().enumerate() {
             self.nodes[index as usize].children[child] = match items {
                 [item] => item.index | LEAF,
-                items => self.build(items, (whole, least), depth + 1),
+                items => self.build(items, (whole, min_size_squared), depth + 1),
             };
         }
         index
@@ -305,20 +314,24 @@ impl LightTree {
         let mut bound = [0.0; LANES];
         for i in 0..LANES {
             let way = Vec3::new(x[i], y[i], z[i]) - lane(&from.position, i);
-            let (square, least) = (way.dot(way), radius[i] * radius[i]);
-            let outside = square > least;
+            let (square, radius_squared) = (way.dot(way), radius[i] * radius[i]);
+            let outside = square > radius_squared;
             let inverse = if outside { 1.0 / square.sqrt() } else { 0.0 };
             let sine = radius[i] * inverse;
             let cosine = (1.0 - sine * sine).max(0.0).sqrt();
-            let horizon = nearest(lane(&from.n, i).dot(way) * inverse, cosine, sine);
+            let horizon = cos_of_difference(lane(&from.n, i).dot(way) * inverse, cosine, sine);
             let axis = Vec3::new(ax[i], ay[i], az[i]);
-            let emission = nearest(-axis.dot(way) * inverse, cosine, sine);
-            let emission = nearest(emission, spread[i], spread_sine[i]);
-            let reached = !outside | ((horizon > BELOW) & (emission > BELOW));
-            let square = square.max(least).max(self.least_square);
+            let emission = cos_of_difference(-axis.dot(way) * inverse, cosine, sine);
+            let emission = cos_of_difference(emission, spread[i], spread_sine[i]);
+            let reached = !outside | ((horizon > HORIZON_COSINE) & (emission > HORIZON_COSINE));
+            let square = square.max(radius_squared).max(self.least_square);
             let divided = if quadratic { 1.0 / square } else { 1.0 };
             let falloff = if linear { 1.0 / square.sqrt() } else { divided };
-            let factor = if outside { horizon.max(LEAST) * emission.max(LEAST) } else { 1.0 };
+            let factor = if outside {
+                horizon.max(MIN_COSINE_FACTOR) * emission.max(MIN_COSINE_FACTOR)
+            } else {
+                1.0
+            };
             bound[i] = if reached { power[i] * factor * falloff } else { 0.0 };
         }
         bound
@@ -327,25 +340,25 @@ impl LightTree {
 
 /// Returns cos(max(0, a - b)). `c` is the cosine of a; `cosine` and `sine` are those of b.
 #[inline(always)]
-fn nearest(c: f32, cosine: f32, sine: f32) -> f32 {
+fn cos_of_difference(c: f32, cosine: f32, sine: f32) -> f32 {
     let left = c * cosine + (1.0 - c * c).max(0.0).sqrt() * sine;
     if c >= cosine { 1.0 } else { left }
 }
 
 /// Returns where to split sorted items so that the sum of the costs is least. `None` if no cost is
 /// above 0.
-fn cheapest_split(items: &[Item], least: f32) -> Option<usize> {
+fn cheapest_split(items: &[Item], min_size_squared: f32) -> Option<usize> {
     let mut right = vec![0.0; items.len()];
     let last = items.len() - 1;
     let mut all = items[last];
     for i in (1..items.len()).rev() {
         all = if i < last { all.union(items[i]) } else { all };
-        right[i] = all.cost(least);
+        right[i] = all.cost(min_size_squared);
     }
     let (mut best, mut split) = (f32::INFINITY, None);
     let mut all = items[0];
     for i in 1..items.len() {
-        let cost = all.cost(least) + right[i];
+        let cost = all.cost(min_size_squared) + right[i];
         if cost < best && cost > 0.0 {
             (best, split) = (cost, Some(i));
         }

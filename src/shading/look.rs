@@ -56,14 +56,14 @@ pub enum TextureChoice {
 #[derive(Debug, Clone)]
 pub struct FaceTextures {
     /// For each triangle, an index into `textures`, or a larger number for none.
-    pub numbers: Vec<u16>,
+    pub indices: Vec<u16>,
     /// Indices into [`Shapes::textures`]; `None` for an image that is missing.
     pub textures: Vec<Option<u32>>,
 }
 
 impl FaceTextures {
     fn of(&self, prim: u32) -> Option<u32> {
-        self.textures.get(usize::from(self.numbers[prim as usize])).copied().flatten()
+        self.textures.get(usize::from(self.indices[prim as usize])).copied().flatten()
     }
 }
 
@@ -264,7 +264,7 @@ impl Shapes {
             let uv = shape.uv.bytes();
             let colors = shape.colors.as_ref().map_or(0, MeshColors::bytes);
             let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
-            let numbers = shape.textures.as_ref().map_or(0, |all| size_of_val(&all.numbers[..]));
+            let numbers = shape.textures.as_ref().map_or(0, |all| size_of_val(&all.indices[..]));
             (uv + colors + numbers) as u64 + normals
         });
         shapes.sum()

@@ -108,7 +108,7 @@ impl MipMap {
     /// # Errors
     /// `Retry` if the system refuses the memory.
     pub fn new(texture: &Texture, what: &str) -> Result<Self> {
-        let words = texture.is_integer();
+        let words = texture.is_stored_as_bytes();
         let mut levels: Vec<Level> = Vec::new();
         let mut size = (texture.width(), texture.height());
         while size != (1, 1) {

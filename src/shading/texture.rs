@@ -223,7 +223,7 @@ impl Texture {
     }
 
     /// Whether the texels are stored as bytes. Then every value is in [0, 1].
-    pub(super) fn is_integer(&self) -> bool {
+    pub(super) fn is_stored_as_bytes(&self) -> bool {
         matches!(self.texels, Texels::Bytes(..))
     }
 

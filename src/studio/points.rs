@@ -19,7 +19,7 @@ use super::subject::Subject;
 /// reading.
 pub fn read(subject: &Subject, options: ReadOptions, monitor: &Monitor) -> Result<Mesh> {
     let options = options.repair(subject.repair).mmap(!subject.no_mmap);
-    mesh::read_ply(subject.path, options.room(subject.room).monitor(monitor))
+    mesh::read_ply(subject.path, options.memory_limit(subject.memory_limit).monitor(monitor))
 }
 
 /// Returns true if a file is a PLY mesh, by its name or its first bytes.

@@ -79,7 +79,7 @@ pub struct Subject<'a> {
     /// True to read the file instead of mapping it.
     pub no_mmap: bool,
     /// Limit of the memory for the arrays of the mesh.
-    pub room: Option<MemoryLimit>,
+    pub memory_limit: Option<MemoryLimit>,
 }
 
 impl<'a> Subject<'a> {
@@ -87,8 +87,8 @@ impl<'a> Subject<'a> {
     pub fn new(path: &'a Path) -> Self {
         let (up, rotate, margin) = (None, None, MARGIN);
         let (turning, calibrated) = (false, false);
-        let (repair, no_mmap, room) = (false, false, None);
+        let (repair, no_mmap, memory_limit) = (false, false, None);
         let looks = Appearance::default();
-        Self { path, up, rotate, margin, looks, turning, calibrated, repair, no_mmap, room }
+        Self { path, up, rotate, margin, looks, turning, calibrated, repair, no_mmap, memory_limit }
     }
 }

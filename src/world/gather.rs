@@ -57,12 +57,12 @@ pub(super) fn gather(
     let single_spheres = spheres.len();
     for (index, mesh) in meshes {
         if mesh.is_cloud() {
-            mesh.finish_points(origin, &mut shapes[index], &mut spheres)?;
+            mesh.append_spheres(origin, &mut shapes[index], &mut spheres)?;
             clouds.push((index as u32, spheres.len()));
             continue;
         }
         owners.push(Owner::One(index as u32));
-        arrays.push(mesh.finish(origin, &mut shapes[index])?);
+        arrays.push(mesh.into_triangles(origin, &mut shapes[index])?);
     }
     if !triangle_shapes.is_empty() {
         let triangles =

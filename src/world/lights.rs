@@ -9,12 +9,12 @@ use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap
 
 /// The image of a visible environment, as rays that hit nothing see it.
 #[derive(Debug, Clone)]
-pub struct Backdrop {
+pub struct VisibleEnvironment {
     map: TurnedMap,
     factor: Vec3,
 }
 
-impl Backdrop {
+impl VisibleEnvironment {
     /// Returns the radiance in a direction of any length but 0.
     pub fn seen(&self, direction: Vec3) -> Vec3 {
         self.map.seen(direction) * self.factor
@@ -41,10 +41,10 @@ fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
 }
 
 /// Returns the images of environments that rays see.
-pub(super) fn backdrops(scene: &Scene, maps: &Maps) -> Vec<Backdrop> {
+pub(super) fn visible_environments(scene: &Scene, maps: &Maps) -> Vec<VisibleEnvironment> {
     let seen = scene.lights.iter().filter_map(|light| match &light.kind {
         LightKind::Environment { map: Some(spec), .. } if spec.visible => {
-            Some(Backdrop { map: turned(spec, maps)?, factor: light.diffuse })
+            Some(VisibleEnvironment { map: turned(spec, maps)?, factor: light.diffuse })
         }
         _ => None,
     });

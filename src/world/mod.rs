@@ -29,14 +29,14 @@ use crate::scene::{Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
 use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
-use self::lights::{backdrops, occlusion, recentre};
+use self::lights::{occlusion, recentre, visible_environments};
 use self::place::{MAX_COORDINATE, PlacedMesh};
-use self::textures::Given;
+use self::textures::MeshMaterial;
 
 pub use self::bounds::Bounds;
 pub use self::colors::color_request;
 pub use self::fingerprint::{ContentHashes, fingerprint};
-pub use self::lights::Backdrop;
+pub use self::lights::VisibleEnvironment;
 pub use self::maps::Maps;
 pub use self::origin::Origin;
 pub use self::place::placement;
@@ -54,10 +54,10 @@ pub struct LoadOptions {
     /// Meshes that are in memory already, by the path that the scene uses for them.
     pub ready: Vec<(PathBuf, Mesh)>,
     /// Memory limit of the arrays of all meshes.
-    pub room: Option<MemoryLimit>,
-    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is `room`. A
-    /// texture of a surface never takes more than 4 GiB. The image of an environment takes more
-    /// only if one of the limits is set.
+    pub memory_limit: Option<MemoryLimit>,
+    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is
+    /// `memory_limit`. A texture of a surface never takes more than 4 GiB. The image of an
+    /// environment takes more only if one of the limits is set.
     pub texture_bytes: Option<u64>,
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
@@ -70,19 +70,21 @@ impl LoadOptions {
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
         // A limit that the user set includes meshes in memory. One that was measured as free memory
         // does not: they were in memory already.
-        let counts = ready.is_none() || self.room.is_some_and(|room| room.asked);
+        let counts = ready.is_none() || self.memory_limit.is_some_and(|limit| limit.set_by_user);
         let mesh = match ready {
             Some(index) => self.ready.swap_remove(index).1,
             None => {
-                let options = mesh::ReadOptions::default().repair(self.repair).room(self.room);
+                let options = mesh::ReadOptions::default()
+                    .repair(self.repair)
+                    .memory_limit(self.memory_limit);
                 let options = options.color(color_request(spec, textured));
                 let options = options.points(spec.points.is_some());
                 let options = options.textures(!textured && spec.color.is_none());
                 mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
             }
         };
-        let left = |room: MemoryLimit| if counts { room.less(mesh.bytes()) } else { room };
-        self.room = self.room.map(left);
+        let left = |limit: MemoryLimit| if counts { limit.less(mesh.bytes()) } else { limit };
+        self.memory_limit = self.memory_limit.map(left);
         Ok(mesh)
     }
 }
@@ -121,7 +123,7 @@ pub struct World {
     /// Radiance of rays that hit nothing.
     pub background: Vec3,
     /// Images of environments that these rays see in addition.
-    pub backdrops: Vec<Backdrop>,
+    pub visible_environments: Vec<VisibleEnvironment>,
     /// The loaded images of the environments.
     pub maps: Maps,
     /// Colour of the ambient light.
@@ -157,15 +159,15 @@ impl World {
         let mut warnings = Vec::new();
         let mut failures = Failures::default();
         let mut read = ReadFiles::default();
-        let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, asked: true });
-        let budget = asked.or(options.room);
+        let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, set_by_user: true });
+        let budget = asked.or(options.memory_limit);
         let maps = failures.keep(Maps::load(scene, budget, (&mut read, &mut warnings)));
         let maps = maps.unwrap_or_default();
         let left = budget.map(|budget| budget.less(maps.bytes()));
         let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
-        let mut own_textures = Vec::new();
+        let mut mesh_images = Vec::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
@@ -176,7 +178,12 @@ impl World {
                     read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
                 if let (Ok(mesh), false) = (&mut mesh, textured || spec.color.is_some()) {
-                    own_textures.extend(textures::own(mesh, index, &spec.path, &mut warnings));
+                    mesh_images.extend(textures::mesh_images(
+                        mesh,
+                        index,
+                        &spec.path,
+                        &mut warnings,
+                    ));
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };
@@ -196,7 +203,7 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let log = (&mut read, &mut warnings);
-        let own = textures::load_own(own_textures, scene, left, &mut looks, log)?;
+        let mesh_materials = textures::load_mesh_images(mesh_images, scene, left, &mut looks, log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
@@ -215,15 +222,15 @@ impl World {
         let legend = meshes.iter().find_map(|(_, mesh)| mesh.legend().cloned());
         let faces = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
         let without_area: Vec<_> = faces.map(|(_, mesh)| mesh.without_area()).collect();
-        if let Some(room) = options.room {
-            meshes.iter().try_fold(room, |room, (_, mesh)| mesh.fits(room))?;
+        if let Some(limit) = options.memory_limit {
+            meshes.iter().try_fold(limit, |left, (_, mesh)| mesh.fits(left))?;
         }
         let (geometry, shapes) = gather(scene, meshes, origin)?;
         for (found, mesh) in without_area.iter().zip(&geometry.meshes) {
             warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
         }
         let mut shapes = Shapes { materials, textures, ..shapes };
-        for Given { shape, material, textures } in own {
+        for MeshMaterial { shape, material, textures } in mesh_materials {
             shapes.shapes[shape].material = material;
             shapes.shapes[shape].textures = textures.map(Box::new);
         }
@@ -264,7 +271,7 @@ impl World {
             seed: scene.seed,
             sampler: scene.sampler,
             background: scene.background,
-            backdrops: backdrops(scene, &maps),
+            visible_environments: visible_environments(scene, &maps),
             maps,
             ambient: scene.ambient,
             occlusion: occlusion(scene, &geometry),

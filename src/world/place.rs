@@ -165,22 +165,22 @@ impl PlacedMesh {
     }
 
     /// Returns the number of triangles without area in the file, for the warnings after
-    /// [`Self::finish`]. `None` if there are none.
+    /// [`Self::into_triangles`]. `None` if there are none.
     pub fn without_area(&self) -> Option<WithoutArea> {
         let count = self.mesh.notes.degenerate_dropped;
         let path = || self.spec.path.display().to_string();
         (count > 0).then(|| WithoutArea { path: path(), count })
     }
 
-    /// Checks that the memory of [`Self::finish`] or [`Self::finish_points`] fits into `room`.
-    /// Returns the room that is left after it. Computed normals are subtracted, 12 bytes per
-    /// vertex; f32 positions replace larger or equal ones. The spheres of a cloud are subtracted;
-    /// they replace its positions.
+    /// Checks that the memory of [`Self::into_triangles`] or [`Self::append_spheres`] fits into
+    /// `limit`. Returns the limit that is left after it. Computed normals are subtracted, 12 bytes
+    /// per vertex; f32 positions replace larger or equal ones. The spheres of a cloud are
+    /// subtracted; they replace its positions.
     ///
     /// # Errors
     /// As [`MemoryLimit::check`].
-    pub fn fits(&self, room: MemoryLimit) -> Result<MemoryLimit> {
-        room.check(self.finish_bytes(), &self.spec.path.display().to_string())?;
+    pub fn fits(&self, limit: MemoryLimit) -> Result<MemoryLimit> {
+        limit.check(self.conversion_bytes(), &self.spec.path.display().to_string())?;
         let vertices = self.mesh.positions.len();
         let each = match self.mesh.positions {
             Positions::F32(_) if self.is_cloud() => POINT_BYTES - 12,
@@ -188,7 +188,7 @@ impl PlacedMesh {
             _ if self.spec.smooth != Smooth::Off && self.mesh.normals.is_none() => 12,
             _ => 0,
         };
-        Ok(room.less((each * vertices) as u64))
+        Ok(limit.less((each * vertices) as u64))
     }
 
     /// Returns the mesh relative to `origin`, and moves its normals, texture coordinates and
@@ -196,8 +196,8 @@ impl PlacedMesh {
     ///
     /// # Errors
     /// `Retry` (exit code 3) if the system refuses the memory.
-    pub fn finish(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
-        reserve::probe(self.finish_bytes(), &self.spec.path.display().to_string())?;
+    pub fn into_triangles(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
+        reserve::probe(self.conversion_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
         let Self { mesh, colors, spec, linear, .. } = self;
         let vertices = match mesh.positions {
@@ -246,7 +246,7 @@ impl PlacedMesh {
     /// # Errors
     /// `Retry` (exit code 3) if the system refuses the memory. `Invalid` if the radius in world
     /// units is zero, subnormal or not finite.
-    pub fn finish_points(
+    pub fn append_spheres(
         self,
         origin: DVec3,
         shape: &mut Shape,
@@ -275,12 +275,12 @@ impl PlacedMesh {
         Ok(())
     }
 
-    /// Returns the memory in bytes that [`PlacedMesh::finish`] or [`PlacedMesh::finish_points`]
-    /// needs in addition to the mesh.
+    /// Returns the memory in bytes that [`PlacedMesh::into_triangles`] or
+    /// [`PlacedMesh::append_spheres`] needs in addition to the mesh.
     ///
     /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 20 bytes per
     /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
-    fn finish_bytes(&self) -> u64 {
+    fn conversion_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
         if self.is_cloud() {
             return (POINT_BYTES * vertices) as u64;
@@ -412,7 +412,7 @@ mod tests {
         for (vertex, replaced) in [("float", 12), ("double", 24)] {
             let cloud = cloud(vertex);
             let spheres = 3 * POINT_BYTES as u64;
-            let room = MemoryLimit { bytes: spheres, asked: true };
+            let room = MemoryLimit { bytes: spheres, set_by_user: true };
             let left = cloud.fits(room).unwrap();
             assert_eq!(left.bytes, 3 * replaced);
             assert!(cloud.fits(left).is_err());

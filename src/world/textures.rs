@@ -73,7 +73,7 @@ pub fn load(
 /// Loads one image within the memory that is left.
 fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Result<Texture> {
     let most = match left {
-        Some(left) if left.asked => left.bytes.min(DEFAULT_MAX_BYTES),
+        Some(left) if left.set_by_user => left.bytes.min(DEFAULT_MAX_BYTES),
         // The limit is the free memory of this machine. The image may fit on another machine, so
         // this error is retryable. An image above the fixed limit fails below.
         Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
@@ -89,17 +89,17 @@ fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Res
 }
 
 /// The images that a mesh file names, for a shape whose material has no texture.
-pub struct Own {
+pub struct MeshImages {
     shape: usize,
     /// Paths of the images. `None` for an image that no triangle uses or that does not exist.
     images: Vec<Option<PathBuf>>,
     /// For each triangle, an index into `images` or `NO_TEXTURE`. `None` if all triangles have the
     /// one image.
-    numbers: Option<Vec<u16>>,
+    indices: Option<Vec<u16>>,
 }
 
 /// A new material for a shape, with the images that the mesh names.
-pub struct Given {
+pub struct MeshMaterial {
     /// Index of the shape.
     pub shape: usize,
     /// Index of the new material.
@@ -119,7 +119,12 @@ pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
 /// Returns the images that the mesh at `path` names. `None` if the mesh has no texture coordinates,
 /// or names no image or only one that does not exist. Takes the indices of the triangles' textures
 /// out of the mesh.
-pub fn own(mesh: &mut Mesh, shape: usize, path: &Path, warnings: &mut Vec<Problem>) -> Option<Own> {
+pub fn mesh_images(
+    mesh: &mut Mesh,
+    shape: usize,
+    path: &Path,
+    warnings: &mut Vec<Problem>,
+) -> Option<MeshImages> {
     mesh.uvs.as_ref()?;
     let mut image = |name: &str| {
         let image = beside(path, name);
@@ -132,35 +137,35 @@ pub fn own(mesh: &mut Mesh, shape: usize, path: &Path, warnings: &mut Vec<Proble
         warnings.push(Problem::new(place, message));
         None
     };
-    if let Some(mesh::FaceTextures { files, numbers }) = mesh.textures.take() {
+    if let Some(mesh::FaceTextures { files, indices }) = mesh.textures.take() {
         let mut used = vec![false; files.len()];
-        for &number in &numbers {
+        for &number in &indices {
             if let Some(used) = used.get_mut(usize::from(number)) {
                 *used = true;
             }
         }
         let named = files.iter().zip(used);
         let images = named.map(|(name, used)| if used { image(name) } else { None });
-        return Some(Own { shape, images: images.collect(), numbers: Some(numbers) });
+        return Some(MeshImages { shape, images: images.collect(), indices: Some(indices) });
     }
     let image = image(mesh.texture_file.as_ref()?)?;
     warnings.extend(several_textures_warning(mesh, path));
-    Some(Own { shape, images: vec![Some(image)], numbers: None })
+    Some(MeshImages { shape, images: vec![Some(image)], indices: None })
 }
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.
 /// All textures together take at most `budget` bytes.
-pub fn load_own(
-    own: Vec<Own>,
+pub fn load_mesh_images(
+    mesh_images: Vec<MeshImages>,
     scene: &Scene,
     budget: Option<MemoryLimit>,
     looks: &mut (Vec<Texture>, Vec<Material>),
     (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
-) -> Result<Vec<Given>> {
+) -> Result<Vec<MeshMaterial>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
-    let mut given = Vec::new();
-    for Own { shape, images, numbers } in own {
+    let mut mesh_materials = Vec::new();
+    for MeshImages { shape, images, indices } in mesh_images {
         // A file may name an image twice.
         let mut loaded: HashMap<PathBuf, Option<u32>> = HashMap::new();
         let mut slots = Vec::with_capacity(images.len());
@@ -186,7 +191,7 @@ pub fn load_own(
             loaded.insert(path, slot);
             slots.push(slot);
         }
-        let texture = match (&numbers, slots.first()) {
+        let texture = match (&indices, slots.first()) {
             (Some(_), _) => Some(TextureChoice::ByFace),
             (None, Some(Some(slot))) => Some(TextureChoice::One(*slot)),
             (None, _) => continue,
@@ -194,12 +199,12 @@ pub fn load_own(
         let plain = &materials[scene.shapes[shape].material];
         // A scan's texture has far more texels than a picture has pixels.
         let material = Material { texture, filter: Filter::Trilinear, ..plain.clone() };
-        let textures = numbers.map(|numbers| FaceTextures { numbers, textures: slots });
-        given.push(Given { shape, material: materials.len() as u32, textures });
+        let textures = indices.map(|indices| FaceTextures { indices, textures: slots });
+        mesh_materials.push(MeshMaterial { shape, material: materials.len() as u32, textures });
         materials.push(material);
     }
     failures.check()?;
-    Ok(given)
+    Ok(mesh_materials)
 }
 
 fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {

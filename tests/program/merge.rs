@@ -363,7 +363,7 @@ fn flags_are_checked() {
 #[test]
 fn irreproducible_parts_are_refused() {
     use lightpath::film::{Film, Window};
-    use lightpath::merge::{PictureFormat, PictureTile, part};
+    use lightpath::merge::{PartDescription, PictureFormat, part};
     use lightpath::output::exr;
     use lightpath::scene::Source;
     use std::path::Path;
@@ -374,7 +374,7 @@ fn irreproducible_parts_are_refused() {
     let source = Source::Text { name: "scene", text: SCENE.as_bytes(), folder: Path::new("") };
     let scene = lightpath::scene::load(source, &[]).unwrap().scene;
     let film = Film::new([4, 4], Window::full(4, 4)).unwrap();
-    let part = PictureTile {
+    let part = PartDescription {
         fingerprint: None,
         isa: None,
         whole: [0, 0, 4, 4],
@@ -383,9 +383,9 @@ fn irreproducible_parts_are_refused() {
         of: 1,
         exact: true,
         files: PictureFormat::new(&scene.tonemap),
-        recipe: Default::default(),
+        layout: Default::default(),
     };
-    let write = |name: &str, part: &PictureTile, reproducible: &str| {
+    let write = |name: &str, part: &PartDescription, reproducible: &str| {
         let said = serde_json::to_string(part).unwrap();
         let attributes =
             [(part::ATTRIBUTE, said.as_str()), ("lightpath:reproducible", reproducible)];
@@ -409,7 +409,7 @@ fn irreproducible_parts_are_refused() {
     }
     // Only Embree's last bits may depend on its instruction set.
     for (name, isa) in [("sse.exr", "SSE"), ("avx.exr", "AVX-512")] {
-        write(name, &PictureTile { isa: Some(isa.to_string()), ..part.clone() }, "yes");
+        write(name, &PartDescription { isa: Some(isa.to_string()), ..part.clone() }, "yes");
     }
     let said = ["avx.exr", "another instruction set of Embree: AVX-512, expected SSE"];
     refused(&merge(&scratch, &["sse.exr", "avx.exr"], &[]), &said);

@@ -13,7 +13,7 @@ use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::error::Result;
 use lightpath::lab::ab::{TimingPlan, interleave};
 use lightpath::lab::agreement::{self, Agreement};
-use lightpath::lab::rays::{Class, Recording, record};
+use lightpath::lab::rays::{RayClass, Recording, record};
 use lightpath::lab::replay::{Mode, Replay};
 use lightpath::lab::stats::{mad, median, paired_ratio};
 use lightpath::monitor::Monitor;
@@ -197,7 +197,7 @@ impl Bench<'_> {
 
     /// Returns the rays of each class, to be traced one at a time.
     fn replays<'r>(&self, recording: &'r Recording) -> impl Iterator<Item = Replay<'r>> {
-        Class::ALL.into_iter().filter_map(|class| {
+        RayClass::ALL.into_iter().filter_map(|class| {
             let packets = recording.packets(class);
             (!packets.is_empty()).then_some(Replay { class, mode: Mode::Single, packets })
         })

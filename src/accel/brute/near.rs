@@ -43,7 +43,7 @@ pub enum Outline {
         /// Its corners sheared onto the plane.
         sheared: [DVec2; 3],
         /// How far each sheared corner may move: its error bound times the caller's `factor`.
-        moved: [f64; 3],
+        tolerance: [f64; 3],
     },
     /// A sphere. True if the ray's line certainly hits it.
     Sphere(bool),
@@ -149,8 +149,8 @@ fn triangle(
 ) -> Option<(f64, f64, Outline)> {
     let seen = corners.map(|corner| plane.turn(corner - ray.origin));
     let sheared = seen.map(|a| a.truncate() - plane.shear * a.z);
-    let moved = seen.map(|a| a.abs().max_element() * scale);
-    let moves = moved[0].max(moved[1]).max(moved[2]);
+    let tolerance = seen.map(|a| a.abs().max_element() * scale);
+    let moves = tolerance[0].max(tolerance[1]).max(tolerance[2]);
     let least = sheared[0].min(sheared[1]).min(sheared[2]);
     let most = sheared[0].max(sheared[1]).max(sheared[2]);
     if least.max_element() > moves || most.min_element() < -moves {
@@ -173,7 +173,7 @@ fn triangle(
     let slope = (normal.x.abs() + normal.y.abs()) / facing.abs();
     let slid = moves * slope;
     let t_error = if slid.is_nan() { high - low } else { slid.min(high - low) } + ulps(t);
-    Some((t, t_error, Outline::Triangle { corners, sheared, moved }))
+    Some((t, t_error, Outline::Triangle { corners, sheared, tolerance }))
 }
 
 /// Returns whether the origin lies in the triangle, to f64 rounding.
@@ -218,9 +218,9 @@ impl Outline {
     /// Edge `i` joins corners `i` and `i + 1`, modulo 3.
     pub fn clearance(&self, i: usize) -> f64 {
         match self {
-            Self::Triangle { sheared, moved, .. } => {
+            Self::Triangle { sheared, tolerance, .. } => {
                 let (i, j) = (i % 3, (i + 1) % 3);
-                distance(sheared[i], sheared[j]) - moved[i].max(moved[j])
+                distance(sheared[i], sheared[j]) - tolerance[i].max(tolerance[j])
             }
             Self::Sphere(_) => f64::INFINITY,
         }

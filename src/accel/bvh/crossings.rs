@@ -127,7 +127,7 @@ impl<T: Tier> Single<'_, T> {
         corners: [[f32; 3]; 3],
     ) -> bool {
         let within = t > ray.tnear && t < ray.tfar;
-        within && (seen.is_ahead(ray) || ray.starts_before(t, corners))
+        within && (seen.is_ahead(ray) || ray.hit_is_after_start(t, corners))
     }
 }
 

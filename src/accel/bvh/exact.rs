@@ -51,7 +51,7 @@ pub struct Ray64 {
     /// Not necessarily of unit length.
     pub direction: [f64; 3],
     /// Component of the direction along the ray's dominant axis.
-    along: f64,
+    dominant_component: f64,
     /// Start of the open segment.
     pub tnear: f64,
     /// End of the open segment.
@@ -67,7 +67,7 @@ impl Ray64 {
         Self {
             origin: vector(&rays.org),
             direction,
-            along: direction[axis],
+            dominant_component: direction[axis],
             tnear: rays.tnear[i].into(),
             tfar: rays.tfar[i].into(),
         }
@@ -76,7 +76,7 @@ impl Ray64 {
     /// Whether a hit at `t` lies after the start of the ray: see [`is_after_start`]. Not inlined,
     /// because few rays start beside a triangle that they hit.
     #[inline(never)]
-    pub fn starts_before(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
+    pub fn hit_is_after_start(&self, t: f64, corners: [[f32; 3]; 3]) -> bool {
         let corners = corners.map(|corner| corner.map(f64::from).into());
         is_after_start(corners, self.origin.into(), self.direction.into(), t)
     }
@@ -186,12 +186,12 @@ impl ShearedTriangle {
         let plane = TrianglePlane::new(corners);
         let (t, towards) = plane.intersect(ray.origin, ray.direction);
         let (lowest, highest) = self.depth_range();
-        let depth = t * ray.along;
+        let depth = t * ray.dominant_component;
         let slack = depth.abs() * DEPTH_SLACK;
         // The slack is added to the depth, not to the bounds. If the ray runs along the plane, the
         // depth is infinite. One of the sums is then NaN, so `within` is false.
         let within = (depth + slack >= lowest) & (depth - slack <= highest);
-        let steep = STEEP * towards.abs() >= plane.normal_l1() * ray.along.abs();
+        let steep = STEEP * towards.abs() >= plane.normal_l1() * ray.dominant_component.abs();
         if within & (steep || self.passes_near(depth)) {
             t
         } else {
@@ -203,7 +203,7 @@ impl ShearedTriangle {
     #[inline(always)]
     pub fn is_ahead(&self, ray: &Ray64) -> bool {
         let (lowest, highest) = self.depth_range();
-        if ray.along < 0.0 { highest < 0.0 } else { lowest > 0.0 }
+        if ray.dominant_component < 0.0 { highest < 0.0 } else { lowest > 0.0 }
     }
 
     /// Whether the line passes through the sheared triangle at a depth close to `depth`.
@@ -232,7 +232,7 @@ impl ShearedTriangle {
             return t;
         }
         let (lowest, highest) = self.depth_range();
-        let (first, last) = (lowest / ray.along, highest / ray.along);
+        let (first, last) = (lowest / ray.dominant_component, highest / ray.dominant_component);
         let (mut first, mut last) = (first.min(last), first.max(last));
         for axis in 0..3 {
             let d = ray.direction[axis];
@@ -245,7 +245,7 @@ impl ShearedTriangle {
         // which the line passes through the sheared triangle.
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
-        let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.along;
+        let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.dominant_component;
         let t = if t.is_finite() { t } else { passing() };
         t.max(first).min(last)
     }

@@ -81,7 +81,7 @@ pub struct Frustum {
 
 impl Frustum {
     /// Bounds the active rays of a query, in a tree over `scene`. Also returns where they end: see
-    /// [`Frustum::end`].
+    /// [`Frustum::end_depth`].
     ///
     /// The rays must be aligned ([`Query::aligned`]), and `lane` must be one of them. `tfar` holds
     /// the ends of their segments, scaled like [`Query::tfar`], and -inf in inactive lanes.
@@ -107,7 +107,7 @@ impl Frustum {
         let start = tier.horizontal_min(&select(active, &starts)) - slack;
         let mut frustum =
             Self::without_sides(axes, lane.octant, forward, [start, scene_end + slack, slack]);
-        let end = frustum.end(tier, query, tfar);
+        let end = frustum.end_depth(tier, query, tfar);
         let (z0, z1) = (forward * frustum.start, forward * max(end, frustum.start));
         // The coordinates of the rays at z0 and at z1, and their negatives for the high sides. The
         // minimum of each row is the bound.
@@ -190,10 +190,11 @@ impl Frustum {
     /// Returns the `forward` z of the farthest end of a ray, or of the scene if that is nearer,
     /// moved outwards by `slack`. Returns -inf if all `tfar` are -inf.
     #[inline(always)]
-    pub fn end(&self, tier: impl HorizontalMin, query: &Query, tfar: &[f32; LANES]) -> f32 {
+    pub fn end_depth(&self, tier: impl HorizontalMin, query: &Query, tfar: &[f32; LANES]) -> f32 {
         let mut minus = [0.0; LANES];
         for i in 0..LANES {
-            let end = self.forward * query.origin[2][i] + tfar[i] * query.along[i].abs();
+            let end =
+                self.forward * query.origin[2][i] + tfar[i] * query.dominant_component[i].abs();
             // `end` is -inf or NaN in inactive lanes. (A condition on `tfar` alone compiles to 16
             // jumps.)
             minus[i] = if end > f32::NEG_INFINITY { -end } else { f32::INFINITY };

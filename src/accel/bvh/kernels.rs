@@ -66,7 +66,7 @@ impl<T: Tier> Run<'_, T> {
         let mut stack = Stack::new();
         let mut sum = 0;
         for node in self.bvh.tree.nodes.iter().cycle().take(COUNT) {
-            sum ^= self.tier.nearest(node, lane, f32::INFINITY, &mut stack).0;
+            sum ^= self.tier.first_in_order(node, lane, f32::INFINITY, &mut stack).0;
             while let Some((child, _)) = stack.pop() {
                 sum ^= child.0;
             }

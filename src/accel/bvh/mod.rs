@@ -202,14 +202,14 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
 
 /// Returns false only if the convex hull of the active rays contains no part of a triangle and
 /// overlaps no leaf of spheres.
-struct Reaches<'a, T> {
+struct MayContainAnything<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
     active: &'a Mask,
     rays: &'a Rays,
 }
 
-impl<T: Tier> Kernel for Reaches<'_, T> {
+impl<T: Tier> Kernel for MayContainAnything<'_, T> {
     type Output = bool;
     #[inline(always)]
     fn run(self) -> bool {
@@ -219,7 +219,8 @@ impl<T: Tier> Kernel for Reaches<'_, T> {
         // This query is rare, so such rays are not split into groups.
         let active = tier.bits(active);
         active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0
-            || Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active).reaches()
+            || Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active)
+                .may_contain_anything()
     }
 }
 
@@ -277,7 +278,9 @@ impl Accelerator for Bvh<'_> {
 
     fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let bvh = self;
-        with_tier!(self.isa, tier => Some(!tier.run(Reaches { tier, bvh, active, rays })));
+        with_tier!(self.isa, tier => {
+            Some(!tier.run(MayContainAnything { tier, bvh, active, rays }))
+        });
     }
 
     fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {

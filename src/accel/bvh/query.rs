@@ -40,10 +40,10 @@ static AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 /// - The inverse and the last rounding have relative errors of at most 3.5u together. So t of the
 ///   near plane is reduced by 4u and t of the far plane is enlarged by 4u (Ize 2013, JCGT 2(2)). A
 ///   negative t does not matter, because t starts at `tnear` >= 0.
-/// - A component below `lift` is raised to `lift`, which is [`MIN_DIRECTION`] or more (see
-///   [`Query::new`]). A hit has t <= R over the largest component, so the ray strays by some
-///   `lift` R. `box_slack` includes 2 `lift` R.
-/// - [`Query::scaled_end`] may round the end of the segment down by u. `box_slack` includes 2u R
+/// - A component below `min_component` is raised to `min_component`, which is [`MIN_DIRECTION`] or
+///   more (see [`Query::new`]). A hit has t <= R over the largest component, so the ray strays by
+///   some `min_component` R. `box_slack` includes 2 `min_component` R.
+/// - [`Query::tfar_for_hit`] may round the end of the segment down by u. `box_slack` includes 2u R
 ///   more than the 64u R. That reduces t of the near plane of a hit by 2u, because t |d| <= R on
 ///   every axis.
 #[derive(Debug)]
@@ -76,7 +76,7 @@ pub struct Query {
     /// component.
     pub shear: [[f32; LANES]; 2],
     /// Scaled direction along the dominant axis: the largest component, with its sign.
-    pub along: [f32; LANES],
+    pub dominant_component: [f32; LANES],
 }
 
 impl Query {
@@ -111,10 +111,10 @@ impl Query {
             // Coordinates from 2^68 on would overflow when multiplied by 1 / MIN_DIRECTION. So if
             // reach + origin is above 2^64, the smallest component is larger. `box_slack` includes
             // how far the ray strays.
-            let lift = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
-            min_component[i] = lift;
+            let smallest = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
+            min_component[i] = smallest;
             box_slack[i] =
-                (66.0 * U + 2.0 * lift) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
+                (66.0 * U + 2.0 * smallest) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
         }
         let mut octant = [0u32; LANES];
         let (mut near_inverse, mut near_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
@@ -136,7 +136,7 @@ impl Query {
         }
         let [dx, dy, dz] = &direction;
         let mut dominant = [0u32; LANES];
-        let (mut origin, mut shear, mut along) =
+        let (mut origin, mut shear, mut dominant_component) =
             ([[0.0; LANES]; 3], [[0.0; LANES]; 2], [0.0; LANES]);
         for i in 0..LANES {
             let (ax, ay, az) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
@@ -156,7 +156,7 @@ impl Query {
             origin[1][i] = pick(oz[i], ox[i], oy[i]);
             origin[2][i] = pick(ox[i], oy[i], oz[i]);
             let d = pick(dx[i], dy[i], dz[i]);
-            along[i] = d;
+            dominant_component[i] = d;
             shear[0][i] = pick(dy[i], dz[i], dx[i]) / d;
             shear[1][i] = pick(dz[i], dx[i], dy[i]) / d;
         }
@@ -173,7 +173,7 @@ impl Query {
             dominant,
             origin,
             shear,
-            along,
+            dominant_component,
         }
     }
 
@@ -195,10 +195,11 @@ impl Query {
     pub fn aligned(&self, first: usize) -> Mask {
         let first = first % LANES;
         let dominant = self.dominant[first];
-        let sign = self.along[first].to_bits() >> 31;
+        let sign = self.dominant_component[first].to_bits() >> 31;
         let mut part = Mask::NONE;
         for i in 0..LANES {
-            let same = (self.dominant[i] == dominant) & (self.along[i].to_bits() >> 31 == sign);
+            let same = (self.dominant[i] == dominant)
+                & (self.dominant_component[i].to_bits() >> 31 == sign);
             part.0[i] = -i32::from(same);
         }
         part
@@ -208,7 +209,7 @@ impl Query {
     /// and enlarged to compensate underflow. The factor 1 + 4u of [`Query::tfar`] is not needed, as
     /// `box_slack` covers the rounding: see [`Query`].
     #[inline(always)]
-    pub fn scaled_end(&self, i: usize, t: f64) -> f32 {
+    pub fn tfar_for_hit(&self, i: usize, t: f64) -> f32 {
         (t as f32 + f32::MIN_POSITIVE) * self.scale[i] + f32::MIN_POSITIVE
     }
 
@@ -217,18 +218,19 @@ impl Query {
     /// parameter.
     #[inline(always)]
     pub fn depth(&self, i: usize, t: f32) -> f32 {
-        t * self.along[i].abs() * (1.0 + 8.0 * U)
+        t * self.dominant_component[i].abs() * (1.0 + 8.0 * U)
     }
 
     /// Returns true only if ray `i` lies within its open segment at every depth from `first` to
     /// `last` along the dominant axis. Conservative: may return false near the ends.
     #[inline(always)]
     pub fn within(&self, i: usize, first: f32, last: f32) -> bool {
-        let along = self.along[i].abs();
+        let dominant_component = self.dominant_component[i].abs();
         // 16u exceed the 4u by which the ends were moved, plus all roundings here. The smallest
         // normal numbers compensate underflow.
-        (first > self.tnear[i] * along * (1.0 + 16.0 * U) + 4.0 * f32::MIN_POSITIVE)
-            & (last < self.tfar[i] * along * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
+        (first > self.tnear[i] * dominant_component * (1.0 + 16.0 * U) + 4.0 * f32::MIN_POSITIVE)
+            & (last
+                < self.tfar[i] * dominant_component * (1.0 - 16.0 * U) - 4.0 * f32::MIN_POSITIVE)
     }
 
     /// Returns ray `i` without the other rays.
@@ -324,10 +326,10 @@ impl Lane<'_> {
         z - self.value(&self.query.origin[2])
     }
 
-    /// Applies [`Query::scaled_end`] to this ray.
+    /// Applies [`Query::tfar_for_hit`] to this ray.
     #[inline(always)]
-    pub fn scaled_end(&self, t: f64) -> f32 {
-        self.query.scaled_end(self.i % LANES, t)
+    pub fn tfar_for_hit(&self, t: f64) -> f32 {
+        self.query.tfar_for_hit(self.i % LANES, t)
     }
 
     /// Applies [`Query::within`] to this ray.

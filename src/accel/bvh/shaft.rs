@@ -231,8 +231,8 @@ fn largest(a: &Lanes3, i: usize) -> f32 {
 }
 
 impl Frustum {
-    /// Bounds all segments of a shaft. Also returns where they end: see [`Frustum::end`]. Returns
-    /// `None` if there is no axis along which all segments run in the same direction.
+    /// Bounds all segments of a shaft. Also returns where they end: see [`Frustum::end_depth`].
+    /// Returns `None` if there is no axis along which all segments run in the same direction.
     ///
     /// The axis of the frustum is the one with the widest gap between points and light. A line from
     /// a point through the light crosses a plane normal to that axis between the lines through the

@@ -14,7 +14,7 @@ use crate::ray::{LANES, NONE, Rays};
 pub struct ClosestHit {
     /// Ray parameter. Without a hit, the end of the segment.
     pub t: f64,
-    /// `t` scaled for tests of boxes: see [`super::query::Query::scaled_end`].
+    /// `t` scaled for tests of boxes: see [`super::query::Query::tfar_for_hit`].
     pub tfar: f32,
     /// Scene-wide primitive index, or [`NONE`].
     pub primitive: u32,
@@ -109,7 +109,8 @@ impl<'a, T: Tier> Single<'a, T> {
         loop {
             if let ChildKind::Node(index) = child.kind() {
                 // The nearest child is visited next, without passing through the stack.
-                child = self.tier.nearest(&self.tree.nodes[index], &self.lane, best.tfar, stack);
+                child =
+                    self.tier.first_in_order(&self.tree.nodes[index], &self.lane, best.tfar, stack);
                 if let Some(later) = stack.last() {
                     self.tree.prefetch(later);
                 }
@@ -205,8 +206,8 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let closer = t > ray.tnear && best.is_replaced_by(t, primitive);
-            if closer && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
-                let tfar = self.lane.scaled_end(t);
+            if closer && (seen.is_ahead(&ray) || ray.hit_is_after_start(t, block.triangle(slot))) {
+                let tfar = self.lane.tfar_for_hit(t);
                 let second_half = block.is_second_half(slot);
                 *best = ClosestHit { t, tfar, primitive, edges: seen.edges, second_half };
             }
@@ -244,7 +245,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let within = t > ray.tnear && t < ray.tfar;
-            if within && (seen.is_ahead(&ray) || ray.starts_before(t, block.triangle(slot))) {
+            if within && (seen.is_ahead(&ray) || ray.hit_is_after_start(t, block.triangle(slot))) {
                 return true;
             }
         }
@@ -257,7 +258,7 @@ impl<'a, T: Tier> Single<'a, T> {
         for id in self.tree.spheres[index].0 {
             let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
             if best.is_replaced_by(t, primitive) {
-                let tfar = self.lane.scaled_end(t);
+                let tfar = self.lane.tfar_for_hit(t);
                 *best = ClosestHit::sphere(t, tfar, primitive);
             }
         }

@@ -27,11 +27,11 @@ impl Counts {
         Visits { nodes: self.nodes.get(), primitives: self.primitives.get() }
     }
 
-    fn node(&self) {
+    fn add_node(&self) {
         self.nodes.set(self.nodes.get() + 1);
     }
 
-    fn primitives(&self, n: u32) {
+    fn add_primitives(&self, n: u32) {
         self.primitives.set(self.primitives.get() + u64::from(n));
     }
 }
@@ -56,23 +56,23 @@ impl<T: Tier> Tier for Counting<'_, T> {
         self.tier.run(kernel)
     }
 
-    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
-        self.counts.node();
-        self.tier.nearest(node, lane, tfar, stack)
+    fn first_in_order(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
+        self.counts.add_node();
+        self.tier.first_in_order(node, lane, tfar, stack)
     }
 
     fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32 {
-        self.counts.node();
+        self.counts.add_node();
         self.tier.hit_children(node, lane, tfar)
     }
 
     fn children_in_frustum(self, node: &Node, frustum: &Frustum, end: f32) -> u32 {
-        self.counts.node();
+        self.counts.add_node();
         self.tier.children_in_frustum(node, frustum, end)
     }
 
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
-        self.counts.primitives(block.present.count_ones());
+        self.counts.add_primitives(block.present.count_ones());
         self.tier.triangles_in_frustum(block, frustum, end)
     }
 
@@ -85,11 +85,11 @@ impl<T: Tier> Tier for Counting<'_, T> {
     }
 
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
-        self.counts.primitives(block.present.count_ones());
+        self.counts.add_primitives(block.present.count_ones());
         self.tier.candidates(block, lane, tfar)
     }
 
     fn count_sphere_test(self) {
-        self.counts.primitives(1);
+        self.counts.add_primitives(1);
     }
 }

@@ -35,7 +35,7 @@ pub enum HitFilter<'a> {
     /// All candidates but those on the primitive that the ray leaves.
     Leaving,
     /// As [`HitFilter::Leaving`], but only true hits.
-    True(&'a HitValidator<'a>),
+    TrueHits(&'a HitValidator<'a>),
     /// No candidate. So Embree visits all candidates along the ray, in any order, and
     /// `ClosestTrueHit` keeps the closest true one.
     ClosestTrueHit(&'a ClosestTrueHit<'a>),
@@ -46,7 +46,7 @@ impl HitFilter<'_> {
     pub fn function(&self) -> unsafe extern "C" fn(*const FilterArguments) {
         match self {
             Self::Leaving => reject_leaving,
-            Self::True(_) => reject_false,
+            Self::TrueHits(_) => reject_false,
             Self::ClosestTrueHit(_) => note,
         }
     }
@@ -55,7 +55,7 @@ impl HitFilter<'_> {
     pub fn data(&self) -> *const c_void {
         match *self {
             Self::Leaving => std::ptr::null(),
-            Self::True(truth) => std::ptr::from_ref(truth).cast(),
+            Self::TrueHits(truth) => std::ptr::from_ref(truth).cast(),
             Self::ClosestTrueHit(look) => std::ptr::from_ref(look).cast(),
         }
     }
@@ -230,7 +230,7 @@ unsafe extern "C" fn reject_leaving(args: *const FilterArguments) {
 }
 
 unsafe extern "C" fn reject_false(args: *const FilterArguments) {
-    // SAFETY: as above; the context's filter is the `HitValidator` of `HitFilter::True`.
+    // SAFETY: as above; the context's filter is the `HitValidator` of `HitFilter::TrueHits`.
     unsafe {
         let truth = &*(*(*args).context).filter.cast::<HitValidator>();
         reject(&*args, |candidate| truth.holds(&candidate));

@@ -234,7 +234,7 @@ impl Accelerator for Embree<'_> {
         // Embree does not read `time` in a scene without motion.
         rays.time = rays.tfar;
         let (lanes, _) = simd::dispatch(Isa::detect(), PreparePacket { active, rays: &mut *rays });
-        self.any_hit(active, rays, coherence, lanes, Some(HitFilter::True(&self.truth)));
+        self.any_hit(active, rays, coherence, lanes, Some(HitFilter::TrueHits(&self.truth)));
     }
 
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {

@@ -10,13 +10,13 @@ use crate::ray::NONE;
 /// Factor on the radius that exceeds its rounding.
 const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
 
-type PassedTriangle<'f> = &'f mut dyn FnMut(u32, u32);
+type OnPrimitive<'f> = &'f mut dyn FnMut(u32, u32);
 
 /// Calls `found` with geometry id and primitive index of every primitive whose box overlaps
 /// `nearby`.
 ///
 /// May also call `found` for other primitives, because Embree searches the sphere around `nearby`.
-pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: PassedTriangle) {
+pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: OnPrimitive) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
     let radius = 0.5 * diagonal * WIDER;
@@ -38,7 +38,7 @@ pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: PassedTriangle) {
 
 unsafe extern "C" fn on_found(args: *const PointQueryArguments) -> bool {
     // SAFETY: Embree passes valid arguments with the user data of `near`.
-    let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<PassedTriangle>()) };
+    let (args, found) = unsafe { (&*args, &mut *(*args).user.cast::<OnPrimitive>()) };
     found(args.geom_id, args.prim_id);
     // False: the query's radius has not changed.
     false

@@ -29,7 +29,7 @@ impl Embree<'_> {
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let end = std::mem::replace(&mut packet.rays.tfar[i], tfar[i]);
             if surfaces.doubtful.0[i] != 0 {
-                self.look_again_at(packet, i);
+                self.retrace_lane(packet, i);
             } else if self.truth.geometry.kind(packet.hits.geom[i]) == GeometryKind::Spheres {
                 packet.rays.tfar[i] = end;
             } else {
@@ -39,7 +39,7 @@ impl Embree<'_> {
     }
 
     #[cold]
-    fn look_again_at(&self, packet: &mut RayPacket, i: usize) {
+    fn retrace_lane(&self, packet: &mut RayPacket, i: usize) {
         let look = ClosestTrueHit::new(&self.truth);
         let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
         // SAFETY: aligned to 16 bytes and laid out as Embree's.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    output::atomic::{Part, Sweep},
+    output::atomic::{PartFile, Sweep},
     threads,
 };
 
@@ -73,5 +73,5 @@ pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
 
 fn write_text(sweep: &Sweep, path: &Path, text: &str) -> Result<PathBuf> {
     sweep.target(path);
-    Part::create(path)?.finish(text)
+    PartFile::create(path)?.finish(text)
 }

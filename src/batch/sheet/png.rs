@@ -12,7 +12,7 @@ use image::{ImageFormat, Rgb, RgbImage, imageops};
 
 use crate::{
     error::{Error, Kind, Problem, Result},
-    output::atomic::Part,
+    output::atomic::PartFile,
 };
 
 use super::{
@@ -37,7 +37,7 @@ const GREY: Rgb<u8> = Rgb([224, 227, 231]);
 /// A file that cannot be written.
 pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Result<PathBuf> {
     let sheet = draw(entries, strips);
-    let mut part = Part::create(path)?;
+    let mut part = PartFile::create(path)?;
     let written = sheet.0.write_to(&mut std::io::BufWriter::new(part.file()), ImageFormat::Png);
     written.map_err(|error| {
         let problem = Problem::new(path.display().to_string(), format!("cannot write: {error}"));

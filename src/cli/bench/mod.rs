@@ -16,7 +16,7 @@ use crate::{
         ab::TimingPlan,
         backend::{self, TestedBackend},
         bench::{BenchSettings, measure},
-        rays::Class,
+        rays::RayClass,
         result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult},
     },
     memory,
@@ -86,7 +86,7 @@ fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
     for input in inputs {
         match studio::is_mesh(input) {
             true => {
-                let _ = failures.keep(memory::promise(input, &ReadOptions::default()));
+                let _ = failures.keep(memory::declared_sizes(input, &ReadOptions::default()));
             }
             false => drop(failures.keep(scene::load(Source::File(input), &[]))),
         }
@@ -134,14 +134,14 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     }
     let mut classes = Vec::new();
     for name in &args.classes {
-        let class = Class::ALL.into_iter().find(|class| class.name() == name);
+        let class = RayClass::ALL.into_iter().find(|class| class.name() == name);
         classes.push(class.ok_or_else(|| {
-            let names = Class::ALL.map(Class::name).join(", ");
+            let names = RayClass::ALL.map(RayClass::name).join(", ");
             Error::invalid("--classes", format!("found {name:?}, expected some of {names}"))
         })?);
     }
     if classes.is_empty() {
-        classes = Class::ALL.to_vec();
+        classes = RayClass::ALL.to_vec();
     }
     classes.sort_unstable();
     classes.dedup();

@@ -255,7 +255,7 @@ fn baseline(since: &BaselineComparison) -> Option<Section> {
     (!charts.is_empty()).then(|| Section {
         title: format!("Since the baseline {}", since.baseline),
         findings: since
-            .elsewhere
+            .machine_differences
             .iter()
             .map(|what| (format!("Not the same machine: {what}."), true))
             .collect(),

@@ -38,9 +38,10 @@ pub fn scene(scene: &SceneResult) -> String {
 
 /// Formats the changes since the baseline.
 pub fn since(since: &BaselineComparison) -> String {
-    let elsewhere = since.elsewhere.iter();
-    let warnings: String =
-        elsewhere.map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n")).collect();
+    let machine_differences = since.machine_differences.iter();
+    let warnings: String = machine_differences
+        .map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n"))
+        .collect();
     warnings + &changes(&since.changes)
 }
 

@@ -13,7 +13,7 @@ use crate::{
         compare::{self, CompareSettings, Compared, Comparison, file::Picture},
         metrics::Metric,
     },
-    output::atomic::Part,
+    output::atomic::PartFile,
     scene::{did_you_mean, list},
 };
 
@@ -27,7 +27,7 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     check_outputs(args)?;
     let pool = args.workers.pool()?;
     signals::end_at_once()?;
-    let error_map = args.out.as_deref().map(Part::create).transpose()?;
+    let error_map = args.out.as_deref().map(PartFile::create).transpose()?;
     let mut outputs = OutputFlags(vec![("--html FILE", &args.html)]).create()?;
     let mut failures = Failures::default();
     let test = failures.keep(Picture::read(&args.test));
@@ -173,7 +173,7 @@ fn check_outputs(args: &CompareArgs) -> Result<()> {
 }
 
 /// Writes the error map of a layer to its file and returns the path.
-fn write_error_map(mut part: Part, layer: &Compared) -> Result<PathBuf> {
+fn write_error_map(mut part: PartFile, layer: &Compared) -> Result<PathBuf> {
     part.fill(&page::error_map(layer))?;
     part.commit()
 }

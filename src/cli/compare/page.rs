@@ -8,7 +8,7 @@ use crate::{
         },
         metrics::Metric,
     },
-    report::{Cell, Page, Scale, Section, picture_of_width},
+    report::{Cell, ColorScale, Page, Section, picture_of_width},
 };
 
 use super::{args::CompareArgs, text};
@@ -96,7 +96,7 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
 }
 
 /// Returns the colour scale of an error map.
-pub fn error_scale() -> Scale {
+pub fn error_scale() -> ColorScale {
     let [low, high] = map::RANGE;
     let decades = (high / low).log10().round() as i32;
     let values = (0..=decades).map(|i| low * 10f64.powi(i));
@@ -167,11 +167,11 @@ fn shown_width(width: usize) -> u32 {
 }
 
 /// Returns the colour scale of a map with values from 0 to 1.
-fn share_scale(title: &str) -> Scale {
+fn share_scale(title: &str) -> ColorScale {
     scale(title, [0.0, 0.5, 1.0].map(|value| (value, value.to_string())).to_vec())
 }
 
-fn scale(title: &str, ticks: Vec<(f64, String)>) -> Scale {
+fn scale(title: &str, ticks: Vec<(f64, String)>) -> ColorScale {
     let colors = (0..64).map(|i| map::color(f64::from(i) / 63.0)).collect();
-    Scale { title: title.into(), colors, ticks }
+    ColorScale { title: title.into(), colors, ticks }
 }

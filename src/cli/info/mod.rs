@@ -133,8 +133,8 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     if summary.array_bytes > LARGE_MESH_BYTES && !args.json {
         print::text(&facts.begin(path))?;
     }
-    let room = memory::machine();
-    let subject = Subject { no_mmap: args.no_mmap, room, ..Subject::new(path) };
+    let memory_limit = memory::limit_of_machine();
+    let subject = Subject { no_mmap: args.no_mmap, memory_limit, ..Subject::new(path) };
     let wanted = mesh::ReadOptions::default().points(cloud).textures(false);
     let mesh = studio::read(&subject, wanted, &Monitor::default())?;
     if cloud {

@@ -11,7 +11,7 @@ use crate::{
     film::{Film, Window},
     layers::{FaceCounts, LayerPlan},
     memory,
-    output::{atomic::Part, png},
+    output::{atomic::PartFile, png},
     paths,
     scene::{Layer, Scene},
     shading::Owner,
@@ -78,8 +78,8 @@ pub struct DatasetPaths {
 
 /// Part files for data sets, while they are written.
 pub struct DatasetFiles {
-    faces: Option<Part>,
-    ids: Option<[Part; 2]>,
+    faces: Option<PartFile>,
+    ids: Option<[PartFile; 2]>,
 }
 
 impl DatasetPaths {
@@ -91,11 +91,13 @@ impl DatasetPaths {
     /// Creates all part files.
     ///
     /// # Errors
-    /// As for [`Part::create`].
+    /// As for [`PartFile::create`].
     pub fn create(&self) -> Result<DatasetFiles> {
-        let faces = self.faces.as_deref().map(Part::create).transpose()?;
+        let faces = self.faces.as_deref().map(PartFile::create).transpose()?;
         let ids = match &self.ids {
-            Some([instance, semantic]) => Some([Part::create(instance)?, Part::create(semantic)?]),
+            Some([instance, semantic]) => {
+                Some([PartFile::create(instance)?, PartFile::create(semantic)?])
+            }
             None => None,
         };
         Ok(DatasetFiles { faces, ids })
@@ -123,7 +125,7 @@ impl DatasetFiles {
         self,
         film: &Film,
         (plan, world, scene): (&LayerPlan, &World, &Scene),
-        mut add: impl FnMut(Part) -> PathBuf,
+        mut add: impl FnMut(PartFile) -> PathBuf,
     ) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
         if let (Some(mut part), Some(counts)) = (self.faces, &plan.faces) {

@@ -7,7 +7,7 @@ use crate::{
     film::Film,
     layers::PixelLayout,
     output::{
-        atomic::Part,
+        atomic::PartFile,
         exr, png, preview as pictures,
         tonemap::{Depth, PixelFormat},
     },
@@ -57,11 +57,11 @@ pub fn preview_paths(
 /// Layers that the parts do not have.
 pub fn named_previews(
     names: &[String],
-    recipe: &PixelLayout,
+    layout: &PixelLayout,
     prefix: &Path,
 ) -> Result<Vec<(String, PathBuf)>> {
     let mut written: Vec<String> = Vec::new();
-    for channel in &recipe.channels {
+    for channel in &layout.channels {
         let layer = exr::layer_of(&channel.name);
         if !written.iter().any(|known| known == layer) {
             written.push(layer.to_string());
@@ -92,9 +92,9 @@ fn preview(prefix: &Path, name: String) -> (String, PathBuf) {
 /// Creates the part files for pictures of layers.
 ///
 /// # Errors
-/// As for [`Part::create`].
-pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)>> {
-    paths.into_iter().map(|(name, path)| Ok((name, Part::create(&path)?))).collect()
+/// As for [`PartFile::create`].
+pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, PartFile)>> {
+    paths.into_iter().map(|(name, path)| Ok((name, PartFile::create(&path)?))).collect()
 }
 
 /// Writes the pictures of layers. `add` takes each part file for the final rename and returns its
@@ -104,10 +104,10 @@ pub fn open_previews(paths: Vec<(String, PathBuf)>) -> Result<Vec<(String, Part)
 /// `Retry` if the disk is full.
 pub fn write_previews(
     film: &Film,
-    previews: Vec<(String, Part)>,
-    mut add: impl FnMut(Part) -> PathBuf,
+    previews: Vec<(String, PartFile)>,
+    mut add: impl FnMut(PartFile) -> PathBuf,
 ) -> Result<Vec<PathBuf>> {
-    let write = |(name, mut part): (String, Part)| {
+    let write = |(name, mut part): (String, PartFile)| {
         let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
         let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };

@@ -23,7 +23,7 @@ use crate::{
     memory::{self, Budget},
     mesh::Mesh,
     monitor::Monitor,
-    output::{ValueCounts, atomic::Part},
+    output::{ValueCounts, atomic::PartFile},
     picture::{self, PictureHeader},
     render::{self as renderer, RayCounts, SampleCounts},
     world::{ContentHashes, LoadOptions, World, fingerprint},
@@ -48,19 +48,19 @@ use self::{
 const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
 
 /// All output files, created before the render so that a bad output folder is found at once.
-struct Files {
-    picture: picture::Files,
-    previews: Vec<(String, Part)>,
+struct RenderFiles {
+    picture: picture::PictureFiles,
+    previews: Vec<(String, PartFile)>,
     dataset: dataset::DatasetFiles,
     /// Files of `--stats` and `--write-scene`.
     texts: TextOutputs,
 }
 
-impl Files {
+impl RenderFiles {
     fn create(options: &RenderOptions) -> Result<Self> {
         let RenderOptions { prefix, plan, storage, previews, .. } = options;
         Ok(Self {
-            picture: picture::Files::create(prefix, plan, *storage)?,
+            picture: picture::PictureFiles::create(prefix, plan, *storage)?,
             previews: layers::open_previews(previews.clone())?,
             dataset: options.dataset.create()?,
             texts: options.text_files().create()?,
@@ -83,7 +83,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
-    let files = Files::create(&options)?;
+    let files = RenderFiles::create(&options)?;
     let run = Run {
         job: &job,
         threads,
@@ -112,7 +112,7 @@ impl Run<'_> {
     /// messages appear below it.
     fn all(
         self,
-        files: Files,
+        files: RenderFiles,
         ready: Vec<(PathBuf, Mesh)>,
     ) -> Result<(Stats, Vec<PathBuf>, ValueCounts)> {
         self.warn(&self.job.warnings);
@@ -125,7 +125,7 @@ impl Run<'_> {
             repair: self.options.repair,
             no_mmap: self.options.no_mmap,
             ready,
-            room: budget.map(Budget::for_meshes).or_else(memory::machine),
+            memory_limit: budget.map(Budget::for_meshes).or_else(memory::limit_of_machine),
             texture_bytes: budget.map(Budget::for_textures),
             ..LoadOptions::default()
         };
@@ -241,7 +241,7 @@ impl Run<'_> {
 
     fn write(
         &self,
-        files: Files,
+        files: RenderFiles,
         (film, (plan, world)): (&Film, (&LayerPlan, &World)),
         info: &BuildInfo,
         hash: Option<&str>,
@@ -265,7 +265,7 @@ impl Run<'_> {
             legend: world.legend.as_ref(),
             fingerprint: None,
         };
-        let Files { mut picture, previews, dataset, mut texts } = files;
+        let RenderFiles { mut picture, previews, dataset, mut texts } = files;
         let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let seen = (plan, world, scene);
         previews.extend(dataset.write(film, seen, |part| picture.add(part))?);

@@ -132,11 +132,11 @@ impl RenderOptions {
         let budget = args.machine.max_memory.map(|limit| {
             let window = part.window;
             let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));
-            let deeper = memory::deeper_png_bytes(window, storage.depth);
+            let deep_png_bytes = memory::deeper_png_bytes(window, storage.depth);
             let plate = args.files.plate.bytes(window)?;
-            let beside = sums.saturating_add(deeper).saturating_add(plate);
-            let beside = beside.saturating_add(args.files.dataset.bytes(scene)?);
-            Budget::check(limit, scene, (window, part.channels().len(), beside), threads)
+            let other_bytes = sums.saturating_add(deep_png_bytes).saturating_add(plate);
+            let other_bytes = other_bytes.saturating_add(args.files.dataset.bytes(scene)?);
+            Budget::check(limit, scene, (window, part.channels().len(), other_bytes), threads)
         });
         let budget = budget.transpose()?;
         let prefix = paths::prefix(args.output.as_deref(), &args.input);
@@ -188,7 +188,8 @@ impl RenderOptions {
 
     /// Returns the paths of all files that will be written.
     pub fn outputs(&self) -> Vec<PathBuf> {
-        let pictures = picture::Files::names(&self.prefix, &self.plan, self.storage).into_iter();
+        let pictures =
+            picture::PictureFiles::names(&self.prefix, &self.plan, self.storage).into_iter();
         let previews = self.previews.iter().map(|(_, path)| path.clone());
         let others = [&self.stats, &self.write_scene].into_iter().flatten().cloned();
         pictures.chain(previews).chain(self.dataset.all().cloned()).chain(others).collect()

@@ -8,8 +8,8 @@ use crate::{
     error::{Error, Kind, Problem, Result},
     film::{Channel, Window},
     integrate::{Pattern, TILE},
-    layers::{LayerPlan, PixelLayout, RawLayout},
-    merge::{PictureFormat, PictureTile, part},
+    layers::{LayerPlan, PartialSumsLayout, PixelLayout},
+    merge::{PartDescription, PictureFormat, part},
     picture::Storage,
     scene::{Backend, MAX_PIXELS, Scene},
 };
@@ -32,9 +32,9 @@ pub struct PicturePart {
     /// True if the EXR must keep every bit.
     pub exact: bool,
     /// Layers of the merged picture.
-    recipe: PixelLayout,
+    layout: PixelLayout,
     /// Layout of partial sums in the EXR; `None` if all samples are rendered.
-    pub raw: Option<RawLayout>,
+    pub raw: Option<PartialSumsLayout>,
 }
 
 impl PicturePart {
@@ -72,11 +72,11 @@ impl PicturePart {
             None => 0..spp,
         };
         refuse_cut_packets(&samples, scene)?;
-        let recipe = plan.recipe.clone();
-        let raw = (samples != (0..spp)).then(|| RawLayout::new(&recipe, samples.clone()));
+        let layout = plan.layout.clone();
+        let raw = (samples != (0..spp)).then(|| PartialSumsLayout::new(&layout, samples.clone()));
         let is_split = split.tile.is_some() || split.samples.is_some();
         let (tile, exact) = (split.tile, split.part || is_split);
-        let piece = Self { whole, window, overscan, samples, tile, exact, recipe, raw };
+        let piece = Self { whole, window, overscan, samples, tile, exact, layout, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop alone is a part of the frame. With `--tile` or `--samples` the whole is the crop.
         let piece = if is_split || overscan > 0 { piece } else { Self { whole: frame, ..piece } };
@@ -135,7 +135,7 @@ impl PicturePart {
 
     /// Returns the channels of the film besides R, G, B, A.
     pub fn channels(&self) -> Vec<Channel> {
-        self.raw.as_ref().map_or_else(|| self.recipe.channels.clone(), RawLayout::channels)
+        self.raw.as_ref().map_or_else(|| self.layout.channels.clone(), PartialSumsLayout::channels)
     }
 
     /// Returns the attribute that `merge` reads, or `None` for a whole picture. `fingerprint` is
@@ -162,7 +162,7 @@ impl PicturePart {
             ..PictureFormat::new(&scene.tonemap)
         };
         let Window { x0, y0, x1, y1 } = self.whole;
-        let part = PictureTile {
+        let part = PartDescription {
             fingerprint: fingerprint.map(str::to_string),
             isa: matches!(scene.backend, Backend::Embree(_)).then(|| info.isa.clone()),
             whole: [x0, y0, x1, y1],
@@ -171,7 +171,7 @@ impl PicturePart {
             of: scene.spp,
             exact: self.exact || storage.float,
             files,
-            recipe: self.recipe.clone(),
+            layout: self.layout.clone(),
         };
         let text =
             serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;

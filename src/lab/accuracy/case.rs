@@ -170,10 +170,10 @@ pub struct Amount {
     /// Number of packets in the quick run.
     pub packets: u64,
     /// Slow backends trace one of this many packets.
-    pub slow: u64,
+    pub slow_stride: u64,
     /// The oracle answers one of this many packets of `Expect::Closed`, and all packets of other
     /// expectations.
-    pub truth: u64,
+    pub oracle_stride: u64,
 }
 
 impl CaseRun<'_> {
@@ -206,10 +206,10 @@ impl CaseRun<'_> {
     ) -> Result<()> {
         let times = self.settings.times;
         // In a long run the slow backends trace at most 16 times the rays of the quick run.
-        let slow = amount.slow * times.div_ceil(16);
+        let slow = amount.slow_stride * times.div_ceil(16);
         self.check_packets(geometry, amount.packets * times, |run, built, index| {
             let aimed = aim(&mut run.random(index));
-            let known = index % amount.truth == 0;
+            let known = index % amount.oracle_stride == 0;
             Judge { built }.packet(&aimed, index, known, index % slow == 0)
         })
     }

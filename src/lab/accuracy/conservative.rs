@@ -71,7 +71,7 @@ pub fn cases() -> Vec<Case> {
             for k in 0..soups {
                 let geometry = scene(&mut run.random(u64::MAX - k));
                 let mesh = &geometry.meshes[0];
-                let amount = Amount { packets, slow: 4, truth: 1 };
+                let amount = Amount { packets, slow_stride: 4, oracle_stride: 1 };
                 run.trace(&geometry, amount, |random| {
                     let one = (random.below(2) == 0).then(|| wide_point(random));
                     AimedPacket::each(Expect::Oracle, |aimed, i| {

@@ -178,7 +178,7 @@ pub(super) fn towards(mut ray: impl FnMut() -> [DVec3; 2]) -> RayPacket {
 ///
 /// `first_rays` creates the first rays. `judge` traces secondary rays from the hits of one backend,
 /// and counts wrong answers. `salt` selects the random numbers; each call of a case has its own.
-pub(super) fn check(
+pub(super) fn check_secondary_rays(
     run: &mut CaseRun,
     geometry: &Geometry,
     salt: u64,
@@ -288,7 +288,7 @@ fn self_shadow(scale: f64) -> Case {
                 salt += 1;
                 let place = Place::numbered(scale, offset, salt);
                 let world = place.world(&convex(solid, &place))?;
-                check(
+                check_secondary_rays(
                     run,
                     &world.geometry,
                     salt,
@@ -397,7 +397,7 @@ fn in_contact(
     // Rays hit the sphere only near its top, where it falls off by less than an ulp of its size.
     // They hit the other floors up to 0.5 sizes from the middle.
     let reach = if solid == Solid::Spheres { 3e-4 } else { 0.5 };
-    check(
+    check_secondary_rays(
         run,
         geometry,
         salt,

@@ -10,7 +10,7 @@ use crate::lab::random::Random;
 
 const GROUP: &str = "degenerate";
 
-const AMOUNT: Amount = Amount { packets: 160, slow: 4, truth: 1 };
+const AMOUNT: Amount = Amount { packets: 160, slow_stride: 4, oracle_stride: 1 };
 
 /// Rays from a sphere of radius `distance` at triangles: for [`Expect::Oracle`] at corners, edges
 /// and insides, else only at insides.

@@ -49,7 +49,7 @@ pub fn cases() -> Vec<Case> {
                 format!("triangles of width {width:e}, hit at {degrees:?} degrees to their planes");
             Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
                 let geometry = scene(strips(&mut run.random(u64::MAX), width));
-                let amount = Amount { packets: 200, slow: 4, truth: 1 };
+                let amount = Amount { packets: 200, slow_stride: 4, oracle_stride: 1 };
                 run.trace(&geometry, amount, |random| aim(random, &geometry.meshes[0], degrees))
             })
         })

@@ -171,7 +171,7 @@ fn apart(run: &mut CaseRun) -> Result<()> {
     ));
     let sums = vec![counts; run.counts.len()];
     run.keep(geometry, sums)?;
-    let amount = Amount { packets: 600, slow: 8, truth: 8 };
+    let amount = Amount { packets: 600, slow_stride: 8, oracle_stride: 8 };
     run.trace(geometry, amount, |random| {
         let which = random.below(2) as usize;
         let mesh = &geometry.meshes[which];

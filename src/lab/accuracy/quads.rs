@@ -50,7 +50,7 @@ fn case(
         let geometry = geometry(vec![], f32s, vec![]);
         // The corners after rounding to f32.
         let rounded: Vec<Quad> = geometry.quads.iter().map(|quad| quad.map(doubles)).collect();
-        run.trace(&geometry, Amount { packets: 200, slow: 4, truth: 1 }, |random| {
+        run.trace(&geometry, Amount { packets: 200, slow_stride: 4, oracle_stride: 1 }, |random| {
             AimedPacket::each(Expect::Oracle, |aimed, i| {
                 let quad = &rounded[random.below(rounded.len() as u32) as usize];
                 aim(random, quad, aimed, i);

@@ -16,7 +16,7 @@ use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 const GROUP: &str = "rays";
 
-const AMOUNT: Amount = Amount { packets: 150, slow: 5, truth: 1 };
+const AMOUNT: Amount = Amount { packets: 150, slow_stride: 5, oracle_stride: 1 };
 
 /// Largest allowed time of packets with impossible rays (NaN, infinity), relative to packets
 /// without such rays.
@@ -264,22 +264,28 @@ fn on_a_surface() -> Case {
             let quad = quad.map(|v| v.as_vec3().to_array());
             let ball = Sphere { center: DVec3::new(-4.0, 0.0, 0.0), radius: 1.0 };
             let geometry = super::meshes::geometry(vec![mesh], vec![quad], vec![ball]);
-            run.trace(&geometry, Amount { packets: 100, slow: 5, truth: 1 }, |random| {
-                AimedPacket::each(Expect::Primitive, |aimed, i| {
-                    let share = f64::from(random.below(5)) / 4.0;
-                    let origin = match random.below(5) {
-                        0 => at(
-                            f64::from(random.below(17)) / 64.0,
-                            f64::from(random.below(17)) / 64.0,
-                        ),
-                        1 => a.lerp(b, share),
-                        2 => [a, b, c][random.below(3) as usize],
-                        3 => at(3.0 + 2.0 * share, f64::from(random.below(33)) / 32.0 - 0.5),
-                        _ => ball.center + DVec3::AXES[random.below(3) as usize] * random.sign(),
-                    };
-                    start(random, aimed, i, origin);
-                })
-            })?;
+            run.trace(
+                &geometry,
+                Amount { packets: 100, slow_stride: 5, oracle_stride: 1 },
+                |random| {
+                    AimedPacket::each(Expect::Primitive, |aimed, i| {
+                        let share = f64::from(random.below(5)) / 4.0;
+                        let origin = match random.below(5) {
+                            0 => at(
+                                f64::from(random.below(17)) / 64.0,
+                                f64::from(random.below(17)) / 64.0,
+                            ),
+                            1 => a.lerp(b, share),
+                            2 => [a, b, c][random.below(3) as usize],
+                            3 => at(3.0 + 2.0 * share, f64::from(random.below(33)) / 32.0 - 0.5),
+                            _ => {
+                                ball.center + DVec3::AXES[random.below(3) as usize] * random.sign()
+                            }
+                        };
+                        start(random, aimed, i, origin);
+                    })
+                },
+            )?;
         }
         Ok(())
     })

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::case::{Case, PassCriterion};
-use super::contact::{CUBE_SIDES, Place, above, check, corner, towards};
+use super::contact::{CUBE_SIDES, Place, above, check_secondary_rays, corner, towards};
 use super::counts::WrongKind;
 use super::meshes::{self, geometry, scene};
 use crate::geometry::{Geometry, TriangleMesh};
@@ -118,7 +118,7 @@ fn closed(room: Room, name: &str) -> Case {
         for (salt, ((scale, distance), k)) in cases.enumerate() {
             let place = Place::new(scale, distance, turn(k));
             let (geometry, edges) = room.place(&place);
-            check(
+            check_secondary_rays(
                 run,
                 &geometry,
                 salt as u64,
@@ -152,15 +152,15 @@ fn closed(room: Room, name: &str) -> Case {
     })
 }
 
-/// Position of an area light relative to the ceiling of [`wall`].
+/// Position of an area light relative to the ceiling of [`room_with_ceiling`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
     /// In the plane of the ceiling.
     Flush,
     /// Below the ceiling, by the gap of [`HAIR`].
-    Before,
+    Below,
     /// Above the ceiling, by the gap of [`HAIR`].
-    Behind,
+    Above,
 }
 
 /// Gap between a light and the ceiling of a room at the origin, in sizes. It is far larger than the
@@ -182,7 +182,7 @@ fn grid(
 
 /// Returns a floor at z = -1, a side wall at x = 2 and a ceiling at z = 1, transformed by `place`.
 /// The ceiling is one quad if `quads`, else a grid of small triangles.
-fn wall(quads: bool, place: &Place) -> Geometry {
+fn room_with_ceiling(quads: bool, place: &Place) -> Geometry {
     let rounded = |x: f64, y: f64, z: f64| place.at(DVec3::new(x, y, z)).as_vec3().to_array();
     let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
     let floor = floor.map(|[x, y]| rounded(x, y, -1.0));
@@ -208,7 +208,7 @@ fn flush(side: Side, what: &str) -> Case {
         "an area light {what}, the ceiling (a quad or a grid of triangles), in 3 rotations, of size 1e-3, 1 and 1e3 at \
          the origin, and of size 1 at 10 and 1e3 sizes from it: points of the floor, and of a side wall up to the \
          ceiling, {}",
-        if side == Side::Behind { "must not see it" } else { "must see it" }
+        if side == Side::Above { "must not see it" } else { "must see it" }
     );
     Case::new(GROUP, name, text, PassCriterion::Zero("shadow rays have no t"), move |run| {
         let mut salt = 0;
@@ -216,19 +216,19 @@ fn flush(side: Side, what: &str) -> Case {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
                 salt += 1;
                 let place = Place::new(scale, distance, turn(k));
-                let geometry = wall(quads, &place);
+                let geometry = room_with_ceiling(quads, &place);
                 // Far from the origin f32 is coarser, so the gap grows with the distance.
                 let hair = HAIR * (1.0 + distance);
                 let z = match side {
                     Side::Flush => 1.0,
-                    Side::Before => 1.0 - hair,
-                    Side::Behind => 1.0 + hair,
+                    Side::Below => 1.0 - hair,
+                    Side::Above => 1.0 + hair,
                 };
                 let corner = place.at(DVec3::new(-0.5, -0.4, z)).as_vec3();
                 let [edge, height] = [DVec3::X, DVec3::new(0.0, 0.7, 0.0)].map(|v| place.vector(v));
                 let mut area = Area::new(corner, edge, height, false, 1);
                 area.set_plane_gap(&geometry);
-                check(
+                check_secondary_rays(
                     run,
                     &geometry,
                     salt,
@@ -242,7 +242,7 @@ fn flush(side: Side, what: &str) -> Case {
                         for (i, occluded) in seen.occluded(&lights, Some(&area), counts) {
                             // Points in the light's plane are not judged.
                             if seen.is_off_plane(&area, i) {
-                                let right = occluded == (side == Side::Behind);
+                                let right = occluded == (side == Side::Above);
                                 let kind = if occluded {
                                     WrongKind::SelfShadow
                                 } else {
@@ -296,7 +296,7 @@ fn mirrors() -> Case {
             let split = |k| [[k, k + 1, k + n + 1], [k + 1, k + n + 2, k + n + 1]];
             let geometry = scene(grid(n, vertex, split));
             let up = x.cross(y).normalize();
-            check(
+            check_secondary_rays(
                 run,
                 &geometry,
                 k as u64,
@@ -334,8 +334,8 @@ pub fn cases() -> Vec<Case> {
     let mut cases: Vec<Case> =
         ROOMS.into_iter().zip(names).map(|(room, name)| closed(room, name)).collect();
     cases.push(flush(Side::Flush, "in the plane of a wall"));
-    cases.push(flush(Side::Before, "a hair before a wall"));
-    cases.push(flush(Side::Behind, "a hair behind a wall"));
+    cases.push(flush(Side::Below, "a hair before a wall"));
+    cases.push(flush(Side::Above, "a hair behind a wall"));
     cases.push(mirrors());
     cases
 }

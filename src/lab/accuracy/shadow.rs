@@ -70,8 +70,9 @@ impl SurfacePoints {
         backend: Backend,
         light: (&Lanes3, Option<&'a Area>),
     ) -> (ShadowRays<'a>, Rays) {
-        let (mut rays, mut lit) = (Rays::EMPTY, LightWeights::EMPTY);
-        let aimed = ShadowRays::aim(&self.points, light, Falloff::None, false, &mut rays, &mut lit);
+        let (mut rays, mut weights) = (Rays::EMPTY, LightWeights::EMPTY);
+        let aimed =
+            ShadowRays::aim(&self.points, light, Falloff::None, false, &mut rays, &mut weights);
         if backend == Backend::Coursework {
             for i in lanes(&aimed.active) {
                 let origin = (self.position(i) + self.normal(i) * COURSEWORK_OFFSET).as_vec3();

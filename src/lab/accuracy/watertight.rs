@@ -17,7 +17,7 @@ const GROUP: &str = "watertight";
 
 const SPIKY: &str = "spiky ball";
 
-const AMOUNT: Amount = Amount { packets: 700, slow: 14, truth: 14 };
+const AMOUNT: Amount = Amount { packets: 700, slow_stride: 14, oracle_stride: 14 };
 
 /// Part of a triangle that a ray is aimed at.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,7 +151,7 @@ fn crossings(name: &str, shape: fn() -> TestMesh) -> Case {
     Case::new(GROUP, format!("{name}, crossings along lines"), what, criterion, move |run| {
         let at = place(&shape(), DVec3::ZERO, 1.0);
         let geometry = scene(place(&shape(), DVec3::ZERO, 1.0).mesh);
-        let amount = Amount { packets: 80, slow: 4, truth: 1 };
+        let amount = Amount { packets: 80, slow_stride: 4, oracle_stride: 1 };
         run.trace(&geometry, amount, |random| {
             AimedPacket::each(Expect::Crossings, |aimed, i| {
                 let triangle = any_triangle(random, &at.mesh);

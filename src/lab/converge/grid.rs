@@ -66,13 +66,13 @@ impl StudyGrid {
     }
 
     /// The Sobol setting of a backend with the least work.
-    pub fn least(&self, backend: usize) -> Setting {
-        self.times(backend, 1.0)
+    pub fn cheapest(&self, backend: usize) -> Setting {
+        self.scaled(backend, 1.0)
     }
 
-    /// A Sobol setting with about `factor` (>= 1) times the samples of the least setting. The
+    /// A Sobol setting with about `factor` (>= 1) times the samples of the cheapest setting. The
     /// factor is rounded down to a power of two.
-    pub fn times(&self, backend: usize, factor: f64) -> Setting {
+    pub fn scaled(&self, backend: usize, factor: f64) -> Setting {
         let least = |values: &[u32]| values.iter().copied().min().unwrap_or(1);
         let lights: Vec<u32> = self.light_samples.iter().flatten().copied().collect();
         let more = |n: u32| {
@@ -139,8 +139,8 @@ mod tests {
         assert_eq!(of(&[1, 4], &[Some(16)], 5000.0), (1024, Some(4)));
         assert_eq!(of(&[4, 64], &[None], 5000.0), (4096, None));
         assert_eq!(of(&[4], &[Some(1)], 1.0), (16, Some(1)));
-        let probe = grid(&[4, 16], &[Some(2)]).times(1, 9.0);
+        let probe = grid(&[4, 16], &[Some(2)]).scaled(1, 9.0);
         assert_eq!((probe.backend, probe.spp, probe.light_samples), (1, 32, Some(2)));
-        assert_eq!(grid(&[1], &[Some(2)]).times(0, 9.0).light_samples, Some(16));
+        assert_eq!(grid(&[1], &[Some(2)]).scaled(0, 9.0).light_samples, Some(16));
     }
 }

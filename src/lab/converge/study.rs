@@ -138,12 +138,12 @@ impl Study {
                     self.stage = Stage::Reference;
                 }
                 Stage::Probe(backend, second) => {
-                    let least = self.grid.least(backend);
+                    let cheapest = self.grid.cheapest(backend);
                     // A hundredth of the budget is long enough for a timing, and costs little.
-                    let factor = 0.01 * budget / (self.cost[backend] * least.work());
+                    let factor = 0.01 * budget / (self.cost[backend] * cheapest.work());
                     let setting = match second {
-                        true => self.grid.times(backend, factor.min(256.0)),
-                        false => least,
+                        true => self.grid.scaled(backend, factor.min(256.0)),
+                        false => cheapest,
                     };
                     return (left > 0.0).then_some(StudyRender {
                         setting,

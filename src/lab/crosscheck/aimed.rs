@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::source::RaySource;
 use crate::geometry::{Box3, Geometry, GeometryKind, doubles};
 use crate::lab::random::Random;
-use crate::lab::rays::Recorded;
+use crate::lab::rays::PacketToTrace;
 use crate::ray::{LANES, Mask, Rays};
 
 /// Generates rays that are aimed at a geometry.
@@ -35,7 +35,7 @@ impl<'g> Aim<'g> {
 
     /// Returns a packet of rays of one source. If `shadow`, the rays end before their target,
     /// behind it or never.
-    pub fn packet(&self, source: RaySource, shadow: bool, random: &mut Random) -> Recorded {
+    pub fn packet(&self, source: RaySource, shadow: bool, random: &mut Random) -> PacketToTrace {
         let mut rays = Rays::EMPTY;
         for i in 0..LANES {
             let (origin, direction, target) = self.ray(source, random);
@@ -47,7 +47,7 @@ impl<'g> Aim<'g> {
             }
         }
         let active = rays.possible(&Mask::ALL);
-        Recorded { active, rays }
+        PacketToTrace { active, rays }
     }
 
     /// A random point in the scene's bounding box, enlarged by the factor `times`.

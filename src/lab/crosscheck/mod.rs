@@ -26,7 +26,7 @@ use super::answer::Answer;
 use super::backend::BuiltBackend;
 use super::parallel::in_portions;
 use super::query::QueryPacket;
-use super::rays::Recorded;
+use super::rays::PacketToTrace;
 use super::verdict::{Verdict, judge};
 use crate::accel::Visits;
 use crate::accel::brute::Brute;
@@ -100,13 +100,13 @@ pub struct PacketVerdicts {
     /// Number of rays that the plain loop of `coursework` traced.
     looped: u64,
     /// Lanes where the answers of trees and plain loop differ, with both answers.
-    unlike_loop: Vec<(usize, Answer, Answer)>,
+    loop_mismatches: Vec<(usize, Answer, Answer)>,
 }
 
 /// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if
 /// `with_loop`.
 pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> PacketVerdicts {
-    let Recorded { active, rays } = &case.packet;
+    let PacketToTrace { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];
     for i in lanes(active) {
         truths[i] = Answer::truth(check.oracle, &Ray::of(rays, i), case.shadow);
@@ -122,8 +122,13 @@ pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> 
             }
         }
     }
-    let mut part =
-        PacketVerdicts { case: case.clone(), verdicts, truths, looped: 0, unlike_loop: Vec::new() };
+    let mut part = PacketVerdicts {
+        case: case.clone(),
+        verdicts,
+        truths,
+        looped: 0,
+        loop_mismatches: Vec::new(),
+    };
     if let Some(coursework) = check.coursework.filter(|_| with_loop) {
         for i in lanes(active) {
             let ray = Ray::of(rays, i);
@@ -132,7 +137,7 @@ pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> 
             part.looped += 1;
             if tree != all {
                 let [tree, all] = [tree, all].map(|hit| Answer::of_hit(hit, false));
-                part.unlike_loop.push((i, tree, all));
+                part.loop_mismatches.push((i, tree, all));
             }
         }
     }

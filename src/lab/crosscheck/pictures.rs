@@ -16,7 +16,7 @@ use crate::integrate::{RenderContext, TileKernel};
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, must_be_right};
 use crate::lab::query::QueryPacket;
-use crate::lab::rays::Recorded;
+use crate::lab::rays::PacketToTrace;
 use crate::lab::verdict::{Verdict, judge};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -161,9 +161,9 @@ fn explain(
     let witness = Witness { oracle, built_backends: [*first, *other], reason };
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
-    let integrator = RenderContext { world, accelerator: &witness, monitor };
+    let context = RenderContext { world, accelerator: &witness, monitor };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
-    simd::dispatch(isa, TileKernel::beauty(integrator, window, &mut rows));
+    simd::dispatch(isa, TileKernel::beauty(context, window, &mut rows));
     witness.reason.into_inner().unwrap_or_default()
 }
 
@@ -181,7 +181,7 @@ impl Witness<'_> {
     /// Traces the packet on both backends and judges the rays for which they differ. The caller
     /// then traces the packet on the first backend again, which is simpler.
     fn compare(&self, active: &Mask, rays: &Rays, shadow: bool, coherence: Coherence) {
-        let packet = Recorded { active: *active, rays: rays.clone() };
+        let packet = PacketToTrace { active: *active, rays: rays.clone() };
         let case = QueryPacket { source: String::new(), shadow, coherence, packet };
         let both = self.built_backends.map(|c| case.answers(c.accelerator, coherence));
         for i in lanes(active).filter(|&i| both[0][i] != both[1][i]) {

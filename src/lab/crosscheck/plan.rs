@@ -7,14 +7,14 @@ use super::source::RaySource;
 use crate::error::Result;
 use crate::lab::query::QueryPacket;
 use crate::lab::random::Random;
-use crate::lab::rays::{Class, Recorded, record};
+use crate::lab::rays::{PacketToTrace, RayClass, record};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, LANES};
 
 /// All packets of a check, by index. Aimed packets are generated on demand.
 pub struct CheckPackets<'g> {
     /// The recorded packets of the scene.
-    recorded: Vec<(Class, Recorded)>,
+    recorded: Vec<(RayClass, PacketToTrace)>,
     aim: Option<Aim<'g>>,
     /// Number of packets for each aimed source.
     each: usize,
@@ -28,12 +28,12 @@ impl<'g> CheckPackets<'g> {
     /// `Interrupted` after a signal.
     pub fn new(check: &CrossCheck<'g>, monitor: &Monitor) -> Result<Self> {
         let CrossCheck { world, seed, .. } = *check;
-        let kinds = Class::ALL.len() + RaySource::ALL.len();
+        let kinds = RayClass::ALL.len() + RaySource::ALL.len();
         let each = (check.rays / LANES as u64 / kinds as u64).clamp(1, u32::MAX.into()) as usize;
         // The first backend finds the camera hits, from which the other rays start.
         let first = check.built_backends[0].accelerator;
         let recording = record(world, first, each, seed, monitor)?;
-        let recorded = Class::ALL
+        let recorded = RayClass::ALL
             .into_iter()
             .flat_map(|class| recording.packets(class).iter().map(move |r| (class, r.clone())))
             .collect();

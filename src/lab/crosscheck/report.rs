@@ -10,7 +10,7 @@ use crate::accel::bvh::TreeStats;
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, must_be_right};
 use crate::lab::query::QueryPacket;
-use crate::lab::rays::Recorded;
+use crate::lab::rays::PacketToTrace;
 use crate::lab::verdict::Verdict;
 use crate::ray::{Coherence, LANES, Mask, NONE, Rays};
 use crate::scene::Backend;
@@ -202,7 +202,7 @@ impl Finding {
             Coherence::Coherent => Coherence::Coherent,
             Coherence::Incoherent | Coherence::Single => Coherence::Incoherent,
         };
-        let packet = Recorded { active, rays };
+        let packet = PacketToTrace { active, rays };
         Ok(QueryPacket { source: self.source.clone(), shadow: self.shadow, coherence, packet })
     }
 
@@ -213,7 +213,7 @@ impl Finding {
 }
 
 fn saved(case: &QueryPacket) -> Vec<SavedRay> {
-    let Recorded { active, rays } = &case.packet;
+    let PacketToTrace { active, rays } = &case.packet;
     crate::accel::lane::lanes(active)
         .map(|i| SavedRay {
             lane: i,
@@ -294,9 +294,9 @@ impl CrosscheckReport {
         }
         if let Some(plain_loop) = &mut self.plain_loop {
             plain_loop.rays += part.looped;
-            plain_loop.wrong += part.unlike_loop.len() as u64;
+            plain_loop.wrong += part.loop_mismatches.len() as u64;
         }
-        for &(lane, tree, all) in &part.unlike_loop {
+        for &(lane, tree, all) in &part.loop_mismatches {
             let verdict = match (tree, all) {
                 (Answer::Miss, _) => Verdict::Leak,
                 (_, Answer::Miss) => Verdict::FalseHit,

@@ -112,7 +112,7 @@ fn every_fault_is_found_with_its_verdict() {
     let picture = &leaky.pictures[0];
     assert!(picture.wrong[1] > 10 && picture.wrong[0] == 0 && picture.unexplained == 0);
     assert!(picture.failure().is_some());
-    let t = wrong(BackendFault::HitsNothing).backends.remove(1).total.of;
+    let t = wrong(BackendFault::HitsInsteadOfMisses).backends.remove(1).total.of;
     assert!(t[&FalseHit] > 100 && t[&Leak] + t[&WrongDistance] + t[&WrongPrimitive] == 0, "{t:?}");
     let t = wrong(BackendFault::OtherPrimitive).backends.remove(1).total.of;
     assert!(t[&WrongPrimitive] > 100 && t[&Leak] + t[&FalseHit] == 0, "{t:?}");

@@ -3,7 +3,7 @@
 
 use super::choice::ColorType;
 use super::context::ReadContext;
-use super::plan::{ATTRIBUTES, AttributePlan, SCALAR};
+use super::plan::{ATTRIBUTE_ROLE_COUNT, AttributePlan, SCALAR};
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::scalar::Scalar;
 use crate::error::Result;
@@ -17,7 +17,7 @@ const ALPHA: usize = FIRST_ATTRIBUTE + 3;
 
 /// The values of one row: colour (3), alpha, scalar, index of a texture. Values that are not read
 /// are ignored.
-pub(super) type RowAttributes = [f64; ATTRIBUTES];
+pub(super) type RowAttributes = [f64; ATTRIBUTE_ROLE_COUNT];
 
 /// Arrays with one entry per vertex or per triangle. Arrays that are not read are `None`.
 #[derive(Debug, Default)]
@@ -39,10 +39,12 @@ pub(super) enum Capacity {
 }
 
 impl Capacity {
-    pub(super) fn reserve<T>(&self, all: &mut Vec<T>, job: &ReadContext) -> Result<()> {
+    pub(super) fn reserve<T>(&self, all: &mut Vec<T>, context: &ReadContext) -> Result<()> {
         match *self {
-            Self::Total(count) => reserve::exact(all, count.saturating_sub(all.len()), job.name),
-            Self::Additional(count) => reserve::growing(all, count, job.name),
+            Self::Total(count) => {
+                reserve::exact(all, count.saturating_sub(all.len()), context.name)
+            }
+            Self::Additional(count) => reserve::growing(all, count, context.name),
         }
     }
 }
@@ -102,8 +104,8 @@ impl Attributes {
         sum
     }
 
-    pub(super) fn reserve(&mut self, capacity: Capacity, job: &ReadContext) -> Result<()> {
-        each_array!(self, all => capacity.reserve(all, job)?);
+    pub(super) fn reserve(&mut self, capacity: Capacity, context: &ReadContext) -> Result<()> {
+        each_array!(self, all => capacity.reserve(all, context)?);
         Ok(())
     }
 

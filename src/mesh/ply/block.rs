@@ -41,10 +41,10 @@ pub(super) struct Span {
 
 /// The error for a file that holds only `found` of the declared rows of `element`. `have` describes
 /// the data that is there.
-pub(super) fn too_short(element: &Element, found: u64, have: &str, job: &ReadContext) -> Error {
+pub(super) fn too_short(element: &Element, found: u64, have: &str, context: &ReadContext) -> Error {
     let declared = element.rows(element.count);
     Error::invalid(
-        job.name,
+        context.name,
         format!("the header declares {declared}, but only {found} are in the file: {have}"),
     )
     .help("the file is cut short or its header is wrong: write it again")

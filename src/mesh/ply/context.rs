@@ -10,7 +10,7 @@ pub(super) struct ReadContext<'a> {
     pub(super) name: &'a str,
     pub(super) monitor: Option<&'a Monitor>,
     /// Memory limit of the arrays.
-    pub(super) room: Option<MemoryLimit>,
+    pub(super) memory_limit: Option<MemoryLimit>,
 }
 
 impl ReadContext<'_> {
@@ -22,7 +22,7 @@ impl ReadContext<'_> {
 
     /// Returns an error if arrays of `bytes` bytes exceed the memory limit.
     pub(super) fn fits(&self, bytes: u64) -> Result<()> {
-        self.room.map_or(Ok(()), |room| room.check(bytes, self.name))
+        self.memory_limit.map_or(Ok(()), |limit| limit.check(bytes, self.name))
     }
 
     /// Returns an error once a signal has requested a stop.

@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn drop_removes_exactly_the_repeated_triangles() {
-        let job = ReadContext { name: "", monitor: None, room: None };
+        let job = ReadContext { name: "", monitor: None, memory_limit: None };
         let mut seed = 1u64;
         let mut random = move |below: u32| {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -9,7 +9,7 @@ use super::check::{Checker, Tally};
 use super::context::ReadContext;
 use super::faces::Faces;
 use super::header::PropertyType;
-use super::plan::{FacePlan, ROLES, SCALAR, Step, TEXTURE};
+use super::plan::{FacePlan, ROLE_COUNT, SCALAR, Step, TEXTURE};
 use super::polygon;
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::row::{Fault, Row, RowResult};
@@ -30,16 +30,16 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords && !plan.texnumbers {
             let faces = all_triangles(table, plan, uniform, big, positions)?;
-            return table.job.check().map(|()| faces);
+            return table.context.check().map(|()| faces);
         }
     }
     let mut all = Faces { attributes: Attributes::new(&plan.attributes), ..Faces::default() };
     let read = |reader: &mut Reader| {
-        let mut part = BlockFaces::new(plan, table.job, positions);
+        let mut part = BlockFaces::new(plan, table.context, positions);
         reader.feed(&mut part)?;
         Ok(part.finish())
     };
-    table.blocks(read, |part| all.append(part, &table.job))?;
+    table.blocks(read, |part| all.append(part, &table.context))?;
     Ok(all)
 }
 
@@ -68,8 +68,8 @@ fn all_triangles<P: Point>(
         let mut attributes = Attributes::new(&plan.attributes);
         let count = faces.triangles.len();
         let bytes = plan.attributes.bytes().saturating_mul(count as u64);
-        table.job.fits(faces.bytes().saturating_add(bytes))?;
-        attributes.reserve(Capacity::Total(count), &table.job)?;
+        table.context.fits(faces.bytes().saturating_add(bytes))?;
+        attributes.reserve(Capacity::Total(count), &table.context)?;
         attributes.fill(&Records::new(table, &plan.columns, uniform, big));
         if faces.tally.degenerate + faces.tally.unusable > 0 {
             attributes.retain(|i| faces.triangles[i] != DROPPED);
@@ -95,14 +95,14 @@ fn copy<T: Native + Into<i64>, P: Point>(
     let count = table.span.rows as usize;
     let stride = uniform.stride;
     let rows = &table.data[uniform.start..uniform.start + count * stride];
-    let mut triangles = reserve::filled([0u32; 3], count, table.job.name)?;
+    let mut triangles = reserve::filled([0u32; 3], count, table.context.name)?;
     let tallies: Vec<Tally> = triangles
         .par_chunks_mut(GRAIN)
         .zip(rows.par_chunks(GRAIN * stride))
         .enumerate()
         .map(|(block, (triangles, rows))| {
             let mut checker = Checker::new(positions, "face");
-            if table.job.stopped() {
+            if table.context.stopped() {
                 return checker.tally;
             }
             let first = table.span.first + (block * GRAIN) as u64;
@@ -134,10 +134,10 @@ const SPLIT_BYTES: u64 = 4 + 24 + 24 + 16 + 12;
 
 /// Appends to a list whose length comes from the file. A lack of memory is a [`Fault`].
 #[inline]
-fn push<T>(all: &mut Vec<T>, value: T, job: ReadContext) -> RowResult<()> {
+fn push<T>(all: &mut Vec<T>, value: T, context: ReadContext) -> RowResult<()> {
     if all.len() == all.capacity() {
         let bytes = 2 * size_of_val(all.as_slice()) as u64;
-        let lack = |_| Fault::Memory(Box::new(reserve::lack(bytes, job.name)));
+        let lack = |_| Fault::Memory(Box::new(reserve::lack(bytes, context.name)));
         all.try_reserve(1).map_err(lack)?;
     }
     all.push(value);
@@ -147,7 +147,7 @@ fn push<T>(all: &mut Vec<T>, value: T, job: ReadContext) -> RowResult<()> {
 /// Reads the faces of one block of rows.
 struct BlockFaces<'a, P> {
     plan: &'a FacePlan,
-    job: ReadContext<'a>,
+    context: ReadContext<'a>,
     checker: Checker<'a, P>,
     triangles: Vec<[u32; 3]>,
     uvs: Vec<[[f32; 2]; 3]>,
@@ -157,17 +157,17 @@ struct BlockFaces<'a, P> {
     texture: Option<i64>,
     corners: Vec<Option<u32>>,
     texcoords: Vec<f32>,
-    roles: [f64; ROLES],
+    roles: [f64; ROLE_COUNT],
     points: Vec<[f64; 3]>,
     split: Vec<[u32; 3]>,
 }
 
 impl<'a, P: Point> BlockFaces<'a, P> {
-    fn new(plan: &'a FacePlan, job: ReadContext<'a>, positions: &'a [P]) -> Self {
+    fn new(plan: &'a FacePlan, context: ReadContext<'a>, positions: &'a [P]) -> Self {
         let element = if plan.strips { "tristrips" } else { "face" };
         Self {
             plan,
-            job,
+            context,
             checker: Checker::new(positions, element),
             triangles: Vec::new(),
             uvs: Vec::new(),
@@ -176,7 +176,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
             texture: None,
             corners: Vec::new(),
             texcoords: Vec::new(),
-            roles: [0.0; ROLES],
+            roles: [0.0; ROLE_COUNT],
             points: Vec::new(),
             split: Vec::new(),
         }
@@ -221,12 +221,12 @@ impl<'a, P: Point> BlockFaces<'a, P> {
             return Ok(());
         }
         let bytes = SPLIT_BYTES * count as u64;
-        let ready = self.job.fits(bytes).and_then(|()| {
-            reserve::growing(&mut self.triangles, count, self.job.name)?;
+        let ready = self.context.fits(bytes).and_then(|()| {
+            reserve::growing(&mut self.triangles, count, self.context.name)?;
             if self.plan.texcoords {
-                reserve::growing(&mut self.uvs, count, self.job.name)?;
+                reserve::growing(&mut self.uvs, count, self.context.name)?;
             }
-            reserve::probe(bytes, self.job.name)
+            reserve::probe(bytes, self.context.name)
         });
         ready.map_err(|error| Fault::Memory(Box::new(error)))
     }
@@ -305,7 +305,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
                 let [a, b] = if seen % 2 == 0 { before } else { [before[1], before[0]] };
                 self.checker.tally.faces += 1;
                 if let Some(triangle) = self.checker.triangle(row, [a, b, vertex]) {
-                    push(&mut self.triangles, triangle, self.job)?;
+                    push(&mut self.triangles, triangle, self.context)?;
                 }
             }
             before = [before[1], vertex];
@@ -336,12 +336,12 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                             0..3 => None,
                             _ => self.checker.vertex(row, value),
                         };
-                        push(&mut self.corners, corner, self.job)?;
+                        push(&mut self.corners, corner, self.context)?;
                     }
                 }
                 Step::Texcoords { count, item } => {
                     for _ in 0..values.count(count)? {
-                        push(&mut self.texcoords, values.number(item)? as f32, self.job)?;
+                        push(&mut self.texcoords, values.number(item)? as f32, self.context)?;
                     }
                 }
                 Step::Texnumber(kind, role) => {
@@ -359,7 +359,7 @@ impl<P: Point> RowConsumer for BlockFaces<'_, P> {
                 Step::Skip(shape) => values.skip_property(shape)?,
             }
         }
-        self.roles[SCALAR] = self.roles[plan.attributes.scalar_from];
+        self.roles[SCALAR] = self.roles[plan.attributes.scalar_role];
         if plan.strips { Ok(()) } else { self.face(row) }
     }
 }

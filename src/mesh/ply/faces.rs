@@ -22,12 +22,12 @@ impl Faces {
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Faces, job: &ReadContext) -> Result<()> {
-        job.fits(self.bytes().saturating_add(next.bytes()))?;
+    pub(super) fn append(&mut self, next: Faces, context: &ReadContext) -> Result<()> {
+        context.fits(self.bytes().saturating_add(next.bytes()))?;
         if self.uvs.is_some() || next.uvs.is_some() {
             let uvs = self.uvs.get_or_insert_default();
             let all = self.triangles.len() + next.triangles.len();
-            reserve::growing(uvs, all - uvs.len(), job.name)?;
+            reserve::growing(uvs, all - uvs.len(), context.name)?;
             uvs.resize(self.triangles.len(), Default::default());
             uvs.extend(next.uvs.unwrap_or_default());
             uvs.resize(self.triangles.len() + next.triangles.len(), Default::default());
@@ -36,16 +36,16 @@ impl Faces {
             // The first triangles decide which arrays exist.
             let reserved = Capacity::Total(self.triangles.capacity());
             let mut attributes = next.attributes;
-            attributes.reserve(reserved, job)?;
+            attributes.reserve(reserved, context)?;
             self.attributes = attributes;
         } else {
-            self.attributes.reserve(Capacity::Additional(next.triangles.len()), job)?;
+            self.attributes.reserve(Capacity::Additional(next.triangles.len()), context)?;
             self.attributes.append(next.attributes);
         }
         if self.triangles.is_empty() && self.triangles.capacity() < next.triangles.len() {
             self.triangles = next.triangles;
         } else {
-            reserve::growing(&mut self.triangles, next.triangles.len(), job.name)?;
+            reserve::growing(&mut self.triangles, next.triangles.len(), context.name)?;
             self.triangles.extend(next.triangles);
         }
         self.tally.add(next.tally);

@@ -25,23 +25,23 @@ pub struct ParsedFile {
 /// # Errors
 /// If no triangle or no point is left. Without `repair`, also if a triangle uses a missing or
 /// non-finite vertex, a face selects a missing texture, or a point is not finite.
-pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Result<Mesh> {
+pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) -> Result<Mesh> {
     let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
-    let duplicates = duplicates::drop(&mut faces, vertex_count, job)?;
+    let duplicates = duplicates::drop(&mut faces, vertex_count, context)?;
     let Faces { triangles, uvs, mut attributes, mut tally } = faces;
     if !options.repair {
         match &vertices.positions {
-            Positions::F32(positions) => tally.verdict(positions, job.name)?,
-            Positions::F64(positions) => tally.verdict(positions, job.name)?,
+            Positions::F32(positions) => tally.verdict(positions, context.name)?,
+            Positions::F64(positions) => tally.verdict(positions, context.name)?,
         }
-        tally.texture_verdict(header.texture_files.len(), job.name)?;
+        tally.texture_verdict(header.texture_files.len(), context.name)?;
     }
     if options.points {
-        points::check(&mut vertices, &mut tally, job, options.repair)?;
+        points::check(&mut vertices, &mut tally, context, options.repair)?;
     } else if triangles.is_empty() {
         return Err(Error::invalid(
-            job.name,
+            context.name,
             format!(
                 "no triangle is left of {} faces: {} have fewer than 3 corners, {} triangles have no \
                  area or repeat a vertex, {} use missing or non-finite vertices",
@@ -59,7 +59,7 @@ pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Res
     };
     tally.write(&mut notes);
     let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
-    duplicates::drop(&mut stitches, vertex_count, job)?;
+    duplicates::drop(&mut stitches, vertex_count, context)?;
     notes.duplicates_dropped = duplicates;
     // If all triangles have the same texture, no index per triangle is needed.
     let several = tally.textures.len() > 1;
@@ -72,8 +72,8 @@ pub fn finish(found: ParsedFile, job: &ReadContext, options: ReadOptions) -> Res
     if all_choose_one {
         notes.texture_files = 1;
     }
-    let numbers = attributes.textures.take().filter(|_| several);
-    let textures = numbers.map(|numbers| FaceTextures { files: header.texture_files, numbers });
+    let indices = attributes.textures.take().filter(|_| several);
+    let textures = indices.map(|indices| FaceTextures { files: header.texture_files, indices });
     notes.alpha_ignored = vertices.attributes.drop_plain_alpha() | attributes.drop_plain_alpha();
     let of_vertices = vertices.attributes;
     let property = plan.property.and_then(|(name, element)| {

@@ -17,14 +17,18 @@ use crate::error::{Error, Result};
 const ROWS_PER_BLOCK: u64 = 1 << 14;
 
 /// Locates the rows of every element. The second value is the number of bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<(Vec<Span>, u64)> {
+pub(super) fn locate(
+    data: &[u8],
+    header: &Header,
+    context: &ReadContext,
+) -> Result<(Vec<Span>, u64)> {
     if header.format == Format::Ascii {
-        return super::lines::locate(data, header, job);
+        return super::lines::locate(data, header, context);
     }
     let mut at = 0;
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
-        let binary = BinaryRows { data, element, big: header.format == Format::Big, job };
+        let binary = BinaryRows { data, element, big: header.format == Format::Big, context };
         let (mut span, mut end) = binary.rows(at, 0, element.count)?;
         if span.rows < element.count && !is_fixed(element) {
             // Later rows may be shorter than the first one.
@@ -40,7 +44,7 @@ pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<
                 }
                 None => format!("{left} bytes of data were left for them"),
             };
-            return Err(too_short(element, span.rows, &have, job));
+            return Err(too_short(element, span.rows, &have, context));
         }
         spans.push(span);
         at = end;
@@ -58,7 +62,7 @@ pub(super) struct BinaryRows<'a> {
     pub(super) data: &'a [u8],
     pub(super) element: &'a Element,
     pub(super) big: bool,
-    pub(super) job: &'a ReadContext<'a>,
+    pub(super) context: &'a ReadContext<'a>,
 }
 
 impl BinaryRows<'_> {
@@ -134,7 +138,7 @@ impl BinaryRows<'_> {
             }
         };
         rows.par_chunks(stride * ROWS_PER_BLOCK as usize)
-            .all(|rows| !self.job.stopped() && rows.chunks_exact(stride).all(alike))
+            .all(|rows| !self.context.stopped() && rows.chunks_exact(stride).all(alike))
     }
 
     /// Locates rows one after the other, list by list.
@@ -152,7 +156,7 @@ impl BinaryRows<'_> {
                     block.end = end;
                 }
                 _ => {
-                    self.job.check()?;
+                    self.context.check()?;
                     blocks.push(RowBlock { start: at, end, row: first + rows, rows: 1, line: 0 });
                 }
             }
@@ -173,7 +177,8 @@ impl BinaryRows<'_> {
                     match count_at(self.data, at, count, self.big) {
                         None => return Ok(None),
                         Some(length) if length < 0 => {
-                            let place = format!("{}: {} {row}", self.job.name, self.element.name);
+                            let place =
+                                format!("{}: {} {row}", self.context.name, self.element.name);
                             let message =
                                 format!("the list '{}' has {length} values", property.name);
                             return Err(Error::invalid(place, message));

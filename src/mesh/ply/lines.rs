@@ -25,22 +25,26 @@ struct Chunk {
 }
 
 /// Locates the rows of every element. The second value is the number of bytes after the last row.
-pub(super) fn locate(data: &[u8], header: &Header, job: &ReadContext) -> Result<(Vec<Span>, u64)> {
-    let mut lines = Lines::new(data, header.lines, job)?;
+pub(super) fn locate(
+    data: &[u8],
+    header: &Header,
+    context: &ReadContext,
+) -> Result<(Vec<Span>, u64)> {
+    let mut lines = Lines::new(data, header.lines, context)?;
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
         let left = lines.left;
         let span = lines.take(element, 0, element.count);
         if span.rows < element.count {
             let have = format!("{} lines of data in all", lines.all);
-            return Err(too_short(element, left, &have, job));
+            return Err(too_short(element, left, &have, context));
         }
         spans.push(span);
     }
     Ok((spans, lines.rest()))
 }
 
-fn chunks(data: &[u8], job: &ReadContext) -> Result<Vec<Chunk>> {
+fn chunks(data: &[u8], context: &ReadContext) -> Result<Vec<Chunk>> {
     let mut bounds = vec![0];
     let mut at = CHUNK;
     while at < data.len() {
@@ -51,7 +55,7 @@ fn chunks(data: &[u8], job: &ReadContext) -> Result<Vec<Chunk>> {
         at += end + 1 + CHUNK;
     }
     bounds.push(data.len());
-    let count = |pair: &[usize]| job.check().map(|()| count(data, pair[0], pair[1]));
+    let count = |pair: &[usize]| context.check().map(|()| count(data, pair[0], pair[1]));
     bounds.par_windows(2).map(count).collect()
 }
 
@@ -91,8 +95,8 @@ pub(super) struct Lines<'a> {
 
 impl<'a> Lines<'a> {
     /// Counts the lines of `data`. The file has `line` lines before it.
-    pub(super) fn new(data: &'a [u8], line: u64, job: &ReadContext) -> Result<Self> {
-        let chunks = chunks(data, job)?;
+    pub(super) fn new(data: &'a [u8], line: u64, context: &ReadContext) -> Result<Self> {
+        let chunks = chunks(data, context)?;
         let all = chunks.iter().map(|c| c.rows).sum();
         Ok(Self { data, chunks, chunk: 0, block: None, line, all, left: all })
     }

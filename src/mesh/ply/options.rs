@@ -47,7 +47,7 @@ pub struct ReadOptions<'a> {
     /// Stops the reader on request: reading then ends with `Interrupted`.
     pub monitor: Option<&'a Monitor>,
     /// Limit of the memory for the arrays of the mesh.
-    pub room: Option<MemoryLimit>,
+    pub memory_limit: Option<MemoryLimit>,
     /// The colours or the scalar property to read.
     pub color: ColorRequest<'a>,
     /// Reads the vertices as points: no faces, normals or texture coordinates.
@@ -60,8 +60,8 @@ impl Default for ReadOptions<'_> {
     fn default() -> Self {
         let color = ColorRequest::default();
         let (repair, points, textures) = (false, false, true);
-        let (monitor, room) = (None, None);
-        Self { repair, mmap: true, window: WINDOW, monitor, room, color, points, textures }
+        let (monitor, memory_limit) = (None, None);
+        Self { repair, mmap: true, window: WINDOW, monitor, memory_limit, color, points, textures }
     }
 }
 
@@ -81,9 +81,9 @@ impl<'a> ReadOptions<'a> {
         Self { window, ..self }
     }
 
-    /// Returns the options with `room` changed.
-    pub fn room(self, room: Option<MemoryLimit>) -> Self {
-        Self { room, ..self }
+    /// Returns the options with `memory_limit` changed.
+    pub fn memory_limit(self, memory_limit: Option<MemoryLimit>) -> Self {
+        Self { memory_limit, ..self }
     }
 
     /// Returns the options with `color` changed.

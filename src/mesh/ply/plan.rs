@@ -1,9 +1,9 @@
 //! Decides which properties of a header become which array, and which are skipped.
 //!
 //! A role is the meaning of one number in a row of `vertex` or `face`, such as "x" or "alpha". It
-//! is an index below [`ROLES`]. "Scalar property" has two meanings in this module. In a header, it
-//! is a property that is no list. In a role or a plan, `scalar` is the one such property that a
-//! colour map shows.
+//! is an index below [`ROLE_COUNT`]. "Scalar property" has two meanings in this module. In a
+//! header, it is a property that is no list. In a role or a plan, `scalar` is the one such property
+//! that a colour map shows.
 
 use super::choice::{Choice, ColorType, choose, has_strips, single};
 use super::header::{Element, ElementProperty, Header, PropertyType};
@@ -14,10 +14,10 @@ use crate::mesh::arrays::MeshElement;
 
 /// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinates, then the attributes. Faces
 /// use the roles of attributes only.
-pub(super) const ROLES: usize = COLOR + ATTRIBUTES;
+pub(super) const ROLE_COUNT: usize = COLOR + ATTRIBUTE_ROLE_COUNT;
 /// Number of roles of attributes: 3 colour, 1 alpha, 1 displayed scalar, 1 texture index. Vertices
 /// and faces can have all of them but the texture index, which only faces have.
-pub(super) const ATTRIBUTES: usize = 6;
+pub(super) const ATTRIBUTE_ROLE_COUNT: usize = 6;
 
 const NORMAL: usize = 3;
 const UV: usize = 6;
@@ -33,7 +33,7 @@ const UV_NAMES: [[&str; 2]; 4] =
     [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
 
 /// For each role, the index of its property within the element; `None` if the role is not read.
-pub(super) type Columns = [Option<usize>; ROLES];
+pub(super) type Columns = [Option<usize>; ROLE_COUNT];
 
 /// The attributes that are read from an element, with their types in the file. `None`: not read.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +43,7 @@ pub(super) struct AttributePlan {
     pub(super) scalar: Option<Scalar>,
     /// Role under which rows store the displayed scalar. It is below [`SCALAR`] if the same
     /// property has another role, too: a coordinate, for example.
-    pub(super) scalar_from: usize,
+    pub(super) scalar_role: usize,
     /// Number of textures that a face can select; 0 if texture indices are not stored.
     pub(super) textures: usize,
 }
@@ -51,7 +51,7 @@ pub(super) struct AttributePlan {
 impl AttributePlan {
     /// The plan that reads no attribute.
     const NOTHING: Self =
-        Self { colors: None, alpha: None, scalar: None, scalar_from: SCALAR, textures: 0 };
+        Self { colors: None, alpha: None, scalar: None, scalar_role: SCALAR, textures: 0 };
 
     /// Returns the plan for `choice` in one element, and enters the roles of its properties into
     /// `columns`.
@@ -68,7 +68,7 @@ impl AttributePlan {
         if let Some((at, kind)) = choice.scalar.filter(|_| choice.colors_of == element) {
             columns[SCALAR] = Some(at);
             plan.scalar = Some(kind);
-            plan.scalar_from = role_of(columns, at).unwrap_or(SCALAR);
+            plan.scalar_role = role_of(columns, at).unwrap_or(SCALAR);
         }
         plan
     }
@@ -215,7 +215,7 @@ fn vertex_plan(header: &Header, file: &str, choice: &Choice, points: bool) -> Re
         let message = format!("has {} vertices; the most is {}", element.count, u32::MAX);
         return Err(Error::invalid(file, message).help("split the mesh into several files"));
     }
-    let mut columns = [None; ROLES];
+    let mut columns = [None; ROLE_COUNT];
     for (role, axis) in ["x", "y", "z"].into_iter().enumerate() {
         columns[role] = Some(single(element, axis).ok_or_else(|| {
             Error::invalid(file, format!("element vertex has no scalar property '{axis}'"))
@@ -294,7 +294,7 @@ fn face_plan(
         |shape| matches!(shape, PropertyType::List { item, .. } if !item.is_integer());
     let is_texcoord_list = |p: &ElementProperty| p.name == "texcoord" && is_float_list(p.shape);
     let texcoords = !strips && element.properties.iter().any(is_texcoord_list);
-    let mut columns = [None; ROLES];
+    let mut columns = [None; ROLE_COUNT];
     // The reader of strips stores triangles only, no attributes.
     let mut attributes = match strips {
         true => AttributePlan::NOTHING,

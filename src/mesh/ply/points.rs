@@ -14,7 +14,7 @@ use crate::mesh::arrays::Positions;
 pub(super) fn check(
     vertices: &mut Vertices,
     tally: &mut Tally,
-    job: &ReadContext,
+    context: &ReadContext,
     repair: bool,
 ) -> Result<()> {
     let finite: Vec<bool> = match &vertices.positions {
@@ -25,13 +25,13 @@ pub(super) fn check(
     if bad == finite.len() {
         let count = finite.len();
         let message = format!("no point is left of {count}: {bad} are not finite");
-        return Err(Error::invalid(job.name, message));
+        return Err(Error::invalid(context.name, message));
     }
     let Some(first) = finite.iter().position(|finite| !finite) else { return Ok(()) };
     if !repair {
         let [x, y, z] = vertices.positions.get(first).to_array();
         let message = format!("({x}, {y}, {z}) is not finite; such points in all: {bad}");
-        let problem = Problem::new(format!("{}: vertex {first}", job.name), message);
+        let problem = Problem::new(format!("{}: vertex {first}", context.name), message);
         let help = format!("--repair drops the {bad}");
         return Err(Error::new(Kind::Invalid, problem).help(help));
     }

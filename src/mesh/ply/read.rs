@@ -14,17 +14,18 @@ use crate::mesh::arrays::Mesh;
 /// Reads the PLY file at `path`, plain or compressed with gzip or zstd, in the caller's rayon pool.
 pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
     let name = path.display().to_string();
-    let job = ReadContext { name: &name, monitor: options.monitor, room: options.room };
-    let MeshSource { bytes, stamp } = MeshSource::open(path, options.mmap, options.room)?;
+    let context =
+        ReadContext { name: &name, monitor: options.monitor, memory_limit: options.memory_limit };
+    let MeshSource { bytes, stamp } = MeshSource::open(path, options.mmap, options.memory_limit)?;
     let mut mesh = match bytes {
         Bytes::Mapped(map) => {
-            let mesh = whole(map.bytes(), &job, options);
+            let mesh = whole(map.bytes(), &context, options);
             map.intact(path)?;
             mesh
         }
         Bytes::Stream(Stream { bytes, length, packing }) => {
             let failed = |error: &std::io::Error| source::failed(path, packing, error);
-            stream::read(bytes, length, &failed, &job, options)
+            stream::read(bytes, length, &failed, &context, options)
         }
     }?;
     mesh.notes.stamp = stamp;
@@ -33,14 +34,16 @@ pub fn read(path: &Path, options: ReadOptions) -> Result<Mesh> {
 
 /// Reads a PLY file from memory, plain or compressed with gzip or zstd. Messages name it as `name`.
 pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh> {
-    let job = ReadContext { name, monitor: options.monitor, room: options.room };
+    let context =
+        ReadContext { name, monitor: options.monitor, memory_limit: options.memory_limit };
     match Packing::detect(bytes) {
-        None => whole(bytes, &job, options),
+        None => whole(bytes, &context, options),
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
             let length = Some(bytes.len() as u64);
-            let bytes = packing.open(bytes, length, options.room).map_err(|e| failed(&e))?;
-            stream::read_here(bytes, &failed, &job, options)
+            let bytes =
+                packing.open(bytes, length, options.memory_limit).map_err(|e| failed(&e))?;
+            stream::read_here(bytes, &failed, &context, options)
         }
     }
 }

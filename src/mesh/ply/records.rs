@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::block::Uniform;
 use super::header::PropertyType;
-use super::plan::{ATTRIBUTES, Columns, ROLES};
+use super::plan::{ATTRIBUTE_ROLE_COUNT, Columns, ROLE_COUNT};
 use super::scalar::{Native, Scalar};
 use super::table::Table;
 
@@ -17,7 +17,7 @@ pub(super) struct Records<'a> {
     stride: usize,
     big: bool,
     /// Type and offset in a row of each role. For a role that is not read they have no meaning.
-    roles: [(Scalar, usize); ROLES],
+    roles: [(Scalar, usize); ROLE_COUNT],
 }
 
 impl<'a> Records<'a> {
@@ -82,4 +82,4 @@ impl<'a> Records<'a> {
 }
 
 /// Index of the first attribute among all roles.
-pub(super) const FIRST_ATTRIBUTE: usize = ROLES - ATTRIBUTES;
+pub(super) const FIRST_ATTRIBUTE: usize = ROLE_COUNT - ATTRIBUTE_ROLE_COUNT;

@@ -42,14 +42,14 @@ pub(super) struct Stream {
 
 impl MeshSource {
     /// Opens the file at `path`. It is mapped if `map` is set, the file is not compressed, and the
-    /// system can map it. `room` limits the memory for unpacking.
-    pub(super) fn open(path: &Path, map: bool, room: Option<MemoryLimit>) -> Result<Self> {
+    /// system can map it. `memory_limit` limits the memory for unpacking.
+    pub(super) fn open(path: &Path, map: bool, memory_limit: Option<MemoryLimit>) -> Result<Self> {
         let opened = Opened::open(path)?;
         let (stamp, length) = (opened.stamp, opened.length);
         let length = length.filter(|_| map && opened.packing.is_none());
         let bytes = match length.and_then(|length| Map::new(&opened.file, length)) {
             Some(map) => Bytes::Mapped(map),
-            None => Bytes::Stream(opened.stream(path, room)?),
+            None => Bytes::Stream(opened.stream(path, memory_limit)?),
         };
         Ok(Self { bytes, stamp })
     }
@@ -133,12 +133,12 @@ impl Opened {
         Ok(Self { file, start, length, stamp: Stamp::of(&meta), packing })
     }
 
-    fn stream(self, path: &Path, room: Option<MemoryLimit>) -> Result<Stream> {
+    fn stream(self, path: &Path, memory_limit: Option<MemoryLimit>) -> Result<Stream> {
         let bytes: Chain<Cursor<Vec<u8>>, File> = Cursor::new(self.start).chain(self.file);
         Ok(match self.packing {
             None => Stream { bytes: Box::new(bytes), length: self.length, packing: None },
             Some(packing) => {
-                let bytes = packing.open(bytes, self.length, room);
+                let bytes = packing.open(bytes, self.length, memory_limit);
                 let bytes = bytes.map_err(|e| Error::io(path, "read", &e))?;
                 Stream { bytes, length: None, packing: Some(packing) }
             }

@@ -46,7 +46,7 @@ pub(super) fn read(
     mut bytes: Box<dyn Read + Send>,
     length: Option<u64>,
     failed: Failed,
-    job: &ReadContext,
+    context: &ReadContext,
     options: ReadOptions,
 ) -> Result<Mesh> {
     let (sender, chunks) = sync_channel(AHEAD);
@@ -54,17 +54,17 @@ pub(super) fn read(
     // The thread ends when the receiver is dropped. It is not joined: a pipe may block forever.
     let thread = std::thread::Builder::new().name("ply".into());
     thread.spawn(move || pump(&mut bytes, size, &sender)).map_err(|error| failed(&error))?;
-    Window::new(Chunks::Ahead(chunks), options, failed).mesh(length, job, options)
+    Window::new(Chunks::Ahead(chunks), options, failed).mesh(length, context, options)
 }
 
 /// Reads a mesh from compressed data in memory, without a second thread.
 pub(super) fn read_here<'a>(
     bytes: Box<dyn Read + Send + 'a>,
     failed: Failed<'a>,
-    job: &ReadContext,
+    context: &ReadContext,
     options: ReadOptions,
 ) -> Result<Mesh> {
-    Window::new(Chunks::Here(bytes), options, failed).mesh(None, job, options)
+    Window::new(Chunks::Here(bytes), options, failed).mesh(None, context, options)
 }
 
 type Chunk = std::io::Result<Vec<u8>>;
@@ -95,13 +95,13 @@ enum Chunks<'a> {
 }
 
 impl Chunks<'_> {
-    fn next(&mut self, size: usize, job: &ReadContext) -> Result<Chunk> {
+    fn next(&mut self, size: usize, context: &ReadContext) -> Result<Chunk> {
         let receiver = match self {
             Self::Ahead(receiver) => receiver,
-            Self::Here(bytes) => return job.check().map(|()| chunk(bytes, size)),
+            Self::Here(bytes) => return context.check().map(|()| chunk(bytes, size)),
         };
         loop {
-            job.check()?;
+            context.check()?;
             match receiver.recv_timeout(POLL_INTERVAL) {
                 Ok(chunk) => return Ok(chunk),
                 Err(RecvTimeoutError::Timeout) => {}
@@ -142,20 +142,20 @@ impl<'a> Window<'a> {
     }
 
     /// Reads until the window holds at least `bytes` unconsumed bytes, or the file ends.
-    fn fill(&mut self, bytes: usize, job: &ReadContext) -> Result<()> {
+    fn fill(&mut self, bytes: usize, context: &ReadContext) -> Result<()> {
         if !self.ended && self.data().len() < bytes {
             self.bytes.drain(..self.at);
             self.at = 0;
         }
         while !self.ended && self.data().len() < bytes {
-            let chunk = self.chunks.next(self.size.min(CHUNK), job)?;
+            let chunk = self.chunks.next(self.size.min(CHUNK), context)?;
             let chunk = chunk.map_err(|error| (self.failed)(&error))?;
             self.ended = chunk.is_empty();
             if self.bytes.is_empty() {
                 self.bytes = chunk;
             } else {
-                job.fits((self.bytes.len() + chunk.len()) as u64)?;
-                reserve::growing(&mut self.bytes, chunk.len(), job.name)?;
+                context.fits((self.bytes.len() + chunk.len()) as u64)?;
+                reserve::growing(&mut self.bytes, chunk.len(), context.name)?;
                 self.bytes.extend_from_slice(&chunk);
             }
         }
@@ -166,56 +166,58 @@ impl<'a> Window<'a> {
     fn mesh(
         mut self,
         length: Option<u64>,
-        job: &ReadContext,
+        context: &ReadContext,
         options: ReadOptions,
     ) -> Result<Mesh> {
-        self.fill(1, job)?;
+        self.fill(1, context)?;
         while !header::is_complete(self.data()) && !self.ended && self.data().len() <= MAX_HEADER {
-            self.fill(2 * self.data().len(), job)?;
+            self.fill(2 * self.data().len(), context)?;
         }
-        let header = header::parse(self.data(), job.name)?;
-        let plan = plan::plan(&header, job.name, &options)?;
+        let header = header::parse(self.data(), context.name)?;
+        let plan = plan::plan(&header, context.name, &options)?;
         if plan.faces.iter().any(|face| face.element < plan.vertex.element) {
             // Faces can only be checked after the vertices are read.
-            self.fill(usize::MAX, job)?;
-            return whole(self.data(), job, options);
+            self.fill(usize::MAX, context)?;
+            return whole(self.data(), context, options);
         }
         self.take(header.data_start);
-        let mut partial =
-            PartialMesh { vertices: empty_vertices(&header, &plan, job)?, faces: Faces::default() };
+        let mut partial = PartialMesh {
+            vertices: empty_vertices(&header, &plan, context)?,
+            faces: Faces::default(),
+        };
         let mut line = header.lines;
         for (index, element) in header.elements.iter().enumerate() {
             let mut row = 0;
             let mut need = self.size;
             while row < element.count {
-                self.fill(need, job)?;
+                self.fill(need, context)?;
                 let data = self.data();
                 let (span, end) =
-                    next_rows(data, self.ended, &header, element, row, &mut line, job)?;
+                    next_rows(data, self.ended, &header, element, row, &mut line, context)?;
                 let rows = span.rows;
                 let big = header.format.is_big();
-                let table = Table { data, big, span: &span, element, job: *job };
+                let table = Table { data, big, span: &span, element, context: *context };
                 partial.read(&table, index, &plan, &header, length)?;
                 row += rows;
                 self.take(end);
                 if rows == 0 && row < element.count {
                     if self.ended {
                         let have = format!("the data ends after {} bytes", self.taken);
-                        return Err(too_short(element, row, &have, job));
+                        return Err(too_short(element, row, &have, context));
                     }
                     // The row is longer than the window.
                     need = 2 * self.data().len().max(self.size);
                 }
             }
         }
-        let trailing_bytes = self.trailing(header.format, job)?;
+        let trailing_bytes = self.trailing(header.format, context)?;
         let PartialMesh { vertices, faces } = partial;
-        finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, job, options)
+        finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, context, options)
     }
 
     /// Consumes the rest of the file. Returns the number of bytes after the last row. In text,
     /// white space directly after the last row does not count.
-    fn trailing(&mut self, format: Format, job: &ReadContext) -> Result<u64> {
+    fn trailing(&mut self, format: Format, context: &ReadContext) -> Result<u64> {
         let mut trailing = 0u64;
         loop {
             let data = self.data();
@@ -228,7 +230,7 @@ impl<'a> Window<'a> {
             if self.ended {
                 return Ok(trailing);
             }
-            self.fill(1, job)?;
+            self.fill(1, context)?;
         }
     }
 }
@@ -243,18 +245,18 @@ fn next_rows(
     element: &Element,
     row: u64,
     line: &mut u64,
-    job: &ReadContext,
+    context: &ReadContext,
 ) -> Result<(Span, usize)> {
     let wanted = element.count - row;
     if header.format != Format::Ascii {
         let big = header.format == Format::Big;
-        return BinaryRows { data, element, big, job }.rows(0, row, wanted);
+        return BinaryRows { data, element, big, context }.rows(0, row, wanted);
     }
     let whole_lines = match ended {
         true => data.len(),
         false => data.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1),
     };
-    let mut lines = Lines::new(&data[..whole_lines], *line, job)?;
+    let mut lines = Lines::new(&data[..whole_lines], *line, context)?;
     let span = lines.take(element, row, wanted);
     let (end, after) = lines.position();
     *line = after;
@@ -279,10 +281,10 @@ impl PartialMesh {
         length: Option<u64>,
     ) -> Result<()> {
         if index == plan.vertex.element {
-            let job = &table.job;
+            let context = &table.context;
             let count = plausible_rows(table.element, length);
-            self.vertices.reserve(count, &plan.vertex, job)?;
-            self.vertices.append(vertex::read(table, &plan.vertex)?, job)?;
+            self.vertices.reserve(count, &plan.vertex, context)?;
+            self.vertices.append(vertex::read(table, &plan.vertex)?, context)?;
         } else if let Some(part) = plan.faces.iter().find(|face| face.element == index) {
             let next = match &self.vertices.positions {
                 Positions::F32(positions) => face::read(table, part, positions)?,
@@ -293,10 +295,10 @@ impl PartialMesh {
                 // rows fit.
                 let length = length.map(|length| length / 2);
                 let count = plausible_rows(table.element, length);
-                reserve::exact(&mut self.faces.triangles, count, table.job.name)?;
+                reserve::exact(&mut self.faces.triangles, count, table.context.name)?;
             }
-            self.faces.append(next, &table.job)?;
-            table.job.fits(self.vertices.bytes().saturating_add(self.faces.bytes()))?;
+            self.faces.append(next, &table.context)?;
+            table.context.fits(self.vertices.bytes().saturating_add(self.faces.bytes()))?;
         } else if header.format == Format::Ascii {
             table.blocks(|reader| reader.feed(&mut UnusedElement(table.element)), Ok)?;
         }
@@ -313,9 +315,9 @@ fn plausible_rows(element: &Element, length: Option<u64>) -> usize {
 }
 
 /// Returns the arrays that the plan selects, without a vertex.
-fn empty_vertices(header: &Header, plan: &MeshPlan, job: &ReadContext) -> Result<Vertices> {
+fn empty_vertices(header: &Header, plan: &MeshPlan, context: &ReadContext) -> Result<Vertices> {
     let element = &header.elements[plan.vertex.element];
     let big = header.format.is_big();
-    let table = Table { data: &[], big, span: &Span::default(), element, job: *job };
+    let table = Table { data: &[], big, span: &Span::default(), element, context: *context };
     vertex::read(&table, &plan.vertex)
 }

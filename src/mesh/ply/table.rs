@@ -20,7 +20,7 @@ pub(super) struct Table<'a> {
     pub(super) big: Option<bool>,
     pub(super) span: &'a Span,
     pub(super) element: &'a Element,
-    pub(super) job: ReadContext<'a>,
+    pub(super) context: ReadContext<'a>,
 }
 
 impl Table<'_> {
@@ -33,7 +33,7 @@ impl Table<'_> {
     ) -> Result<()> {
         let batch = MIN_BATCH.max(8 * rayon::current_num_threads());
         for blocks in self.span.blocks.chunks(batch) {
-            self.job.check()?;
+            self.context.check()?;
             let read = |block| read(&mut Reader { table: self, block });
             let results: Vec<Result<T>> = blocks.par_iter().map(read).collect();
             for result in results {
@@ -45,11 +45,11 @@ impl Table<'_> {
 
     /// Makes the error for a fault in row `row`.
     pub(super) fn fault(&self, row: u64, line: Option<u64>, fault: Fault) -> Error {
-        let (name, element) = (self.job.name, &self.element.name);
+        let (name, element) = (self.context.name, &self.element.name);
         match (fault, line) {
             (Fault::Short { at_end: true }, _) => {
                 let have = "its last line is incomplete";
-                too_short(self.element, row, have, &self.job)
+                too_short(self.element, row, have, &self.context)
             }
             (Fault::Memory(error), _) => *error,
             (fault, Some(line)) => {

@@ -42,7 +42,7 @@ impl Packing {
     }
 
     /// Returns a reader of the unpacked bytes of `packed`, which has `length` bytes if that is
-    /// known. The window of a zstd decoder takes at most `room`.
+    /// known. The window of a zstd decoder takes at most `memory_limit`.
     ///
     /// # Errors
     /// If there is no memory for the decoder.
@@ -50,7 +50,7 @@ impl Packing {
         self,
         packed: impl Read + Send + 'a,
         length: Option<u64>,
-        room: Option<MemoryLimit>,
+        memory_limit: Option<MemoryLimit>,
     ) -> Result<Box<dyn Read + Send + 'a>> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         Ok(match self {
@@ -62,8 +62,8 @@ impl Packing {
                 let double = length.unwrap_or(0).saturating_mul(2).max(1).ilog2();
                 let max_log = double.clamp(WINDOW_LOG, MAX_WINDOW_LOG);
                 // The window is held in addition to the arrays.
-                let room = room.map_or(max_log, |room| room.bytes.max(1).ilog2());
-                frames.window_log_max(max_log.min(room).max(MIN_WINDOW_LOG))?;
+                let log_limit = memory_limit.map_or(max_log, |limit| limit.bytes.max(1).ilog2());
+                frames.window_log_max(max_log.min(log_limit).max(MIN_WINDOW_LOG))?;
                 Box::new(Frames(frames))
             }
         })

@@ -5,7 +5,7 @@ use super::attributes::{Attributes, Capacity, RowAttributes};
 use super::block::Uniform;
 use super::context::ReadContext;
 use super::header::PropertyType;
-use super::plan::{ROLES, SCALAR, Step, VertexPlan};
+use super::plan::{ROLE_COUNT, SCALAR, Step, VertexPlan};
 use super::records::{FIRST_ATTRIBUTE, Records};
 use super::row::{Row, RowResult};
 use super::scalar::Scalar;
@@ -50,37 +50,37 @@ impl Vertices {
         &mut self,
         count: usize,
         plan: &VertexPlan,
-        job: &ReadContext,
+        context: &ReadContext,
     ) -> Result<()> {
         let each = self.each() + plan.attributes.bytes();
-        job.fits(each.saturating_mul(count as u64))?;
+        context.fits(each.saturating_mul(count as u64))?;
         let spare = count.saturating_add(SPARE);
-        self.reserve_all(Capacity::Total(spare), job)
+        self.reserve_all(Capacity::Total(spare), context)
     }
 
     /// Reserves memory in every array.
-    fn reserve_all(&mut self, capacity: Capacity, job: &ReadContext) -> Result<()> {
+    fn reserve_all(&mut self, capacity: Capacity, context: &ReadContext) -> Result<()> {
         match &mut self.positions {
-            Positions::F32(all) => capacity.reserve(all, job)?,
-            Positions::F64(all) => capacity.reserve(all, job)?,
+            Positions::F32(all) => capacity.reserve(all, context)?,
+            Positions::F64(all) => capacity.reserve(all, context)?,
         }
         if let Some(all) = &mut self.normals {
-            capacity.reserve(all, job)?;
+            capacity.reserve(all, context)?;
         }
         if let Some(all) = &mut self.uvs {
-            capacity.reserve(all, job)?;
+            capacity.reserve(all, context)?;
         }
-        self.attributes.reserve(capacity, job)
+        self.attributes.reserve(capacity, context)
     }
 
     /// Appends the next vertices of the file, which were read with the same plan.
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Vertices, job: &ReadContext) -> Result<()> {
+    pub(super) fn append(&mut self, next: Vertices, context: &ReadContext) -> Result<()> {
         let count = next.positions.len();
-        job.fits(self.bytes().saturating_add(next.bytes()))?;
-        self.reserve_all(Capacity::Additional(count), job)?;
+        context.fits(self.bytes().saturating_add(next.bytes()))?;
+        self.reserve_all(Capacity::Additional(count), context)?;
         match (&mut self.positions, next.positions) {
             (Positions::F32(all), Positions::F32(next)) => all.extend(next),
             (Positions::F64(all), Positions::F64(next)) => all.extend(next),
@@ -119,7 +119,7 @@ pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     match (&table.span.uniform, table.big) {
         (Some(uniform), Some(big)) => {
             let vertices = in_bulk(table, plan, uniform, big)?;
-            table.job.check().map(|()| vertices)
+            table.context.check().map(|()| vertices)
         }
         _ => row_by_row(table, plan),
     }
@@ -128,7 +128,7 @@ pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
 fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Result<Vertices> {
     let records = Records::new(table, &plan.columns, uniform, big);
     let mut all = empty(plan);
-    all.reserve(table.span.rows as usize, plan, &table.job)?;
+    all.reserve(table.span.rows as usize, plan, &table.context)?;
     match &mut all.positions {
         Positions::F64(all) => records.columns(all, 0, Scalar::F64, |v| v),
         Positions::F32(all) => records.columns(all, 0, Scalar::F32, |v| v as f32),
@@ -158,7 +158,7 @@ fn empty(plan: &VertexPlan) -> Vertices {
 
 fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     let mut all = empty(plan);
-    all.reserve(table.span.rows as usize, plan, &table.job)?;
+    all.reserve(table.span.rows as usize, plan, &table.context)?;
     let read = |reader: &mut Reader| {
         let (points, others, attributes) = (Vec::new(), Vec::new(), Vec::new());
         let mut part = BlockVertices { plan, points, others, attributes };
@@ -211,7 +211,7 @@ struct BlockVertices<'a> {
 
 impl RowConsumer for BlockVertices<'_> {
     fn take<R: Row>(&mut self, values: &mut R, _: u64) -> RowResult<()> {
-        let mut roles = [0.0; ROLES];
+        let mut roles = [0.0; ROLE_COUNT];
         for step in &self.plan.steps {
             match *step {
                 Step::Value(kind, role) => roles[role] = values.number(kind)?,
@@ -227,7 +227,7 @@ impl RowConsumer for BlockVertices<'_> {
             self.others.push(std::array::from_fn(|i| roles[3 + i] as f32));
         }
         if self.attributes.capacity() > 0 {
-            roles[SCALAR] = roles[self.plan.attributes.scalar_from];
+            roles[SCALAR] = roles[self.plan.attributes.scalar_role];
             self.attributes.push(std::array::from_fn(|i| roles[FIRST_ATTRIBUTE + i]));
         }
         Ok(())

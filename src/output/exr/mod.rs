@@ -182,7 +182,7 @@ impl Blocks<'_> {
         let blocks: Vec<(usize, BlockIndex)> =
             exr::block::enumerate_ordered_header_block_indices(self.headers).collect();
         let isa = Isa::detect();
-        ordered::make(
+        ordered::produce_in_order(
             blocks.len(),
             Zip::new,
             |zip, number| self.chunk(zip, isa, &blocks[number].1),

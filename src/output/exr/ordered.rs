@@ -45,7 +45,7 @@ impl<T, W, E> Drop for Guard<'_, T, W, E> {
 ///
 /// # Errors
 /// The first error in time, which need not be that of the first item. No item is taken after it.
-pub fn make<R, T: Send, E: Send>(
+pub fn produce_in_order<R, T: Send, E: Send>(
     count: usize,
     scratch: impl Fn() -> R + Sync,
     make: impl Fn(&mut R, usize) -> Result<T, E> + Sync,
@@ -119,7 +119,7 @@ mod tests {
                 }
                 if number == wrong { Err(number) } else { Ok(number * number) }
             };
-            make(
+            produce_in_order(
                 count,
                 || 0,
                 one,
@@ -151,7 +151,7 @@ mod tests {
                 0 => panic!("a bug"),
                 _ => Ok::<_, ()>(number),
             };
-            pool.install(|| make(1000, || (), one, |_, _| Ok(())))
+            pool.install(|| produce_in_order(1000, || (), one, |_, _| Ok(())))
         };
         assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err());
     }

@@ -162,14 +162,14 @@ fn distortion(written: &description::Distortion) -> Distortion {
     match *written {
         description::Distortion::BrownConrady(d) => Distortion {
             model: Model::BrownConrady,
-            above: [d.k1, d.k2, d.k3, 0.0],
-            below: [d.k4, d.k5, d.k6],
+            numerator: [d.k1, d.k2, d.k3, 0.0],
+            denominator: [d.k4, d.k5, d.k6],
             tangential: [d.p1, d.p2],
         },
         description::Distortion::Fisheye(d) => Distortion {
             model: Model::Fisheye,
-            above: [d.k1, d.k2, d.k3, d.k4],
-            below: [0.0; 3],
+            numerator: [d.k1, d.k2, d.k3, d.k4],
+            denominator: [0.0; 3],
             tangential: [0.0; 2],
         },
     }

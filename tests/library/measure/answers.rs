@@ -3,7 +3,7 @@
 use crate::support::backends::{self, on_both};
 use lightpath::accel::{Accelerator, BuildInfo};
 use lightpath::lab::agreement::compare;
-use lightpath::lab::rays::{Class, Recording, record};
+use lightpath::lab::rays::{RayClass, Recording, record};
 use lightpath::lab::replay::{Mode, Replay};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, Mask, NONE, RayPacket, Rays};
@@ -72,7 +72,12 @@ impl Accelerator for Faulty<'_> {
 }
 
 /// Returns how many rays of lane 3 hit and how many miss.
-fn in_lane_3(recording: &Recording, class: Class, mode: Mode, right: &dyn Accelerator) -> [u64; 2] {
+fn in_lane_3(
+    recording: &Recording,
+    class: RayClass,
+    mode: Mode,
+    right: &dyn Accelerator,
+) -> [u64; 2] {
     let replay = Replay { class, mode, packets: recording.packets(class) };
     let answers = replay.answers(right);
     let rays = replay.packets.iter().zip(answers).filter(|(p, _)| p.active.0[3] != 0);
@@ -87,7 +92,7 @@ on_both! {
         let world = world();
         let right = backends::build(&world.geometry, backend);
         let recording = record(&world, &*right, usize::MAX >> 8, 1, &Monitor::default()).unwrap();
-        for class in Class::ALL {
+        for class in RayClass::ALL {
             for mode in Mode::ALL {
                 let replay = Replay { class, mode, packets: recording.packets(class) };
                 let rays = recording.count(class);

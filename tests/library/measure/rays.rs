@@ -2,7 +2,7 @@
 
 use crate::support::backends::{self, on_both};
 use lightpath::film::{Film, Window};
-use lightpath::lab::rays::{Class, Recorded, Recording, record};
+use lightpath::lab::rays::{PacketToTrace, RayClass, Recording, record};
 use lightpath::monitor::Monitor;
 use lightpath::ray::LANES;
 use lightpath::render::render;
@@ -35,7 +35,7 @@ fn recorded(backend: Backend, world: &World, packets: usize, seed: i64) -> Recor
     record(world, &*accelerator, packets, seed, &Monitor::default()).unwrap()
 }
 
-fn bits(packets: &[Recorded]) -> Vec<[u32; 8]> {
+fn bits(packets: &[PacketToTrace]) -> Vec<[u32; 8]> {
     let lanes = packets.iter().flat_map(|p| (0..LANES).map(move |i| (p, i)));
     lanes
         .filter(|(p, i)| p.active.0[*i] != 0)
@@ -51,20 +51,20 @@ on_both! {
     fn a_scene_with_everything_has_rays_of_every_class_and_all_are_possible(backend: Backend) {
         let world = world(100, 70, 1, &format!("{POINT}, {AREA}"));
         let rays = recorded(backend, &world, usize::MAX >> 8, 1);
-        for class in Class::ALL {
+        for class in RayClass::ALL {
             assert!(rays.count(class) > 0, "{}", class.name());
             for packet in rays.packets(class) {
                 assert_eq!(packet.rays.possible(&packet.active), packet.active, "{}", class.name());
                 assert!(packet.active.any());
             }
         }
-        assert_eq!(rays.count(Class::Primary), 100 * 70);
+        assert_eq!(rays.count(RayClass::Primary), 100 * 70);
     }
 }
 
 on_both! {
     fn the_whole_frame_is_what_the_renderer_traces(backend: Backend) {
-        for (lights, of) in [(POINT, Class::ShadowPoint), (AREA, Class::ShadowArea)] {
+        for (lights, of) in [(POINT, RayClass::ShadowPoint), (AREA, RayClass::ShadowArea)] {
             for spp in [1, 5] {
                 let world = World { nbounces: 0, ..world(50, 40, spp, lights) };
                 let rays = recorded(backend, &world, usize::MAX >> 8, 1);
@@ -72,11 +72,11 @@ on_both! {
                 let accelerator = backends::build(&world.geometry, backend);
                 let monitor = Monitor::default();
                 let counts = render(&world, &*accelerator, Isa::detect(), &mut film, &monitor).unwrap();
-                assert_eq!(rays.count(Class::Primary), counts.primary);
+                assert_eq!(rays.count(RayClass::Primary), counts.primary);
                 assert_eq!(rays.count(of), counts.shadow);
-                let shadow = [Class::ShadowPoint, Class::ShadowArea].map(|c| rays.count(c));
+                let shadow = [RayClass::ShadowPoint, RayClass::ShadowArea].map(|c| rays.count(c));
                 assert_eq!(shadow.iter().sum::<u64>(), counts.shadow);
-                assert_eq!(rays.count(Class::Mirror), 0);
+                assert_eq!(rays.count(RayClass::Mirror), 0);
             }
         }
     }
@@ -87,15 +87,15 @@ on_both! {
         let world = world(320, 256, 1, &format!("{POINT}, {AREA}"));
         for packets in [1, 7, 80, 100, 1000] {
             let rays = recorded(backend, &world, packets, 1);
-            for class in Class::ALL {
+            for class in RayClass::ALL {
                 assert!(rays.packets(class).len() <= packets, "{} {packets}", class.name());
             }
-            let primary = rays.packets(Class::Primary);
+            let primary = rays.packets(RayClass::Primary);
             assert!(2 * primary.len() > packets, "{} of {packets}", primary.len());
             if packets >= 80 {
                 // Directions reach into all four corners of the picture.
                 for (right, up) in [(true, true), (true, false), (false, true), (false, false)] {
-                    let corner = |p: &Recorded| {
+                    let corner = |p: &PacketToTrace| {
                         let (x, y) = (p.rays.dir[0][0], p.rays.dir[1][0]);
                         (x > 0.25) == right && x.abs() > 0.25 && (y > 0.0) == up
                     };
@@ -110,9 +110,10 @@ on_both! {
     fn only_diffuse_rays_depend_on_the_seed_and_the_same_seed_gives_the_same(backend: Backend) {
         let world = world(64, 64, 1, &format!("{POINT}, {AREA}"));
         let [a, b, c] = [1, 1, 2].map(|seed| recorded(backend, &world, 64, seed));
-        for class in Class::ALL {
+        for class in RayClass::ALL {
             assert_eq!(bits(a.packets(class)), bits(b.packets(class)), "{}", class.name());
-            assert_eq!(bits(a.packets(class)) == bits(c.packets(class)), class != Class::Diffuse);
+            let same = bits(a.packets(class)) == bits(c.packets(class));
+            assert_eq!(same, class != RayClass::Diffuse);
         }
     }
 }
@@ -123,7 +124,7 @@ on_both! {
         let rays = recorded(backend, &world, usize::MAX >> 8, 3);
         // Rays that leave the ground, whose normal is y: their mean cosine is 2/3.
         let (mut sum, mut n) = (0.0, 0.0f64);
-        for packet in rays.packets(Class::Diffuse) {
+        for packet in rays.packets(RayClass::Diffuse) {
             for i in (0..LANES).filter(|&i| packet.active.0[i] != 0 && packet.rays.leaving[i] == 0) {
                 assert!(packet.rays.dir[1][i] >= 0.0);
                 sum += f64::from(packet.rays.dir[1][i]);

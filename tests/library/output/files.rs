@@ -8,7 +8,7 @@ use lightpath::{
     film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window},
     monitor::Monitor,
     output::{
-        Outputs, ValueCounts, ValueLocation, WriteOptions, atomic::Part, exr, exr_read, png,
+        Outputs, ValueCounts, ValueLocation, WriteOptions, atomic::PartFile, exr, exr_read, png,
         tonemap::Depth,
     },
     scene::{ToneOperator, Tonemap},
@@ -379,11 +379,11 @@ fn an_old_file_stays_until_the_new_one_is_complete() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("a.json");
     fs::write(&target, "old").unwrap();
-    let dropped = Part::create(&target).unwrap();
+    let dropped = PartFile::create(&target).unwrap();
     drop(dropped);
     assert_eq!(fs::read_to_string(&target).unwrap(), "old");
     assert_eq!(names_in(folder.path()), ["a.json"]);
-    Part::create(&target).unwrap().finish("new").unwrap();
+    PartFile::create(&target).unwrap().finish("new").unwrap();
     assert_eq!(fs::read_to_string(&target).unwrap(), "new");
 }
 
@@ -394,7 +394,7 @@ fn permissions_are_what_umask_gives() {
     let folder = tempfile::tempdir().unwrap();
     let [plain, ours] = ["plain", "ours"].map(|name| folder.path().join(name));
     fs::write(&plain, "").unwrap();
-    Part::create(&ours).unwrap().finish("").unwrap();
+    PartFile::create(&ours).unwrap().finish("").unwrap();
     let mode = |path| fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&plain));
 }
@@ -410,7 +410,7 @@ fn bad_targets_are_named_before_any_work() {
         (folder.path().to_owned(), "it is a folder"),
     ];
     for (target, expected) in cases {
-        let error = Part::create(&target).unwrap_err();
+        let error = PartFile::create(&target).unwrap_err();
         assert_eq!(error.kind, Kind::Invalid, "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
@@ -419,8 +419,8 @@ fn bad_targets_are_named_before_any_work() {
 #[cfg(target_os = "linux")]
 #[test]
 fn special_files() {
-    let error = Part::create(Path::new("/proc/x.exr")).unwrap_err();
+    let error = PartFile::create(Path::new("/proc/x.exr")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
-    let error = Part::create(Path::new("/dev/null")).unwrap_err();
+    let error = PartFile::create(Path::new("/dev/null")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
 }

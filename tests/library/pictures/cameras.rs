@@ -215,7 +215,7 @@ fn rendered(
     let plan = LayerPlan::new(&scene);
     let [width, height] = world.frame;
     let window = window.unwrap_or(Window::full(width, height));
-    let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
+    let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
     let mut film = blank.unwrap().film();
     let isa = Isa::detect();
     render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
@@ -235,8 +235,8 @@ fn rays_go_through_the_points_that_project_to_them() {
                 let at = |step: f64| (f64::from(i) * step).fract();
                 // Without the poles and the seam of a panorama.
                 let raster = [0.3 + at(0.754_877_666) * 95.4, 0.3 + at(0.569_840_291) * 71.4];
-                let (origin, direction) = match camera.curved() {
-                    Some(curved) => curved.exact_ray(raster),
+                let (origin, direction) = match camera.general_projection() {
+                    Some(projection) => projection.exact_ray(raster),
                     None => {
                         let (o, d) = camera.pinhole_ray(raster[0] as f32, raster[1] as f32);
                         (o.as_dvec3(), d.as_dvec3())
@@ -249,7 +249,7 @@ fn rays_go_through_the_points_that_project_to_them() {
                 worst = worst.max(error);
             }
             // A pinhole's ray is rounded to f32, and so is the position here.
-            let most = if camera.curved().is_some() { 1e-9 } else { 5e-5 };
+            let most = if camera.general_projection().is_some() { 1e-9 } else { 5e-5 };
             assert!(worst <= most, "{}: {worst:e}", lens.name);
         }
     }

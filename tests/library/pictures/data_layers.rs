@@ -42,7 +42,7 @@ on_both! {
             let accelerator = backends::build(&world.geometry, backend);
             let plan = LayerPlan::new(&scene);
             let window = Window::full(60, 40);
-            let blank = ReservedFilm::new([60, 40], window, plan.recipe.channels.clone());
+            let blank = ReservedFilm::new([60, 40], window, plan.layout.channels.clone());
             let (mut film, isa) = (blank.unwrap().film(), Isa::detect());
             render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
             let value = |name: &str, pixel: usize| {

@@ -85,7 +85,7 @@ fn with_overscan(
         let plan = LayerPlan::new(&scene);
         let [width, height] = world.frame;
         let window = window.unwrap_or(Window::full(width, height));
-        let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
+        let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
         let mut film = blank.unwrap().film();
         render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
         Rendered { film, plan }
@@ -122,7 +122,7 @@ impl Rendered {
     }
 
     fn groups(&self) -> Vec<String> {
-        let names = self.plan.recipe.channels.iter().filter_map(|c| c.name.strip_suffix(".R"));
+        let names = self.plan.layout.channels.iter().filter_map(|c| c.name.strip_suffix(".R"));
         names.filter(|name| name.starts_with("light_")).map(String::from).collect()
     }
 }
@@ -194,7 +194,7 @@ on_both! {
             );
             let window = Window { x0: 13, y0: 7, x1: 47, y1: 35 };
             let crop = rendered(&scene, Some(window), 2, Isa::detect());
-            let stride = full.plan.recipe.channels.len();
+            let stride = full.plan.layout.channels.len();
             for y in 0..window.height() as usize {
                 let width = window.width() as usize * stride;
                 let from = ((y + 7) * 60 + 13) * stride;
@@ -214,7 +214,7 @@ on_both! {
             // 60 x 40 and 9 more pixels on every side, with an overscan of whole tiles.
             let window = Window { x0: 32 - 9, y0: 32 - 9, x1: 32 + 60 + 9, y1: 32 + 40 + 9 };
             let wide = with_overscan(&scene, 32, Some(window), 2, Isa::detect());
-            let stride = full.plan.recipe.channels.len();
+            let stride = full.plan.layout.channels.len();
             for y in 0..40 {
                 let (from, to) = (y * 60, (y + 9) * 78 + 9);
                 assert_eq!(wide.film.pixels[to..to + 60], full.film.pixels[from..from + 60]);

@@ -41,7 +41,7 @@ impl Picture {
         let plan = LayerPlan::new(&scene);
         let [width, height] = world.frame;
         let window = Window::full(width, height);
-        let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
+        let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
         let (mut film, isa) = (blank.unwrap().film(), Isa::detect());
         let counts =
             render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();

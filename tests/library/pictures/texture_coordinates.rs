@@ -56,7 +56,7 @@ fn render(world: &World, plan: &LayerPlan, backend: Backend) -> Film {
     let (monitor, isa) = (Monitor::default(), Isa::detect());
     let accelerator = backends::build(&world.geometry, backend);
     let window = Window::full(WIDTH, HEIGHT);
-    let blank = ReservedFilm::new(world.frame, window, plan.recipe.channels.clone());
+    let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
     let mut film = blank.unwrap().film();
     render::render_layers(world, &*accelerator, isa, &mut film, plan, &monitor).unwrap();
     film

@@ -164,7 +164,7 @@ fn the_texture_of_most_triangles_is_used() {
         assert_eq!(mesh.textures.is_some(), numbers.iter().any(|&number| number != numbers[0]));
         if let Some(found) = mesh.textures {
             assert_eq!(found.files, ["a.png", "b.png"]);
-            assert_eq!(found.numbers, numbers.map(|n| if n < 0.0 { u16::MAX } else { n as u16 }));
+            assert_eq!(found.indices, numbers.map(|n| if n < 0.0 { u16::MAX } else { n as u16 }));
         }
         assert!(mesh.notes.used.contains(&"face.texnumber".to_string()));
     }
@@ -184,7 +184,7 @@ fn the_texture_of_most_triangles_is_used() {
             assert!(error.exit_code() == 2 && error.to_string().contains(message), "{error}");
             let options = ReadOptions::default();
             let repaired = read_ply_bytes(&bytes, "t.ply", options.repair(true)).unwrap();
-            let found = repaired.textures.expect("several textures").numbers;
+            let found = repaired.textures.expect("several textures").indices;
             assert!(found.contains(&u16::MAX) && found.len() == 3);
             // Without the file's textures, the numbers are not needed.
             let other = read_ply_bytes(&bytes, "t.ply", options.textures(false)).unwrap();

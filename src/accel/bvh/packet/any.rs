@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, Packet, StackEntry, Stacks, spread};
+use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
 use crate::accel::bvh::node::{Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
@@ -97,7 +97,7 @@ impl<T: Tier> Packet<'_, T> {
     /// ray's octant. So the nearest is popped first.
     #[inline(always)]
     fn push_any(&self, node: &Node, stack: &mut Vec<AnyEntry>) {
-        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
+        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (near, far) = self.slabs_of_any_octant(node, slot);
             let entering = self.tier.at_most(&near, &far);
@@ -129,7 +129,7 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     fn any_in_block(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
         let block = &self.tree.blocks[index];
-        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
+        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth);
         // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
         // tests.
         if entering.count_ones() <= triangles.count_ones() {
@@ -140,7 +140,7 @@ impl<T: Tier> Packet<'_, T> {
             }
             return;
         }
-        let entering = spread(entering);
+        let entering = lanes_from_bits(entering);
         for slot in Bits(triangles) {
             let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
             let mut rest = 0;

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::thread::LocalKey;
 
-use super::{Bits, Packet, StackEntry, Stacks, spread};
+use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
 use crate::accel::bvh::hits::ClosestHits;
 use crate::accel::bvh::node::{Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
@@ -48,7 +48,7 @@ impl<T: Tier> Packet<'_, T> {
         // True if rays were tested against primitives since the frustum was last shortened: a hit
         // may have shortened a ray. The frustum is shortened only before another child is visited,
         // because often none is left.
-        let mut shorter = false;
+        let mut may_have_shortened = false;
         while let Some(entry) = stacks.packet.pop() {
             let entering = self.tier.at_most(&entry.near, &self.tfar);
             if entering == 0 {
@@ -58,22 +58,22 @@ impl<T: Tier> Packet<'_, T> {
                 (entry.child.kind(), entering.count_ones())
             {
                 for i in Bits(entering) {
-                    let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
-                    self.single(i).closest_below(entry.child, &mut stacks.single, &mut one);
-                    self.take(i, &one, best);
+                    let mut traced = ClosestHit::from_lane(best, i, self.tfar[i]);
+                    self.single(i).closest_below(entry.child, &mut stacks.single, &mut traced);
+                    self.store_if_new(i, &traced, best);
                 }
-                shorter = true;
+                may_have_shortened = true;
                 continue;
             }
-            if shorter {
+            if may_have_shortened {
                 self.shorten();
-                shorter = false;
+                may_have_shortened = false;
             }
             if let ChildKind::Node(index) = entry.child.kind() {
                 self.push(&self.tree.nodes[index], &mut stacks.packet);
             } else {
                 self.closest_in_leaf(entry.child, entering, best);
-                shorter = true;
+                may_have_shortened = true;
             }
         }
     }
@@ -88,14 +88,14 @@ impl<T: Tier> Packet<'_, T> {
         }
     }
 
-    /// Stores `one`, the closest hit of ray `i` after it was traced alone, in `best` if it is a new
-    /// hit. An old hit stays as it is in `best`, because [`ClosestHit::from_lane`] left out its
+    /// Stores `traced`, the closest hit of ray `i` after it was traced alone, in `best` if it is a
+    /// new hit. An old hit stays as it is in `best`, because [`ClosestHit::from_lane`] left out its
     /// weights.
     #[inline(always)]
-    fn take(&mut self, i: usize, one: &ClosestHit, best: &mut ClosestHits) {
-        if one.t != best.t[i] || one.primitive != best.primitive[i] {
-            self.tfar[i] = one.tfar;
-            one.store(best, i);
+    fn store_if_new(&mut self, i: usize, traced: &ClosestHit, best: &mut ClosestHits) {
+        if traced.t != best.t[i] || traced.primitive != best.primitive[i] {
+            self.tfar[i] = traced.tfar;
+            traced.store(best, i);
         }
     }
 
@@ -125,7 +125,7 @@ impl<T: Tier> Packet<'_, T> {
     /// octant. So the nearest is popped first.
     #[inline(always)]
     fn push(&self, node: &Node, stack: &mut Vec<ClosestEntry>) {
-        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end)) {
+        for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (mut near, far) = self.slabs(node, slot);
             let mut any = 0;
@@ -143,18 +143,18 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
         let block = &self.tree.blocks[index];
-        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end);
+        let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth);
         // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
         // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
-                let mut one = ClosestHit::from_lane(best, i, self.tfar[i]);
-                self.single(i).closest_in_block(index, &mut one);
-                self.take(i, &one, best);
+                let mut traced = ClosestHit::from_lane(best, i, self.tfar[i]);
+                self.single(i).closest_in_block(index, &mut traced);
+                self.store_if_new(i, &traced, best);
             }
             return;
         }
-        let entering = spread(entering);
+        let entering = lanes_from_bits(entering);
         for slot in Bits(triangles) {
             let Some(edges) = self.edges(block, slot, &entering) else { continue };
             let test = self.test(block, slot, edges);
@@ -175,7 +175,7 @@ impl<T: Tier> Packet<'_, T> {
                     weights[i] = if counts { found[i] } else { weights[i] };
                 }
                 best.second_half[i] = if counts { second_half } else { best.second_half[i] };
-                let tfar = self.query.scaled_end(i, t);
+                let tfar = self.query.tfar_for_hit(i, t);
                 self.tfar[i] = if counts { tfar } else { self.tfar[i] };
             }
         }

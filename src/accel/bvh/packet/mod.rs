@@ -80,8 +80,8 @@ pub struct Packet<'a, T> {
     tfar: [f32; LANES],
     /// Frustum around the active rays.
     frustum: Frustum,
-    /// Where the frustum ends: see [`Frustum::end`].
-    end: f32,
+    /// Where the frustum ends: see [`Frustum::end_depth`].
+    end_depth: f32,
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
@@ -95,19 +95,19 @@ impl<'a, T: Tier> Packet<'a, T> {
         active: u32,
     ) -> Self {
         let lane = query.lane(active.trailing_zeros() as usize);
-        let active = Mask(spread(active));
+        let active = Mask(lanes_from_bits(active));
         let mut tfar = query.tfar;
         for i in 0..LANES {
             tfar[i] = if active.0[i] != 0 { tfar[i] } else { f32::NEG_INFINITY };
         }
-        let (frustum, end) = Frustum::new(tier, lane, &active, &tfar, &tree.bounds);
-        Self { tier, tree, geometry, query, rays, tfar, frustum, end }
+        let (frustum, end_depth) = Frustum::new(tier, lane, &active, &tfar, &tree.bounds);
+        Self { tier, tree, geometry, query, rays, tfar, frustum, end_depth }
     }
 
     /// Moves the end of the frustum to the farthest end of a ray.
     #[inline(always)]
     pub fn shorten(&mut self) {
-        self.end = self.frustum.end(self.tier, self.query, &self.tfar);
+        self.end_depth = self.frustum.end_depth(self.tier, self.query, &self.tfar);
     }
 
     /// Prepares ray `i` for a traversal without the other rays.
@@ -119,7 +119,7 @@ impl<'a, T: Tier> Packet<'a, T> {
 
 /// Converts bits to lanes: all bits of lane i are set if bit i is.
 #[inline(always)]
-fn spread(bits: u32) -> [i32; LANES] {
+fn lanes_from_bits(bits: u32) -> [i32; LANES] {
     let mut lanes = [0; LANES];
     for i in 0..LANES {
         lanes[i] = -(((bits >> i) & 1) as i32);

@@ -18,21 +18,22 @@ impl<T: Tier> Packet<'_, T> {
     /// - Rounding moves each of the two slopes by at most 3u (u = 2^-24). Together this is 6u
     ///   max|v - o|. The frustum's slack has some 20u left for it.
     #[inline(always)]
-    pub fn reaches(&self) -> bool {
+    pub fn may_contain_anything(&self) -> bool {
         let mut stack = Stack::new();
         stack.push(Child::node(0), 0.0);
         while let Some((child, _)) = stack.pop() {
             match child.kind() {
                 ChildKind::Node(index) => {
                     let node = &self.tree.nodes[index];
-                    for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end))
+                    for place in
+                        Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth))
                     {
                         stack.push(node.children[node.ordered(self.frustum.octant, place)], 0.0);
                     }
                 }
                 ChildKind::Triangles(index) => {
                     let block = &self.tree.blocks[index];
-                    if self.tier.triangles_in_frustum(block, &self.frustum, self.end) != 0 {
+                    if self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth) != 0 {
                         return true;
                     }
                 }

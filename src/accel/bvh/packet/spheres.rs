@@ -66,7 +66,7 @@ impl<T: Tier> Packet<'_, T> {
             let tnear = f64::from(self.rays.tnear[i]);
             let leaving = self.rays.leaving[i] == primitive;
             let (at, sure) =
-                sphere.quickly(origin.into(), direction.into(), tnear, tfar[i], leaving);
+                sphere.intersect_f64(origin.into(), direction.into(), tnear, tfar[i], leaving);
             t[i] = at;
             is_sure[i] = if sure { 1.0 } else { 0.0 };
         }
@@ -106,7 +106,7 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
                     (best.t[i], best.primitive[i]) = (t[i], primitive);
                     (best.weights[0][i], best.weights[1][i], best.weights[2][i]) = (0.0, 0.0, 1.0);
                     best.second_half[i] = 0;
-                    packet.tfar[i] = packet.query.scaled_end(i, t[i]);
+                    packet.tfar[i] = packet.query.tfar_for_hit(i, t[i]);
                 }
             }
         }

@@ -106,13 +106,13 @@ impl<T: Tier> Packet<'_, T> {
         // register.
         let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
-            let along = self.along(i).abs();
-            let depth = t[i] * along;
+            let dominant_component = self.dominant_component(i).abs();
+            let depth = t[i] * dominant_component;
             // As in `ShearedTriangle::t`: false for an infinite depth.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
-            let steep = STEEP * towards[i].abs() >= normal_l1 * along;
+            let steep = STEEP * towards[i].abs() >= normal_l1 * dominant_component;
             let far = max(-first[i], last[i]);
             // A hit behind the origin needs no exact decision: the caller rejects its t.
             let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
@@ -148,7 +148,7 @@ impl<T: Tier> Packet<'_, T> {
         let mut outside = [0i32; LANES];
         let mut depths = [0.0f32; LANES];
         for i in 0..LANES {
-            depths[i] = (t[i] * self.along(i)) as f32;
+            depths[i] = (t[i] * self.dominant_component(i)) as f32;
         }
         for axis in 0..2 {
             let row = &block.vertices[self.frustum.axes[axis]];
@@ -172,9 +172,9 @@ impl<T: Tier> Packet<'_, T> {
 
     /// Returns the component of the caller's direction along the dominant axis.
     #[inline(always)]
-    fn along(&self, i: usize) -> f64 {
+    fn dominant_component(&self, i: usize) -> f64 {
         // The scaled component times a power of two is exact, except for denormals.
-        f64::from(self.query.along[i]) * f64::from(self.query.scale[i])
+        f64::from(self.query.dominant_component[i]) * f64::from(self.query.scale[i])
     }
 
     /// Intersects 16 rays with a plane: see [`TrianglePlane::intersect`].
@@ -206,7 +206,7 @@ impl<T: Tier> Packet<'_, T> {
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
-                let started = t[i] > 0.0 && ray.starts_before(t[i], block.triangle(slot));
+                let started = t[i] > 0.0 && ray.hit_is_after_start(t[i], block.triangle(slot));
                 hit[i] = -i32::from(started);
             } else {
                 hit[i] = 0;

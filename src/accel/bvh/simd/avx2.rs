@@ -332,7 +332,10 @@ unsafe fn sheared(block: &Block, lane: &Lane, end: f32, half: usize) -> ([__m256
         let y = _mm256_sub_ps(coordinate(block, ky, half), all(lane, &q.origin[1]));
         let x = _mm256_sub_ps(x, _mm256_mul_ps(all(lane, &q.shear[0]), depth));
         let y = _mm256_sub_ps(y, _mm256_mul_ps(all(lane, &q.shear[1]), depth));
-        let z = _mm256_xor_ps(depth, _mm256_and_ps(all(lane, &q.along), _mm256_set1_ps(-0.0)));
+        let z = _mm256_xor_ps(
+            depth,
+            _mm256_and_ps(all(lane, &q.dominant_component), _mm256_set1_ps(-0.0)),
+        );
         let zero = _mm256_setzero_ps();
         let sides = or4(
             flag(_mm256_cmp_ps::<_CMP_GT_OQ>(x, zero), 1),
@@ -467,7 +470,7 @@ impl Tier for Avx2 {
     }
 
     #[inline(always)]
-    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
+    fn first_in_order(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         let (to_children, to_distances) = stack.room();
         // SAFETY: `self` proves AVX2 and FMA. There is room for 16 entries, and the two writes of 8
         // entries start at most 8 places on.

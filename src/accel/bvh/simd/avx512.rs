@@ -266,7 +266,7 @@ impl Tier for Avx512 {
     }
 
     #[inline(always)]
-    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
+    fn first_in_order(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         // SAFETY: `self` proves AVX-512; the children are 16 aligned u32.
         unsafe {
             let (near, far) = slabs(node, &lane.slabs(), tfar);
@@ -395,7 +395,7 @@ impl Tier for Avx512 {
             if maybe == 0 {
                 return Candidates { maybe: 0, sure: 0 };
             }
-            let sign = _mm512_and_ps(all(lane, &q.along), _mm512_set1_ps(-0.0));
+            let sign = _mm512_and_ps(all(lane, &q.dominant_component), _mm512_set1_ps(-0.0));
             let z = _mm512_xor_ps(depth, sign);
             let depths = at(&corners, z);
             let (first, last) = (min3(depths), max3(depths));

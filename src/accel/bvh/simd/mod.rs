@@ -61,7 +61,7 @@ pub trait Tier: HorizontalMin {
     /// Returns the first child whose box the ray enters before `tfar`, or [`Child::EMPTY`]. Pushes
     /// the other such children, so that the nearer ones are popped first. The order is that of the
     /// ray's octant ([`Node::order`]), not that of the distances.
-    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
+    fn first_in_order(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child;
 
     /// Returns the slots of the children whose boxes the ray enters before `tfar`, as bits.
     fn hit_children(self, node: &Node, lane: &Lane, tfar: f32) -> u32;

@@ -51,7 +51,7 @@ impl Tier for Portable {
     }
 
     #[inline(always)]
-    fn nearest(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
+    fn first_in_order(self, node: &Node, lane: &Lane, tfar: f32, stack: &mut Stack) -> Child {
         let (near, far) = slabs(node, &lane.slabs(), tfar);
         let mut nearest = None;
         for j in 0..WIDTH {
@@ -137,7 +137,7 @@ impl Tier for Portable {
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let [kx, ky, kz] = lane.axes;
         let (mut x, mut y, mut z) = ([0.0f32; WIDTH], [0.0f32; WIDTH], [0.0f32; WIDTH]);
-        let forward = 1.0f32.copysign(lane.value(&lane.query.along));
+        let forward = 1.0f32.copysign(lane.value(&lane.query.dominant_component));
         for i in 0..WIDTH {
             let vertex = [block.vertices[kx][i], block.vertices[ky][i], block.vertices[kz][i]];
             let depth;

@@ -37,7 +37,7 @@ impl<T: Tier> Kernel for RunKernels<'_, T> {
     fn run(self) -> Answers {
         let Self { tier, node, block, lane, tfar } = self;
         let mut stack = Stack::new();
-        let nearest = tier.nearest(node, lane, tfar, &mut stack);
+        let nearest = tier.first_in_order(node, lane, tfar, &mut stack);
         let others = drain(&mut stack);
         let hit_children = tier.hit_children(node, lane, tfar);
         Answers { nearest, others, hit_children, candidates: tier.candidates(block, lane, tfar) }
@@ -185,7 +185,7 @@ fn misses_by_far(lane: &Lane, block: &Block, slot: usize) -> bool {
         let v = block.corner(k, slot);
         lane.sheared(lane.axes.map(|axis| block.vertices[axis][v]))
     });
-    let forward = 1.0f32.copysign(lane.value(&lane.query.along));
+    let forward = 1.0f32.copysign(lane.value(&lane.query.dominant_component));
     let behind = corners.iter().all(|[.., depth]| depth * forward < 0.0);
     let largest = (0..3)
         .map(|k| f64::from(corners[k][1]) * f64::from(corners[(k + 1) % 3][0]))
@@ -213,7 +213,7 @@ fn candidates_include_every_hit_and_sure_ones_are_hits() {
             // The segment ends at its own end or at a hit. Another hit at the same distance must
             // still be a candidate.
             let end = exact[random.below(WIDTH)].filter(|t| *t >= 0.0);
-            let tfar = end.map_or(query.tfar[i], |t| query.scaled_end(i, t));
+            let tfar = end.map_or(query.tfar[i], |t| query.tfar_for_hit(i, t));
             let end = end.unwrap_or(ray.tfar);
             for (isa, answers) in every_tier!(tier => RunKernels { tier, node, block, lane, tfar })
             {

@@ -9,45 +9,45 @@ use crate::shading::{Lanes3, Light, LightWeights, lane};
 
 /// Light of one area light, by lane, before the base colour. In f64, because there may be many
 /// points.
-pub struct Sums {
+pub struct LightSums {
     /// By axis and lane.
     pub light: [[f64; LANES]; 3],
     /// The same light, separated for the layers.
     pub split: LightPartSums,
 }
 
-impl Sums {
+impl LightSums {
     /// Sums before the first point.
     pub const NONE: Self = Self { light: [[0.0; LANES]; 3], split: LightPartSums::NONE };
 
     /// Adds one light point to each lane of `seen`.
     #[inline(always)]
-    pub fn add_lanes<R: Record>(&mut self, light: &Light, lit: &LightWeights, seen: &Mask) {
+    pub fn add_lanes<R: Record>(&mut self, light: &Light, weights: &LightWeights, seen: &Mask) {
         let (d, s) = (light.diffuse, light.specular);
         // Not a loop: the compiler would make vectors of axes instead of lanes.
         let [x, y, z] = &mut self.light;
-        add_seen(x, (d.x, s.x), lit, seen);
-        add_seen(y, (d.y, s.y), lit, seen);
-        add_seen(z, (d.z, s.z), lit, seen);
+        add_seen(x, (d.x, s.x), weights, seen);
+        add_seen(y, (d.y, s.y), weights, seen);
+        add_seen(z, (d.z, s.z), weights, seen);
         if R::ON {
             for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
-                let (diffuse, specular) = (d * lit.diffuse[i], s * lit.specular[i]);
+                let (diffuse, specular) = (d * weights.diffuse[i], s * weights.specular[i]);
                 self.split.add(i, diffuse, specular);
             }
         }
     }
 
-    /// [`Sums::add_lanes`] for light points of different colours.
+    /// [`LightSums::add_lanes`] for light points of different colours.
     pub fn add_colored<R: Record>(
         &mut self,
         light: &Light,
-        (lit, colors): (&LightWeights, &Lanes3),
+        (weights, colors): (&LightWeights, &Lanes3),
         seen: &Mask,
     ) {
         for i in (0..LANES).filter(|&i| seen.0[i] != 0) {
             let color = lane(colors, i);
-            let diffuse = light.diffuse * color * lit.diffuse[i];
-            let specular = light.specular * color * lit.specular[i];
+            let diffuse = light.diffuse * color * weights.diffuse[i];
+            let specular = light.specular * color * weights.specular[i];
             for (sum, sent) in self.light.iter_mut().zip((diffuse + specular).to_array()) {
                 sum[i] += f64::from(sent);
             }
@@ -59,9 +59,9 @@ impl Sums {
 
     /// Adds one visible light point to its lane.
     #[inline(always)]
-    pub fn add<R: Record>(&mut self, lamp: &SampledLight, point: &LightPoint) {
+    pub fn add<R: Record>(&mut self, sampled_light: &SampledLight, point: &LightPoint) {
         let LightPoint { lane, diffuse, specular, .. } = *point;
-        let light = lamp.light;
+        let light = sampled_light.light;
         let sent = light.diffuse * diffuse + light.specular * specular;
         for (sum, sent) in self.light.iter_mut().zip(sent.to_array()) {
             sum[lane] += f64::from(sent);
@@ -94,11 +94,11 @@ impl Sums {
 fn add_seen(
     sum: &mut [f64; LANES],
     (diffuse, specular): (f32, f32),
-    lit: &LightWeights,
+    weights: &LightWeights,
     seen: &Mask,
 ) {
     for i in 0..LANES {
-        let light = diffuse * lit.diffuse[i] + specular * lit.specular[i];
+        let light = diffuse * weights.diffuse[i] + specular * weights.specular[i];
         sum[i] += f64::from(if seen.0[i] != 0 { light } else { 0.0 });
     }
 }

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::film::{Channel, ChannelKind, Dropped, SumNode, Sums};
+use crate::film::{Channel, ChannelKind, Dropped, SampleSums, SumNode};
 
 use super::MISS_DEPTH;
-use super::recipe::{NearestHit, PixelLayout, count};
+use super::pixel_layout::{NearestHit, PixelLayout, count};
 
 /// Number of beauty channels: R, G, B, A.
 pub const BEAUTY: usize = 4;
@@ -15,7 +15,7 @@ pub const BEAUTY: usize = 4;
 /// First come, node by node, R, G, B, A and the quantities of [`PixelLayout::summed`]. Each is an
 /// f64 in two words, the low word first. Then come the nearest hit, and the mattes' ids and counts.
 #[derive(Debug, Clone)]
-pub struct RawLayout {
+pub struct PartialSumsLayout {
     samples: Range<u32>,
     nodes: Vec<SumNode>,
     summed: usize,
@@ -27,22 +27,22 @@ pub struct RawLayout {
 
 /// The state of a pixel after the first n samples.
 #[derive(Debug, Clone)]
-pub struct Pixel {
+pub struct PixelState {
     /// R, G, B, A, then the quantities of [`PixelLayout::summed`].
-    pub sums: Sums,
+    pub sums: SampleSums,
     /// The nearest hit so far.
     pub nearest: NearestHit,
     /// For each kind of mattes, the ids with their numbers of samples, in the order of first hits.
     pub mattes: Vec<Vec<(u32, u32)>>,
 }
 
-impl Pixel {
+impl PixelState {
     /// Makes the state before the first sample.
-    pub fn new(recipe: &PixelLayout) -> Self {
+    pub fn new(pixel_layout: &PixelLayout) -> Self {
         Self {
-            sums: Sums::new(BEAUTY + recipe.summed()),
+            sums: SampleSums::new(BEAUTY + pixel_layout.summed()),
             nearest: NearestHit::NONE,
-            mattes: vec![Vec::new(); recipe.mattes.len()],
+            mattes: vec![Vec::new(); pixel_layout.mattes.len()],
         }
     }
 
@@ -55,29 +55,34 @@ impl Pixel {
 
     /// Writes the layers' channels to `words`. Returns R, G, B, A, and the coverage that the mattes
     /// cannot hold. `n` is the number of samples in the state.
-    pub fn finish(&self, recipe: &PixelLayout, n: u32, words: &mut [u32]) -> ([f32; 4], Dropped) {
+    pub fn finish(
+        &self,
+        pixel_layout: &PixelLayout,
+        n: u32,
+        words: &mut [u32],
+    ) -> ([f32; 4], Dropped) {
         let mut totals = Vec::new();
-        self.sums.totals(0..BEAUTY + recipe.summed(), &mut totals);
-        let dropped = recipe.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
+        self.sums.totals(0..BEAUTY + pixel_layout.summed(), &mut totals);
+        let dropped = pixel_layout.fill(n, &totals[BEAUTY..], &self.nearest, &self.mattes, words);
         let count = f64::from(n);
         (std::array::from_fn(|axis| (totals[axis] / count) as f32), dropped)
     }
 }
 
-impl RawLayout {
-    /// Makes the layout of a range of samples for the channels of `recipe`.
-    pub fn new(recipe: &PixelLayout, samples: Range<u32>) -> Self {
+impl PartialSumsLayout {
+    /// Makes the layout of a range of samples for the channels of `pixel_layout`.
+    pub fn new(pixel_layout: &PixelLayout, samples: Range<u32>) -> Self {
         let capacity = samples.len();
         Self {
             nodes: SumNode::cover(samples.clone()),
             samples,
-            summed: recipe.summed(),
-            nearest: match (recipe.has_nearest(), recipe.distance) {
+            summed: pixel_layout.summed(),
+            nearest: match (pixel_layout.has_nearest(), pixel_layout.distance) {
                 (false, _) => 0,
                 (true, None) => 6,
                 (true, Some(_)) => 7,
             },
-            mattes: recipe.mattes.iter().map(|ranks| ranks.ids.min(capacity)).collect(),
+            mattes: pixel_layout.mattes.iter().map(|ranks| ranks.ids.min(capacity)).collect(),
         }
     }
 
@@ -135,7 +140,7 @@ impl RawLayout {
 
     /// Adds the words of a pixel to `pixel`, which must hold all samples before these. Of equally
     /// near hits, the hit of the lowest sample index wins, as in a render.
-    pub fn add(&self, words: &[u32], pixel: &mut Pixel) {
+    pub fn add(&self, words: &[u32], pixel: &mut PixelState) {
         let quantities = BEAUTY + self.summed;
         let (sums, rest) = words.split_at(2 * self.nodes.len() * quantities);
         let mut values = Vec::with_capacity(quantities);

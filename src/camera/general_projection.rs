@@ -14,7 +14,7 @@ use crate::scene::{self, Projection};
 
 /// The rays of a camera that is neither a pinhole nor a thin lens.
 #[derive(Debug)]
-pub struct Curved {
+pub struct GeneralProjection {
     /// Position relative to the scene's origin.
     position: DVec3,
     /// Unit axes: X right, Y up, Z forward.
@@ -44,7 +44,7 @@ enum Kind {
     },
 }
 
-impl Curved {
+impl GeneralProjection {
     /// The rays of a checked camera at `position`.
     pub(super) fn new(camera: &scene::Camera, position: DVec3, axes: [DVec3; 3]) -> Self {
         let [columns, rows] = [camera.width, camera.height].map(f64::from);

@@ -4,7 +4,7 @@ use super::svg::{AXIS, Anchor, Svg};
 
 /// A row of colours with values under it.
 #[derive(Debug, Clone, Default)]
-pub struct Scale {
+pub struct ColorScale {
     /// Text above the colours.
     pub title: String,
     /// Colours from left to right, 8-bit sRGB.
@@ -16,7 +16,7 @@ pub struct Scale {
 const WIDTH: f64 = 420.0;
 const EDGE: f64 = 24.0;
 
-impl Scale {
+impl ColorScale {
     /// Returns the colour scale as SVG.
     pub fn svg(&self) -> String {
         let mut svg = Svg::new(WIDTH);
@@ -42,7 +42,7 @@ mod tests {
 
     #[test]
     fn every_colour_and_tick_is_drawn() {
-        let scale = Scale {
+        let scale = ColorScale {
             title: "a < b".into(),
             colors: vec![[0, 0, 4], [255, 1, 2]],
             ticks: vec![(0.0, "low".into()), (1.0, "high".into())],
