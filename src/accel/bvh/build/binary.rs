@@ -3,15 +3,14 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use super::super::bounds::Bounds3;
 use super::super::node::{SPHERES, WIDTH};
-use super::super::simd::MAX_DEPTH;
 use super::binary_node::{BinaryNode, Leaf, Slot};
 use super::block;
+use super::cells::{Sorted, Top, TopNode};
 use super::reference::Reference;
-use super::sah::{Bins, Grid, Split};
+use super::sah::{self, Bins};
+use super::split::{Set, centroids_of, split, split_at, split_serial};
 use crate::error::Result;
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
@@ -20,12 +19,6 @@ use crate::simd::{self, Isa, Kernel};
 
 /// From this many references on, the two subtrees are built in parallel.
 const MIN_PARALLEL: usize = 4096;
-
-/// From this many references on, bins are filled in parallel.
-const MIN_PARALLEL_BINS: usize = 1 << 16;
-
-/// Below this level sets are halved by number. That ends after at most 32 more levels.
-const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
 /// The binary tree. Its root is in the first slot.
 ///
@@ -39,13 +32,13 @@ pub struct BinaryTree {
     leaves: usize,
 }
 
-/// Builds the tree. Sorts `references` so that each leaf has a contiguous range of them.
+/// Builds the tree. Reorders the references so that each leaf has a contiguous range of them.
 ///
 /// # Errors
 /// If there is too little memory for the nodes.
 pub fn build(
     geometry: &Geometry,
-    references: &mut [Reference],
+    Sorted { references, top }: &mut Sorted,
     isa: Isa,
     monitor: &Monitor,
 ) -> Result<BinaryTree> {
@@ -56,8 +49,8 @@ pub fn build(
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
     let mut slots = reserve::filled([0.0; 8], 2 * references.len() - 1, "bvh")?;
-    let centroids = centroids_of(references);
-    let len = builder.subtree(Set { references, centroids, first: 0, depth: 0 }, &mut slots);
+    let set = Set { references, centroids: Bounds3::EMPTY, first: 0, depth: 0 };
+    let len = builder.top(top, (0, 0), set, &mut slots);
     // A binary tree has one more leaf than inner nodes.
     Ok(BinaryTree { slots, len, leaves: len.div_ceil(2) })
 }
@@ -101,18 +94,28 @@ struct Builder<'a> {
     done: &'a AtomicU64,
 }
 
-/// The references below one node.
-struct Set<'r> {
-    references: &'r mut [Reference],
-    /// Box of the doubled centroids.
-    centroids: Bounds3,
-    /// Index of the first reference among all references.
-    first: u32,
-    /// Level of the node.
-    depth: usize,
-}
-
 impl Builder<'_> {
+    /// Builds the subtree of a node of `top` over its set of n references, whose centroids are not
+    /// set, in the first 2 n - 1 slots. The node is given by its index and the index of its first
+    /// cell. Returns the number of nodes.
+    fn top(self, top: &Top, (node, cell): (usize, usize), set: Set, slots: &mut [Slot]) -> usize {
+        let Some(&TopNode { right, .. }) = top.nodes.get(node).filter(|node| node.right > 0) else {
+            let centroids = centroids_of(set.references);
+            return self.subtree(Set { centroids, ..set }, slots);
+        };
+        let middle = cell + top.nodes[node + 1].cells;
+        let count = top.starts[middle] - top.starts[cell];
+        let (left, behind) = split_at(set, count, [Bounds3::EMPTY; 2]);
+        let (root, below) = slots.split_at_mut(1);
+        let (below_left, below_right) = below.split_at_mut(2 * count - 1);
+        let (a, b) = rayon::join(
+            || self.top(top, (node + 1, cell), left, below_left),
+            || self.top(top, (right, middle), behind, below_right),
+        );
+        finish(root, below_left, below_right, 2 * count);
+        1 + a + b
+    }
+
     /// Builds the tree over a set of n references in the first 2 n - 1 slots. Returns its number of
     /// nodes.
     fn subtree(self, set: Set, slots: &mut [Slot]) -> usize {
@@ -153,11 +156,13 @@ impl Builder<'_> {
             return;
         }
         if set.references.len() <= 2 * WIDTH {
-            block::prefetch_indices(self.geometry, set.references.iter().map(Reference::place));
+            let places = set.references.iter().flat_map(|r| r.group().places(self.geometry));
+            block::prefetch_indices(self.geometry, places);
         }
         let node = out.len;
         out.len += 1;
-        let (left, right) = split_serial(set, bins);
+        let stride = sah::stride(set.references.len());
+        let (left, right) = split_serial(set, bins, stride);
         self.recurse(left, bins, out);
         let behind = out.len;
         self.recurse(right, bins, out);
@@ -203,150 +208,14 @@ fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
 /// for triangles, `None` if they do not fit.
 #[inline(always)]
 fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
-    if references.len() > WIDTH {
+    if references.iter().map(Reference::weight).sum::<u32>() as usize > WIDTH {
         return None;
     }
-    let is_sphere = |r: &Reference| r.place().geom == geometry.spheres_id();
-    let spheres = references.iter().filter(|r| is_sphere(r)).count();
+    let first_sphere = geometry.bases()[geometry.spheres_id() as usize];
+    let spheres = references.iter().filter(|r| r.group().first() >= first_sphere).count();
     let fit = match spheres {
-        0 => block::fits(geometry, references.iter().map(Reference::place)),
+        0 => block::fits(geometry, references.iter().flat_map(|r| r.group().places(geometry))),
         n => n == references.len() && n <= SPHERES,
     };
     fit.then_some(spheres > 0)
-}
-
-/// Splits a set into a left and a right part. Neither is empty.
-#[inline(always)]
-fn split_serial<'r>(set: Set<'r>, bins: &mut Bins) -> (Set<'r>, Set<'r>) {
-    if set.depth >= MAX_SAH_LEVELS {
-        return halve(set);
-    }
-    let grid = Grid::new(&set.centroids);
-    *bins = Bins::EMPTY;
-    bins.add(&grid, set.references);
-    split_by_bins(set, &grid, bins)
-}
-
-/// Splits a set like [`split_serial`], but fills the bins of a large set in parallel.
-fn split(isa: Isa, set: Set) -> (Set, Set) {
-    if set.references.len() < MIN_PARALLEL_BINS || set.depth >= MAX_SAH_LEVELS {
-        return simd::dispatch(isa, SplitSerial(set));
-    }
-    let grid = Grid::new(&set.centroids);
-    let bins = set
-        .references
-        .par_chunks(MIN_PARALLEL_BINS / 4)
-        .map(|part| simd::dispatch(isa, Fill { grid: &grid, part }))
-        .reduce(|| Bins::EMPTY, |a, b| a.merge(&b));
-    simd::dispatch(isa, SplitByBins { set, grid: &grid, bins: &bins })
-}
-
-struct SplitSerial<'r>(Set<'r>);
-
-impl<'r> Kernel for SplitSerial<'r> {
-    type Output = (Set<'r>, Set<'r>);
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        split_serial(self.0, &mut Bins::EMPTY.clone())
-    }
-}
-
-struct Fill<'r> {
-    grid: &'r Grid,
-    part: &'r [Reference],
-}
-
-impl Kernel for Fill<'_> {
-    type Output = Bins;
-    #[inline(always)]
-    fn run(self) -> Bins {
-        let mut bins = Bins::EMPTY;
-        bins.add(self.grid, self.part);
-        bins
-    }
-}
-
-struct SplitByBins<'r, 'b> {
-    set: Set<'r>,
-    grid: &'b Grid,
-    bins: &'b Bins,
-}
-
-impl<'r> Kernel for SplitByBins<'r, '_> {
-    type Output = (Set<'r>, Set<'r>);
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        split_by_bins(self.set, self.grid, self.bins)
-    }
-}
-
-/// Splits a set at the best plane of its bins, or by number if there is none.
-#[inline(always)]
-fn split_by_bins<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
-    let Some(split) = bins.best(grid) else { return halve(set) };
-    let (middle, sides) = partition(set.references, grid, &split);
-    if middle == 0 || middle == set.references.len() {
-        return halve(set);
-    }
-    split_at(set, middle, sides)
-}
-
-#[inline(always)]
-fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, Set) {
-    let Set { references, first, depth, .. } = set;
-    let (a, b) = references.split_at_mut(middle);
-    (
-        Set { references: a, centroids: left, first, depth: depth + 1 },
-        Set { references: b, centroids: right, first: first + middle as u32, depth: depth + 1 },
-    )
-}
-
-/// Returns the box of the doubled centroids. Runs in parallel.
-fn centroids_of(references: &[Reference]) -> Bounds3 {
-    references
-        .par_iter()
-        .with_min_len(MIN_PARALLEL)
-        .map(|reference| reference.bounds.center2_point())
-        .reduce(|| Bounds3::EMPTY, Bounds3::union)
-}
-
-/// Moves the references of the left side to the front. Returns their number and the boxes of the
-/// centroids of both sides.
-///
-/// Has no branches: they would be mispredicted for every second reference.
-#[inline(always)]
-fn partition(references: &mut [Reference], grid: &Grid, split: &Split) -> (usize, [Bounds3; 2]) {
-    let mut middle = 0;
-    let (mut left, mut right) = (Bounds3::EMPTY, Bounds3::EMPTY);
-    for i in 0..references.len() {
-        let reference = references[i];
-        let is_left = grid.is_left(split, &reference);
-        references[i] = references[middle];
-        references[middle] = reference;
-        middle += usize::from(is_left);
-        let centroid = reference.bounds.center2_point();
-        left = left.union(centroid.or_empty(is_left));
-        right = right.union(centroid.or_empty(!is_left));
-    }
-    (middle, [left, right])
-}
-
-/// Halves a set by number along the axis in which the centroids spread most. If they do not spread
-/// at all, sorts spheres behind triangles, so that leaves of one kind result.
-fn halve(set: Set) -> (Set, Set) {
-    let references = &mut *set.references;
-    let middle = references.len() / 2;
-    let extent = set.centroids.extent();
-    let axis = (0..3).fold(0, |a, b| if extent[b] > extent[a] { b } else { a });
-    let key = Reference::place;
-    if extent[axis] > 0.0 {
-        references.select_nth_unstable_by(middle, |a, b| {
-            let (ca, cb) = (a.bounds.center2()[axis], b.bounds.center2()[axis]);
-            ca.total_cmp(&cb).then_with(|| key(a).cmp(&key(b)))
-        });
-    } else {
-        references.select_nth_unstable_by_key(middle, key);
-    }
-    let sides = [centroids_of(&references[..middle]), centroids_of(&references[middle..])];
-    split_at(set, middle, sides)
 }

@@ -1,7 +1,7 @@
 //! Triangles -> a leaf over their shared vertices.
 
 use super::super::node::{Block, SECOND_HALF, WIDTH};
-use super::reference::{Place, PrimitiveId};
+use super::reference::{Group, Place};
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
 
@@ -128,16 +128,17 @@ pub fn fits(geometry: &Geometry, places: impl Iterator<Item = Place> + Clone) ->
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
     /// The triangles of the leaf.
-    pub triangles: &'a [PrimitiveId],
+    pub triangles: &'a [Group],
     /// Those of the next two leaves, for prefetching.
-    pub next: [&'a [PrimitiveId]; 2],
+    pub next: [&'a [Group]; 2],
 }
 
 impl Kernel for MakeBlock<'_> {
     type Output = Block;
     #[inline(always)]
     fn run(self) -> Block {
-        let [near, far] = self.next.map(|ids| ids.iter().map(|id| id.place(self.geometry)));
+        let [near, far] =
+            self.next.map(|groups| groups.iter().flat_map(|group| group.places(self.geometry)));
         prefetch_indices(self.geometry, far);
         prefetch_vertices(self.geometry, near);
         block(self.geometry, self.triangles)
@@ -145,11 +146,11 @@ impl Kernel for MakeBlock<'_> {
 }
 
 #[inline(always)]
-fn block(geometry: &Geometry, triangles: &[PrimitiveId]) -> Block {
+fn block(geometry: &Geometry, triangles: &[Group]) -> Block {
     let mut vertices = Vertices::EMPTY;
     let mut block = Block::EMPTY;
-    for (i, id) in triangles.iter().take(WIDTH).enumerate() {
-        let place = id.place(geometry);
+    let places = triangles.iter().flat_map(|group| group.places(geometry));
+    for (i, place) in places.take(WIDTH).enumerate() {
         let Some(corners) = vertices.triangle(geometry, place) else { continue };
         for k in 0..3 {
             block.corners[k][i] = corners[k];
@@ -157,7 +158,7 @@ fn block(geometry: &Geometry, triangles: &[PrimitiveId]) -> Block {
         if place.second_half {
             block.corners[0][i] |= SECOND_HALF;
         }
-        block.primitives[i] = id.number();
+        block.primitives[i] = place.index;
         block.present |= 1 << i;
     }
     for i in 0..WIDTH {

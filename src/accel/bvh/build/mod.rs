@@ -1,11 +1,15 @@
-//! Builds the tree: primitives -> references -> binary tree by binned SAH -> wide nodes and leaves.
+//! Builds the tree: primitives -> references in cells -> binary tree by binned SAH -> wide nodes and
+//! leaves.
 
 mod binary;
 mod binary_node;
 mod block;
+mod cells;
 mod collapse;
+mod groups;
 mod reference;
 mod sah;
+mod split;
 
 pub use self::collapse::Tree;
 
@@ -13,7 +17,7 @@ use rayon::prelude::*;
 
 use self::binary_node::{BinaryNode, Leaf, Slot};
 use self::block::MakeBlock;
-use self::reference::{PrimitiveId, Reference};
+use self::reference::Reference;
 use super::bounds::Bounds3;
 use super::node::{Block, SphereLeaf};
 use crate::accel::accelerator::over_limit;
@@ -22,7 +26,7 @@ use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::reserve;
-use crate::simd::{self, Isa, Kernel};
+use crate::simd::{self, Isa};
 
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
@@ -44,24 +48,23 @@ pub fn build(
         Some(limit) if bytes > limit => Err(over_limit(limit)),
         _ => Ok(bytes),
     };
-    let count = reference::count(geometry, unseen);
+    let count = groups::count(geometry, unseen);
     let most = geometry.count().max(count as u64);
     if most >= MAX_REFERENCES {
         let message = format!("found {most} primitives, expected fewer than 2^30");
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
-    let boxes = (count * size_of::<Reference>()) as u64;
-    within(boxes)?;
-    let mut references = simd::dispatch(isa, References(geometry, unseen))?;
+    // Pairs have one box for two triangles.
+    within((count.div_ceil(2) * size_of::<Reference>()) as u64)?;
+    let mut sorted = cells::sort(geometry, unseen, isa)?;
     monitor.check()?;
-    let mut binary = binary::build(geometry, &mut references, isa, monitor)?;
+    let mut binary = binary::build(geometry, &mut sorted, isa, monitor)?;
+    let references = sorted.references;
+    let boxes = size_of_val(&references[..]) as u64;
     monitor.check()?;
     let mut ids = Vec::new();
-    reserve::exact(&mut ids, count, "bvh")?;
-    references
-        .par_iter()
-        .map(|reference| PrimitiveId::new(geometry, reference))
-        .collect_into_vec(&mut ids);
+    reserve::exact(&mut ids, references.len(), "bvh")?;
+    references.par_iter().map(Reference::group).collect_into_vec(&mut ids);
     let sorted = size_of_val(&ids[..]) as u64;
     let splitting = boxes + sorted + (binary.len * size_of::<Slot>()) as u64;
     // The boxes have moved into the nodes.
@@ -95,7 +98,7 @@ pub fn build(
     tree.spheres.extend(spheres.iter().map(|leaf| {
         let mut prims = [NONE; super::node::SPHERES];
         for (prim, id) in prims.iter_mut().zip(&ids[leaf.range()]) {
-            *prim = id.place(geometry).prim;
+            *prim = id.first() - geometry.bases()[geometry.spheres_id() as usize];
         }
         SphereLeaf(prims)
     }));
@@ -106,13 +109,3 @@ pub fn build(
 
 /// From this many references on, a distance between slots of the binary tree does not fit.
 const MAX_REFERENCES: u64 = 1 << 30;
-
-struct References<'g>(&'g Geometry, &'g Unseen);
-
-impl Kernel for References<'_> {
-    type Output = Result<Vec<Reference>>;
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        reference::references(self.0, self.1)
-    }
-}

@@ -1,7 +1,7 @@
 //! Finds the best split of a set of primitive references: the surface area heuristic over bins of
 //! centroids (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 //!
-//! A [`Reference`] is a primitive's number and bounding box. Centroids are doubled, lower + upper
+//! A [`Reference`] is a bounding box with a weight, the number of its primitives. Centroids are doubled, lower + upper
 //! corner, because no comparison needs the division by 2. [`Bounds3`] stores the upper corner
 //! negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
 
@@ -11,20 +11,20 @@ use super::reference::Reference;
 /// Number of bins along each axis.
 pub const BINS: usize = 16;
 
-/// [`Bins::add`] subsamples a slice of at least this many references: it bins only every third one.
-/// The trees have about the same SAH cost as without subsampling.
+/// Sets of at least this many references are subsampled: only every third one is binned. The trees
+/// have about the same SAH cost as without subsampling.
 const MIN_SUBSAMPLED: usize = 1024;
 
 /// Stride of the subsampling: every third reference is binned. It is odd because many 3D scans list
 /// the two triangles of a grid cell in turn. An even stride would bin only the first of each pair.
 const SUBSAMPLE_STRIDE: usize = 3;
 
-/// Number and bounding box of the references in each bin, along each axis. A reference is in the
+/// Weight and bounding box of the references in each bin, along each axis. A reference is in the
 /// bin of its centroid. Arrays are indexed by bin, then by axis.
 #[derive(Clone)]
 pub struct Bins {
     bounds: [[Bounds3; 3]; BINS],
-    counts: [[u32; 3]; BINS],
+    weights: [[u32; 3]; BINS],
 }
 
 /// The mapping from doubled centroids to bins.
@@ -89,13 +89,18 @@ fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
     bits.min(BINS as u32 - 1)
 }
 
-impl Bins {
-    pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], counts: [[0; 3]; BINS] };
+/// Returns the stride for [`Bins::add`] in a set of `len` references to primitives.
+#[inline(always)]
+pub fn stride(len: usize) -> usize {
+    if len >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 }
+}
 
-    /// Adds the references to their bins; every third one if there are [`MIN_SUBSAMPLED`] or more.
+impl Bins {
+    pub const EMPTY: Self = Self { bounds: [[Bounds3::EMPTY; 3]; BINS], weights: [[0; 3]; BINS] };
+
+    /// Adds references to their bins: the first of every `stride`.
     #[inline(always)]
-    pub fn add(&mut self, grid: &Grid, references: &[Reference]) {
-        let stride = if references.len() >= MIN_SUBSAMPLED { SUBSAMPLE_STRIDE } else { 1 };
+    pub fn add(&mut self, grid: &Grid, references: &[Reference], stride: usize) {
         for reference in references.iter().step_by(stride) {
             let bins = grid.bin(reference);
             for axis in 0..3 {
@@ -103,7 +108,7 @@ impl Bins {
                 let bin = bins[axis] as usize % BINS;
                 let bounds = &mut self.bounds[bin][axis];
                 *bounds = bounds.union(reference.bounds);
-                self.counts[bin][axis] += 1;
+                self.weights[bin][axis] += reference.weight();
             }
         }
     }
@@ -114,13 +119,13 @@ impl Bins {
         for bin in 0..BINS {
             for axis in 0..3 {
                 self.bounds[bin][axis] = self.bounds[bin][axis].union(other.bounds[bin][axis]);
-                self.counts[bin][axis] += other.counts[bin][axis];
+                self.weights[bin][axis] += other.weights[bin][axis];
             }
         }
         self
     }
 
-    /// Returns the split with the smallest SAH cost: surface area times number of references,
+    /// Returns the split with the smallest SAH cost: surface area times weight,
     /// summed over both sides. `None` if all centroids coincide (no axis has an extent). One side
     /// of the split may be empty.
     #[inline(always)]
@@ -130,7 +135,7 @@ impl Bins {
         for bin in (1..BINS).rev() {
             for axis in 0..3 {
                 right[axis] = right[axis].union(self.bounds[bin][axis]);
-                n[axis] += self.counts[bin][axis];
+                n[axis] += self.weights[bin][axis];
                 right_cost[bin][axis] = right[axis].half_area() * f64::from(n[axis]);
             }
         }
@@ -140,7 +145,7 @@ impl Bins {
         for bin in 1..BINS {
             for axis in 0..3 {
                 left[axis] = left[axis].union(self.bounds[bin - 1][axis]);
-                n[axis] += self.counts[bin - 1][axis];
+                n[axis] += self.weights[bin - 1][axis];
                 let cost = left[axis].half_area() * f64::from(n[axis]) + right_cost[bin][axis];
                 let better = cost < min_cost[axis];
                 min_cost[axis] = if better { cost } else { min_cost[axis] };
