@@ -16,6 +16,7 @@ Examples
 array([ True, False])
 """
 
+from . import open3d, trimesh
 from ._lightpath import Error, __version__
 from ._pictures import Picture, render, render_views
 from ._rays import AllHits, ClosestPoints, Hits, RayScene

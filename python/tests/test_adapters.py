@@ -1,11 +1,19 @@
 """The classes with the methods of trimesh and Open3D, which need not be installed."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from lightpath.open3d import RaycastingScene
 from lightpath.trimesh import RayMeshIntersector
 from shapes import cube
+
+
+def test_the_package_alone_has_them():
+    code = "import lightpath; lightpath.trimesh.RayMeshIntersector, lightpath.open3d.RaycastingScene"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 class Mesh:
