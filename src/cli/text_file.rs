@@ -31,8 +31,8 @@ impl TextFile {
     /// symbolic link stays, and the file that it leads to is replaced.
     ///
     /// # Errors
-    /// The same as [`PartFile::create`] for a file. A control character in the name of a device, or a
-    /// device that cannot be opened.
+    /// The same as [`PartFile::create`] for a file. A control character in the name of a device, or
+    /// a device that cannot be opened.
     pub fn create(target: &Path) -> Result<Self> {
         let failed = |error| Error::io(target, "open", &error);
         let open = files::open_file(target);
