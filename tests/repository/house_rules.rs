@@ -60,17 +60,31 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     let root = env!("CARGO_MANIFEST_DIR");
     let output = Command::new(env!("CARGO"))
         .args(["tree", "--locked", "--offline", "-e", "normal", "--prefix", "none"])
-        .args(["--format", "{p}", "--manifest-path", &format!("{root}/Cargo.toml")])
+        .args(["--format", "{p}|{l}", "--manifest-path", &format!("{root}/Cargo.toml")])
         .output()
         .expect("cargo runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let tree = String::from_utf8(output.stdout).expect("text");
-    let named = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a list");
-    let used = tree.lines().filter_map(|line| line.split(' ').next());
-    let missing: Vec<&str> = used
-        .filter(|name| *name != env!("CARGO_PKG_NAME") && !named.contains(&format!("`{name}`")))
+    let table = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a table");
+    let missing: Vec<String> = tree
+        .lines()
+        .filter_map(name_and_licence)
+        .filter(|(name, licence)| {
+            let is_row = |row: &str| {
+                row.starts_with(&format!("| {licence} |")) && row.contains(&format!("`{name}`"))
+            };
+            *name != env!("CARGO_PKG_NAME") && !table.lines().any(is_row)
+        })
+        .map(|(name, licence)| format!("{name}: {licence}"))
         .collect();
     assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
+}
+
+/// Splits a line such as `glob v0.3.4|MIT OR Apache-2.0 (*)`. Old crates write `/` for `OR`.
+fn name_and_licence(line: &str) -> Option<(&str, String)> {
+    let (package, licence) = line.split_once('|')?;
+    let licence = licence.trim_end_matches(" (*)").replace('/', " OR ");
+    Some((package.split(' ').next()?, licence))
 }
 
 /// rustfmt wraps code at 100 columns, but not comments.
