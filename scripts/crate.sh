@@ -1,0 +1,31 @@
+#!/bin/sh
+# Installs the program from the packaged crate, as `cargo install` does, with no file of this folder.
+# Its renders must have the bytes of the program that `make build` compiled. Nothing is optimised:
+# it compiles faster, and the bytes do not depend on it.
+set -eu
+cd "$(dirname "$0")/.."
+built=$(realpath -m "${BINARY:-${CARGO_TARGET_DIR:-target}/release/lightpath}")
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+say() { printf 'crate: %s\n' "$*"; }
+
+cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/target"
+crate=$scratch/lightpath-$version
+tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
+say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
+(cd / && cargo install --quiet --locked --debug --config profile.dev.debug=false --path "$crate" \
+    --root "$scratch/installed" --target-dir "$scratch/target" --no-track)
+
+installed=$scratch/installed/bin/lightpath
+"$installed" --version --verbose
+
+cd "$crate"
+mkdir "$scratch/installed-out" "$scratch/built-out"
+for input in scenes/still-life.json assets/teapot.ply; do
+    "$installed" render "$input" --size 64x48 --spp 4 --quiet -o "$scratch/installed-out" >"$scratch/files"
+    "$built" render "$input" --size 64x48 --spp 4 --quiet -o "$scratch/built-out" >"$scratch/files"
+done
+diff -r "$scratch/installed-out" "$scratch/built-out"
+say "the same bytes: $(ls -x "$scratch/built-out")"
