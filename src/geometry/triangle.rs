@@ -23,11 +23,11 @@ pub struct TrianglePoint {
     /// Whether rounding moves u and v by at most 2.5e-7.
     pub sharp: bool,
     /// Whether an edge may be so close that a test in f32, or the rounding of the point, puts the
-    /// point on its other side. Conservative: always true from [`sharpen_triangle`].
+    /// point on its other side. Conservative: always true from `sharpen_triangle`.
     pub at_edge: bool,
 }
 
-/// Largest rounding error of u and v before [`sharpen_triangle`] is needed; they must be right to
+/// Largest rounding error of u and v before `sharpen_triangle` is needed; they must be right to
 /// 1e-6.
 const SHARP: f64 = 2.5e-7;
 
@@ -87,7 +87,7 @@ const BLUR: f64 = 32.0 * f64::EPSILON;
 
 /// Error bound of each coordinate of the position: its distance from where the ray hits the plane.
 /// Valid if that point lies in the triangle. It holds for [`refine_triangle`], and for
-/// [`sharpen_triangle`] where the hit is not `sharp`.
+/// `sharpen_triangle` where the hit is not `sharp`.
 ///
 /// Each triple product of to_v0, direction and a side has an error of at most 8u times its
 /// permanent (u = 2^-53). The permanent is at most the product of the sums of the coordinates'

@@ -81,6 +81,29 @@ fn threads_and_tiers_build_the_same_tree() {
     }
 }
 
+/// A mesh of 180,000 triangles with vertices that no triangle uses.
+fn with_unused(unused: &[[f32; 3]], scale: f32) -> Geometry {
+    let mut geometry = scene(300, 9);
+    let mesh = std::mem::take(&mut geometry.meshes[0]);
+    let used = mesh.vertices().iter().map(|v| v.map(|x| x * scale));
+    let vertices = used.chain(unused.iter().copied()).collect();
+    geometry.meshes[0] = TriangleMesh::new(vertices, mesh.triangles().to_vec(), false);
+    geometry
+}
+
+#[test]
+fn unused_vertices_and_crowded_cells_do_not_change_what_is_in_the_tree() {
+    let unused = [[f32::NAN, 0.0, 0.0], [f32::INFINITY; 3], [-1e38; 3]];
+    // Of the last scene, nearly all triangles lie in one cell.
+    for (unused, scale) in [(&unused[..1], 1.0), (&unused, 1.0), (&[[1e6; 3]][..], 1e-3)] {
+        let geometry = with_unused(unused, scale);
+        let one = build(&geometry, Isa::Portable, 1);
+        let stats = one.validate().expect("a sound tree");
+        assert_eq!((stats.triangles, stats.spheres), (180_018, 9));
+        assert!(bits(&build(&geometry, Isa::detect(), 3).tree) == bits(&one.tree));
+    }
+}
+
 #[test]
 fn an_empty_scene_becomes_an_empty_root() {
     let geometry = scene(0, 0);

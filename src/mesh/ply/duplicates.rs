@@ -93,17 +93,19 @@ impl<'a> Triangles<'a> {
     /// Returns the triangles that repeat an earlier one, among those whose lowest vertex is one of
     /// `count` from `first` on.
     fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
-        let mut bits = vec![0u16; count];
+        // One more for the triangles of other tasks.
+        let mut bits = vec![0u16; count + 1];
         let mut suspects: Option<Vec<u32>> = None;
         for [second, third] in ROUNDS {
             let place = |[a, b, c]: [u32; 3]| {
                 let hash = b.wrapping_mul(second) ^ c.wrapping_mul(third);
-                ((a - first) as usize, 1u16 << (hash.wrapping_mul(0x9e37_79b1) >> 28))
+                let vertex = (a.wrapping_sub(first) as usize).min(count);
+                (vertex, 1u16 << (hash.wrapping_mul(0x9e37_79b1) >> 28))
             };
             let mut later = Vec::new();
             self.visit(first, count, suspects.as_deref(), |t, corners| {
                 let (vertex, bit) = place(corners);
-                if bits[vertex] & bit != 0 {
+                if bits[vertex] & bit != 0 && vertex < count {
                     later.push(t);
                 }
                 bits[vertex] |= bit;
@@ -133,7 +135,8 @@ impl<'a> Triangles<'a> {
     }
 
     /// Calls `visit` with the index and the sorted corners of each triangle in `some`. If `some` is
-    /// `None`, it visits all triangles whose lowest vertex is one of `count` from `first` on.
+    /// `None`, it visits all triangles whose lowest vertex is one of `count` from `first` on, and
+    /// others: a test of each would be mispredicted where files have no order.
     #[inline(always)]
     fn visit(
         &self,
@@ -154,10 +157,7 @@ impl<'a> Triangles<'a> {
             let start = block * BLOCK;
             let end = self.all.len().min(start + BLOCK);
             for (i, triangle) in self.all[start..end].iter().enumerate() {
-                let corners = sorted(*triangle);
-                if (corners[0].wrapping_sub(first) as usize) < count {
-                    visit((start + i) as u32, corners);
-                }
+                visit((start + i) as u32, sorted(*triangle));
             }
         }
     }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::super::bounds::Bounds3;
 use super::reference::Group;
-use crate::geometry::{Geometry, GeometryKind, Unseen};
+use crate::geometry::{Geometry, GeometryKind, TriangleMesh, Unseen};
 
 /// Two triangles form a pair if the area of their common box is at most this factor times the sum
 /// of the areas of their own boxes.
@@ -22,8 +22,8 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
     seen.sum()
 }
 
-/// Appends the groups of the primitives with scene-wide indices in `range` that are not in
-/// `unseen`. Calls `add` with each group and its box.
+/// Calls `add` with each group and its box, of the primitives with scene-wide indices in `range`
+/// that are not in `unseen`.
 #[inline(always)]
 pub fn each(
     geometry: &Geometry,
@@ -38,27 +38,7 @@ pub fn each(
         }
         let all_seen = unseen.count(&own) == 0;
         if let (GeometryKind::Mesh(mesh), true) = (geometry.kind(geom as u32), all_seen) {
-            let mut last: Option<Bounds3> = None;
-            for index in own.clone() {
-                let corners = geometry.meshes[mesh].corners(index - ends[0]);
-                let bounds = Bounds3::from_points(&corners);
-                let Some(before) = last else {
-                    last = Some(bounds);
-                    continue;
-                };
-                let both = before.union(bounds);
-                let apart = before.half_area() + bounds.half_area();
-                if both.half_area() <= MAX_AREA * apart {
-                    add(Group::pair(index - 1), both);
-                    last = None;
-                } else {
-                    add(Group::one(index - 1), before);
-                    last = Some(bounds);
-                }
-            }
-            if let Some(bounds) = last {
-                add(Group::one(own.end - 1), bounds);
-            }
+            pairs(&geometry.meshes[mesh], ends[0], own, &mut add);
             continue;
         }
         for index in own.filter(|&index| all_seen || !unseen.has(index)) {
@@ -69,5 +49,83 @@ pub fn each(
                 add(second, second.bounds(geometry));
             }
         }
+    }
+}
+
+/// Calls `add` with the groups of consecutive triangles of a mesh, whose first triangle has index
+/// `base`. A triangle forms a pair with the next one if that is possible.
+#[inline(always)]
+fn pairs(mesh: &TriangleMesh, base: u32, own: Range<u32>, add: &mut impl FnMut(Group, Bounds3)) {
+    let end = own.end;
+    let mut single: Option<Bounds3> = None;
+    for index in own {
+        let bounds = Bounds3::from_points(&mesh.corners(index - base));
+        let Some(before) = single.replace(bounds) else { continue };
+        let both = before.union(bounds);
+        if both.half_area() <= MAX_AREA * (before.half_area() + bounds.half_area()) {
+            add(Group::pair(index - 1), both);
+            single = None;
+        } else {
+            add(Group::one(index - 1), before);
+        }
+    }
+    if let Some(bounds) = single {
+        add(Group::one(end - 1), bounds);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::geometry::Sphere;
+
+    /// Two meshes of `n` triangles each along x, a quad and a sphere. Triangles 2 k and 2 k + 1 of a
+    /// mesh share an edge; the next two are far away.
+    fn scene(n: u32) -> Geometry {
+        let strip = || {
+            let corner =
+                |i: u32, k: u32| [(i / 2 * 10) as f32 + (k & 1) as f32, (k >> 1) as f32, 0.0];
+            let vertices = (0..n).step_by(2).flat_map(|i| (0..4).map(move |k| corner(i, k)));
+            let triangle = |i: u32| [0, 1, 2].map(|k| i / 2 * 4 + i % 2 + k);
+            TriangleMesh::new(vertices.collect(), (0..n).map(triangle).collect(), false)
+        };
+        let quad = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
+        Geometry::new(DVec3::ZERO, vec![strip(), strip()], vec![quad], vec![sphere]).expect("few")
+    }
+
+    fn found(geometry: &Geometry, unseen: &Unseen, range: Range<u32>) -> Vec<Group> {
+        let mut groups = Vec::new();
+        each(geometry, unseen, range, |group, bounds| {
+            assert_eq!(bounds.0, group.bounds(geometry).0);
+            groups.push(group);
+        });
+        groups
+    }
+
+    #[test]
+    fn neighbours_of_one_mesh_that_lie_together_are_pairs() {
+        let geometry = scene(4);
+        let pairs = [0, 2, 4, 6].map(Group::pair);
+        let others = [Group::one(8), Group::second_half(8), Group::one(9)];
+        assert_eq!(found(&geometry, &Unseen::NONE, 0..10), [&pairs[..], &others].concat());
+        assert_eq!(count(&geometry, &Unseen::NONE), 11);
+        // A range that begins with the second triangle of a pair finds no pair across the gap.
+        assert_eq!(
+            found(&geometry, &Unseen::NONE, 1..5),
+            [Group::one(1), Group::pair(2), Group::one(4)]
+        );
+    }
+
+    #[test]
+    fn a_mesh_that_is_partly_hidden_has_no_pairs() {
+        let geometry = scene(2);
+        let mut unseen = Unseen::NONE;
+        unseen.push(1..2);
+        let groups = [Group::one(0), Group::pair(2), Group::one(4), Group::second_half(4)];
+        assert_eq!(found(&geometry, &unseen, 0..5), groups);
+        assert_eq!(count(&geometry, &unseen), 6);
     }
 }

@@ -14,8 +14,7 @@ use crate::ray::{LANES, NONE};
 const MAX_SINGLE_RAYS: u32 = 3;
 
 /// A child that is still to be visited, and the scaled ray parameters at which the rays enter its
-/// box: +inf for a ray that misses the box. While `tfar` of such a ray is infinite, the ray counts
-/// as entering all the same. That costs time, but finds no hit.
+/// box: NaN for a ray that misses the box, so that it enters for no `tfar`, even an infinite one.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct ClosestEntry {
@@ -132,7 +131,7 @@ impl<T: Tier> Packet<'_, T> {
             for i in 0..LANES {
                 let meets = near[i] <= far[i];
                 any |= i32::from(meets);
-                near[i] = if meets { near[i] } else { f32::INFINITY };
+                near[i] = if meets { near[i] } else { f32::NAN };
             }
             if any != 0 {
                 stack.push(ClosestEntry { near, child: node.children[slot] });

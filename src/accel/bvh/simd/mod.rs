@@ -77,7 +77,7 @@ pub trait Tier: HorizontalMin {
     /// Returns the active lanes, as bits.
     fn bits(self, mask: &Mask) -> u32;
 
-    /// Returns the lanes in which `a` is at most `b`, as bits.
+    /// Returns the lanes in which `a` is at most `b`, as bits. A NaN is not.
     fn at_most(self, a: &[f32; WIDTH], b: &[f32; WIDTH]) -> u32;
 
     /// Returns the triangles of a leaf that the ray may hit before `tfar`. It certainly hits no
