@@ -58,10 +58,12 @@ const OPEN_FILES: [&str; 2] = ["/proc", "/dev/fd"];
 /// Maximum number of links to follow. Linux follows 40.
 const MAX_LINKS: usize = 40;
 
-/// Returns the name that the system gives to an open file of a process, such as `/proc/7/fd/1`, if
-/// `path` is such a name or leads to one through links, as `/dev/stdout` does. `None` for any other
-/// path. The metadata of such a path is that of the file, but a file renamed to it would replace a
-/// link of the system.
+/// Returns the system's name of an open file of a process, such as `/proc/7/fd/1`, if `path` is
+/// this name or leads to it through links, as `/dev/stdout` does. Any other name in `/proc` counts
+/// too. Returns `None` for all other paths.
+///
+/// The metadata of such a path is the metadata of the file, but a file renamed to the path would
+/// replace a link of the system.
 pub fn open_file(path: &Path) -> Option<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -101,7 +103,7 @@ impl FileSet {
     }
 
     /// Returns true if `path` is one of the files, also through links. A file that does not exist
-    /// yet is identified by its future path.
+    /// yet is identified by its future path; a link to such a file is not followed.
     pub fn has(&self, path: &Path) -> bool {
         match std::fs::metadata(path) {
             Ok(data) if node(&data).is_some_and(|node| self.nodes.contains(&node)) => true,

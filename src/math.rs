@@ -1,6 +1,7 @@
 //! Small numeric helpers that the standard library lacks.
 
-/// `x^n` for x, n >= 0, with 0^0 = 1. Relative error below 1e-7.
+/// Returns `x^n` for finite x, n >= 0, with 0^0 = 1. Relative error below 1e-7, or absolute error
+/// below 1e-38 where the result is subnormal.
 ///
 /// Computed in f64 without branches, from bits and polynomials: log2 by the series of atanh, 2^f by
 /// Taylor's series. So a loop over lanes compiles to SIMD code, and every machine computes the same
@@ -34,8 +35,8 @@ pub fn pow(x: f32, n: f32) -> f32 {
     if x > 0.0 { power } else { at_zero }
 }
 
-/// Angle of the vector (x, y) from the x axis, in [-pi, pi], as `f32::atan2`. Absolute error below
-/// 4e-7. A negative zero x counts as 0, so atan2(0, 0) is 0 for both signs of x.
+/// Returns the angle of the finite vector (x, y) from the x axis, in [-pi, pi], as `f32::atan2`.
+/// Absolute error below 4e-7. A negative zero x counts as 0: atan2(0, -0) is 0.
 ///
 /// Has no branches, and gives the same bits on every machine, as [`pow`] does. The polynomial is
 /// from `atanf` in the Cephes library (Moshier 1989).
@@ -56,10 +57,11 @@ pub fn atan2(y: f32, x: f32) -> f32 {
     angle.copysign(y)
 }
 
-/// Angle of the vector (x, y) from the x axis, y >= 0: in [0, pi], as `f64::atan2(y, x)`. Absolute
-/// error below 1e-10, and relative error below 1e-10 for small angles; 0 for the zero vector.
+/// Returns the angle of the vector (x, y) from the x axis for y >= 0, in [0, pi], as
+/// `f64::atan2(y, x)`. Absolute error below 1e-10, and relative error below 1e-10 for small angles.
+/// Returns 0 for the zero vector.
 ///
-/// Without branches, and with the same bits on every machine, as [`pow`]. The polynomial
+/// Has no branches, and gives the same bits on every machine, as [`pow`] does. The polynomial
 /// interpolates atan(t) / t at the Chebyshev nodes of t^2 in [0, tan(pi / 8)^2].
 #[inline(always)]
 pub fn angle(y: f64, x: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! Text files that flags name.
+//! Text files that the program writes to a path from a flag.
 
 use std::{
     fs::{File, OpenOptions},
@@ -28,11 +28,12 @@ pub enum TextFile {
 
 impl TextFile {
     /// Opens `target` for writing: creates a part file, or opens the device, pipe or open file. A
-    /// symbolic link stays, and the file that it leads to is replaced.
+    /// symbolic link to a file stays, and the file is replaced. A link to nothing is replaced
+    /// itself.
     ///
     /// # Errors
-    /// The same as [`PartFile::create`] for a file. A control character in the name of a device, or
-    /// a device that cannot be opened.
+    /// The same as [`PartFile::create`] for a file. A control character in the name of a link, or
+    /// in the name of a device. A device that cannot be opened.
     pub fn create(target: &Path) -> Result<Self> {
         let failed = |error| Error::io(target, "open", &error);
         let open = files::open_file(target);
@@ -64,7 +65,7 @@ impl TextFile {
         match self {
             Self::Part(named, part) => part.finish(text).map(|_| named),
             Self::Direct(path, mut file) => {
-                // Earlier output to the same file comes first.
+                // Buffered output to the same file comes first.
                 let _ = std::io::stdout().flush();
                 let written = file.write_all(text.as_bytes());
                 written.map_err(|error| Error::io(&path, "write", &error))?;

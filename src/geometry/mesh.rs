@@ -5,7 +5,7 @@ use rayon::prelude::*;
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
 pub struct TriangleMesh {
-    /// One unused element stands at the end: Embree reads 16 bytes from each vertex.
+    /// One unused element is at the end, because Embree reads 16 bytes from each vertex.
     pub(super) vertices: Vec<[f32; 3]>,
     /// Vertex indices, each below `vertices().len()`.
     pub(super) triangles: Vec<[u32; 3]>,
@@ -14,12 +14,13 @@ pub struct TriangleMesh {
     /// True for `bvh: false` in the scene: the `coursework` backend tests each triangle of the mesh
     /// in a loop.
     pub loop_only: bool,
-    /// Lowest and highest coordinates of all vertices.
+    /// Lowest and highest coordinates of all vertices. NaN is ignored.
     bounds: [[f32; 3]; 2],
 }
 
 impl TriangleMesh {
-    /// Creates a mesh without stitches. Every index must be below the number of vertices.
+    /// Creates a mesh without stitches, in the current rayon pool. Every index must be below the
+    /// number of vertices.
     pub fn new(mut vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>, loop_only: bool) -> Self {
         debug_assert!(triangles.iter().flatten().all(|&i| (i as usize) < vertices.len()));
         let bounds = bounds_of(&vertices);
@@ -50,8 +51,8 @@ impl TriangleMesh {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// Lowest and highest coordinates of all vertices, used or not. Infinite, the lowest above the
-    /// highest, for no vertices.
+    /// Lowest and highest coordinates of all vertices, used or not. NaN coordinates are ignored.
+    /// Without vertices the lowest are `+inf` and the highest `-inf`.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         self.bounds
     }

@@ -2,10 +2,11 @@
 //! direction by more than a given angle.
 //!
 //! The faces around a vertex fall into groups. Two faces that share an edge at the vertex are in
-//! one group unless the edge is a crease. There are two angles. The smaller one applies only where
-//! the groups that it produces are flat. So at 45 degrees the edges of a chamfer are creases, and
-//! edges between the bumps of a scan at the same angle are not. Each group has its own normal, with
-//! the weights of [`vertex_normals`](super::vertex_normals).
+//! one group if the edge is no crease, or if edges without a crease lead around the vertex from one
+//! face to the other. There are two angles. The smaller one applies only where the groups that it
+//! produces are few and flat. So at 45 degrees the edges of a chamfer are creases, and edges
+//! between the bumps of a scan at the same angle are not. Each group has its own normal, with the
+//! weights of [`vertex_normals`](super::vertex_normals).
 
 use rayon::prelude::*;
 
@@ -42,7 +43,8 @@ impl From<Vec<[f32; 3]>> for Normals {
 }
 
 impl Normals {
-    /// Returns the normals at the three corners of a triangle.
+    /// Returns the normals at the three corners of the triangle with this index and these vertex
+    /// indices.
     #[inline(always)]
     pub fn of(&self, triangle: u32, vertices: [u32; 3]) -> [[f32; 3]; 3] {
         let numbers = self.creases.as_ref().and_then(|creases| creases.of(triangle));
@@ -80,20 +82,23 @@ struct Split {
 /// Returns the normals of a mesh, split at creases.
 ///
 /// An edge is a crease if its two faces differ by more than the first of `degrees`. Between flat
-/// parts, it is a crease if they differ by more than the second. Both angles are in (0, 180]. The
-/// result is the same for any number of threads.
+/// parts, it is a crease if they differ by more than the smaller of the two. Both angles are in
+/// (0, 180]. The result is the same for any number of threads.
 ///
-/// Runs in the caller's rayon pool. Panics if a triangle has an index beyond `positions`.
+/// Runs in the caller's rayon pool.
 ///
 /// # Errors
 /// `Retry` if there is no memory for the normals. `name` is the mesh's name for the message.
+///
+/// # Panics
+/// If a triangle has an index beyond `positions`.
 pub fn creased_normals<P: Point>(
     positions: &[P],
     triangles: &[[u32; 3]],
     degrees: [f64; 2],
     name: &str,
 ) -> Result<Normals> {
-    // A scene cannot hold so many triangles.
+    // A scene cannot hold so many triangles, so their creases do not matter.
     if triangles.len() > u32::MAX as usize {
         return Ok(vertex_normals(positions, triangles).into());
     }
@@ -167,8 +172,9 @@ impl Corners {
     }
 }
 
-/// Number of other faces at the same edge with which each face is compared. If more faces meet at
-/// an edge, similar ones are still joined through the faces between them.
+/// Maximum number of later faces at the same edge with which each face is compared. Without it, an
+/// edge with many faces would take quadratic time. Similar faces that are farther apart in the list
+/// are joined only through faces between them.
 const MAX_COMPARED_AT_EDGE: usize = 8;
 
 /// All triangles, the index of one vertex, and its faces in file order.
@@ -185,11 +191,12 @@ const FLAT_DEGREES: f64 = 5.0;
 struct Around {
     /// Minimum cosine between the two faces of a smooth edge: in general, and between flat parts.
     min_cosine: [f64; 2],
-    /// Cosine of half the smaller angle. If all faces are this close to one normal, there is no
-    /// crease.
+    /// Cosine of half the smaller angle. If all faces are this close to one normal, no two of them
+    /// differ by more than the smaller angle, so there is no crease.
     half: f64,
     normals: Vec<[f32; 3]>,
-    /// The other two vertices of each face, with the position of the face in the list.
+    /// The other two vertices of each face, with the position of the face in the list of faces
+    /// around the vertex; sorted.
     edges: Vec<(u32, usize)>,
     /// For each face, another face of its group; the first face of a group has its own position.
     group: Vec<usize>,
@@ -218,8 +225,8 @@ impl Around {
         !self.normals.iter().all(near)
     }
 
-    /// Groups the faces and returns the normal of the first group. The normals of the other groups
-    /// are added to `more`, their corners to `splits`.
+    /// Groups the faces and returns the normal of the first group; zero if there is no group. Adds
+    /// the normals of the other groups to `more`, and their corners to `splits`.
     fn split(
         &mut self,
         fan: &Fan,
@@ -267,7 +274,7 @@ impl Around {
             }
         }
         self.members.clear();
-        // A face with zero area belongs to no group. It is never visible.
+        // A face with zero area belongs to no group: it has no direction. It is never visible.
         for place in (0..self.normals.len()).filter(|&place| !is_zero(self.normals[place])) {
             self.members.push((first(&mut self.group, place), place));
         }

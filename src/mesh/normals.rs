@@ -53,8 +53,11 @@ pub(super) const CHUNK: usize = 1024;
 /// Returns one unit normal per vertex, in the space of `positions`. The normal is `[0, 0, 0]` for a
 /// vertex without faces, and where the faces cancel out.
 ///
-/// Runs in the caller's rayon pool. It needs 8 bytes of temporary memory per vertex and 12 per
-/// triangle. Panics if a triangle has an index beyond `positions`.
+/// Runs in the caller's rayon pool. It needs 8 bytes of temporary memory per vertex, 12 per
+/// triangle, and 88 per face of the vertex with the most faces.
+///
+/// # Panics
+/// If a triangle has an index beyond `positions`.
 pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
@@ -71,8 +74,8 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
     normals
 }
 
-/// Computes the same normals serially, without the table of faces. For meshes with more triangles
-/// than the table can number, and as the reference in tests.
+/// Computes the normals of [`vertex_normals`] serially, without the table of faces. For meshes with
+/// more triangles than a u32 can index, and as the reference in tests.
 fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![[0.0; 3]; positions.len()];
     for &triangle in triangles {
@@ -98,7 +101,7 @@ fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], v
 }
 
 /// Returns the edges that leave a triangle's corner at `vertex`: to the next corner and to the
-/// last.
+/// previous one.
 #[inline(always)]
 fn edges<P: Point>(positions: &[P], [a, b, c]: [u32; 3], vertex: u32) -> [[f64; 3]; 2] {
     // Selects, because a branch would be mispredicted for every second corner.
@@ -121,10 +124,11 @@ fn corner(to_next: [f64; 3], to_last: [f64; 3]) -> ([f64; 3], f64, f64) {
     (normal, length, math::angle(length, dot(to_next, to_last)))
 }
 
-/// Number of corners after which a batch is full.
+/// Number of corners after which a batch is full. A batch holds all corners of its vertices, so it
+/// may have more.
 const BATCH: usize = 128;
 
-/// Triangles are prefetched for the corner this many behind.
+/// The triangle that is this many corners ahead is prefetched.
 const PREFETCH_DISTANCE: usize = 64;
 
 /// Corners of the faces around some vertices. Structure of arrays: the values of all corners are
@@ -135,7 +139,7 @@ pub(super) struct CornerBatch {
     edges: [Vec<f64>; 6],
     /// Twice area x normal of each corner's face.
     normals: [Vec<f64>; 3],
-    /// Length of this vector.
+    /// Length of each of these vectors.
     lengths: Vec<f64>,
     /// Angle of each corner.
     angles: Vec<f64>,
@@ -148,7 +152,7 @@ pub(super) struct Fan<'b> {
 }
 
 impl CornerBatch {
-    /// Calls `visit` with each of `vertices` and its corners, in order.
+    /// Calls `visit` with the index of each of `vertices` and its corners, in ascending order.
     pub(super) fn each_vertex<P: Point>(
         &mut self,
         (positions, triangles): (&[P], &[[u32; 3]]),
@@ -172,6 +176,9 @@ impl CornerBatch {
         }
     }
 }
+
+/// Root of the smallest normal number, rounded up.
+const MIN_LENGTH: f64 = 1.5e-154;
 
 /// Computes the corners of some vertices.
 struct FillCorners<'a, P> {
@@ -230,7 +237,8 @@ impl Fan<'_> {
         self.corners.len()
     }
 
-    /// Returns the sum of area x angle x normal of some faces, times two.
+    /// Returns the sum of area x angle x normal of some faces, times two. `faces` are positions in
+    /// the fan.
     #[inline]
     pub(super) fn sum(&self, faces: impl Iterator<Item = usize>) -> [f64; 3] {
         let CornerBatch { normals, angles, .. } = self.batch;
@@ -256,15 +264,14 @@ impl Fan<'_> {
         let normal = normal.map(f64::from);
         let CornerBatch { normals: [x, y, z], lengths, .. } = self.batch;
         self.corners.clone().all(|i| {
-            // Squares of tiny edges may have left the range.
-            lengths[i] > f64::MIN_POSITIVE
-                && dot([x[i], y[i], z[i]], normal) >= min_cosine * lengths[i]
+            // The square of a smaller length has lost bits.
+            lengths[i] > MIN_LENGTH && dot([x[i], y[i], z[i]], normal) >= min_cosine * lengths[i]
         })
     }
 }
 
-/// Returns the vector `sum` at unit length, or zero if it has no direction. It is divided by its
-/// largest component first, because squares of tiny or huge components would leave the range.
+/// Returns `sum` at unit length, or zero if it is zero or not finite. It is divided by its largest
+/// component first, because squares of tiny or huge components would leave the range.
 pub(super) fn unit(sum: [f64; 3]) -> [f32; 3] {
     let largest = sum.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
     // A NaN component makes the length NaN, and NaN is not > 0.

@@ -2,7 +2,7 @@
 //!
 //! Every task owns a range of vertices and reads the triangles in file order. So it needs no
 //! atomics, and the result is the same for any number of threads. Neighbouring triangles in a file
-//! have neighbouring vertices, so a task skips most blocks of triangles.
+//! usually have neighbouring vertices, so a task skips most blocks of triangles.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -13,15 +13,18 @@ const BLOCK: usize = 1 << 14;
 
 /// A table of the faces around each vertex. Triangles that repeat a vertex are left out.
 pub(super) struct VertexFaces {
-    /// End of each vertex's faces in `faces`. They begin where those of the vertex before end.
+    /// End of each vertex's faces in `faces`. They begin where the previous vertex's faces end.
     ends: Vec<usize>,
     /// Indices of triangles; ascending for each vertex.
     faces: Vec<u32>,
 }
 
 impl VertexFaces {
-    /// Builds the table: 12 bytes per triangle and 8 per vertex. There must be at most 2^32
-    /// triangles. Panics if one has an index beyond `vertices`.
+    /// Builds the table: 12 bytes per triangle and 8 per vertex. There must be fewer than 2^32
+    /// triangles.
+    ///
+    /// # Panics
+    /// If a triangle has an index that is not below `vertices`.
     pub(super) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
         let blocks = Blocks::new(triangles);
         let beyond = blocks.ranges.iter().find(|range| *range.end() as usize >= vertices);
@@ -46,7 +49,7 @@ impl VertexFaces {
             (start, rest) = (start + count, behind);
         }
         tasks.into_par_iter().for_each(|(first, start, ends, own)| {
-            // Each count becomes a start, which filling moves to the end.
+            // Each count becomes the start of the vertex's faces. Filling moves it to their end.
             let mut next = 0;
             for end in &mut *ends {
                 next += std::mem::replace(end, next);
@@ -74,15 +77,15 @@ impl VertexFaces {
         &self.faces[self.start(vertices.start)..self.start(vertices.end)]
     }
 
-    /// Returns entry `place` of the table, which has the faces of one vertex after the other; the
-    /// last entry if there are fewer.
+    /// Returns entry `place` of the table, which lists the faces of one vertex after the other.
+    /// Returns the last entry if `place` is beyond it. The table must not be empty.
     #[inline(always)]
     pub(super) fn at(&self, place: usize) -> usize {
         self.faces[place.min(self.faces.len() - 1)] as usize
     }
 
-    /// Returns the end of the first of `vertices` that have at least `corners` faces together; the
-    /// end of all if they have fewer.
+    /// Returns the end of the shortest run of vertices, from the start of `vertices` on, that has
+    /// at least `corners` faces. Returns the end of `vertices` if all of them have fewer.
     pub(super) fn run(&self, vertices: Range<usize>, corners: usize) -> usize {
         let enough = self.start(vertices.start) + corners;
         let ends = &self.ends[vertices.clone()];
@@ -115,9 +118,12 @@ impl<'a> Blocks<'a> {
         Self { triangles, ranges: triangles.par_chunks(BLOCK).map(range).collect() }
     }
 
-    /// Calls `visit` with the index of each triangle, each of its vertices relative to `first`, and
-    /// whether this is one of the `count` > 0 vertices from `first` on. Others appear as the last
-    /// one, so that `visit` needs no branch: it would be mispredicted where a file has no order.
+    /// Calls `visit` for each corner of the triangles in all blocks that overlap the `count` > 0
+    /// vertices from `first` on. Leaves out triangles that repeat a vertex.
+    ///
+    /// The arguments are the index of the triangle, the vertex relative to `first`, and whether it
+    /// is one of the `count` vertices. Any other vertex appears as the last of them. So `visit`
+    /// needs no branch, which would be mispredicted where a file has no order.
     #[inline(always)]
     fn each_corner(&self, first: usize, count: usize, mut visit: impl FnMut(u32, usize, bool)) {
         for (block, range) in self.ranges.iter().enumerate() {

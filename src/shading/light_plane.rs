@@ -1,8 +1,8 @@
 //! Area lights that lie in a surface: a panel in a ceiling, a window in a wall.
 //!
 //! Such a surface cannot shadow its light, but rounding may put it in front of the light's points.
-//! So a shadow ray ends before the plane, by the distance between surface and light. Where the ray
-//! has a small angle to the plane, that is far along the ray.
+//! So a shadow ray ends before the plane, by the distance between surface and light. If the angle
+//! between ray and plane is small, this end is far from the light.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -18,11 +18,12 @@ const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 /// Tolerance of coplanarity; see [`Area::coplanar_distance`].
 const COPLANAR: f64 = 4.0 * UNIT;
 
-/// Smallest end of a ray in front of the light's plane; the light is at 1. A ray that would end
-/// earlier is grazing and keeps its own end.
+/// Smallest end of a ray in front of the light's plane, as a ray parameter; the light is at 1. A
+/// ray that would end earlier is grazing and keeps its own end.
 const GRAZING: f64 = 1.0 - 1.0 / 256.0;
 
-/// Largest N.L of a ray along a light's plane that brings no light to a point in the plane.
+/// Largest N.L, for unit vectors, of a ray along a light's plane that brings no light to a point in
+/// the plane.
 const ALONG: f64 = 1e-4;
 
 impl Area {
@@ -51,11 +52,11 @@ impl Area {
         }
     }
 
-    /// Largest distance of a primitive from the light's plane, if the two are coplanar up to the
-    /// rounding of f32. The primitive may then be the wall or ceiling that holds the light. `None`
-    /// for a sphere, and for a primitive farther away than 4u of the largest coordinate (u =
-    /// 2^-24). Such a primitive lies in front of the light or behind it. Corners in the light's own
-    /// plane are rounded by 1.8u.
+    /// Returns the largest distance of a primitive's corners from the light's plane, if the two are
+    /// coplanar up to the rounding of f32. The primitive may then be the wall or ceiling that holds
+    /// the light. Returns `None` for a sphere, and for a distance above 4u times the largest
+    /// coordinate (u = 2^-24). Such a primitive lies in front of the light or behind it. Corners in
+    /// the light's own plane are rounded by 1.8u.
     pub fn coplanar_distance(&self, geometry: &Geometry, primitive: u32) -> Option<f64> {
         let (geom, prim) = geometry.place(primitive);
         let corner = self.corner.as_dvec3();
@@ -80,7 +81,8 @@ impl Area {
         self.distant.is_none() && self.coplanar_distance(geometry, primitive).is_some()
     }
 
-    /// Sets [`Area::plane_gap`] from the triangles and quads that the light lies in.
+    /// Sets [`Area::plane_gap`] from the coplanar triangles and quads whose boxes overlap the
+    /// light's box.
     pub fn set_plane_gap(&mut self, geometry: &Geometry) {
         let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
         let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
@@ -109,8 +111,8 @@ impl Area {
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)
             };
             let all = 0..mesh.triangles().len() as u32;
-            // Frames of a batch are prepared outside of any pool and must not start the global
-            // pool.
+            // Frames of a batch are prepared outside of any pool. Parallel code would start rayon's
+            // global pool there.
             gap = gap.max(match rayon::current_thread_index() {
                 Some(_) => all
                     .into_par_iter()
@@ -132,9 +134,9 @@ impl Area {
     }
 
     /// Ends the shadow rays to a light that lies in a surface before that surface. Returns the
-    /// grazing rays: the ones that would end far from the light. They keep their end, and their
-    /// hits must be checked against the light's plane ([`Area::holds`]). Rays along the plane from
-    /// points in it carry no light; they become inactive.
+    /// active grazing rays, which would end far from the light. They keep their end, and their hits
+    /// must be checked against the light's plane ([`Area::holds`]). Rays along the plane from
+    /// surfaces in the plane carry no light; they become inactive.
     #[inline(always)]
     pub fn end_before_plane(
         &self,
@@ -161,7 +163,7 @@ impl Area {
         grazing
     }
 
-    /// Deactivates the rays that run along the plane from a surface in it.
+    /// Deactivates the rays that run along the plane from a surface in the plane.
     #[cold]
     #[inline(never)]
     fn drop_in_plane(

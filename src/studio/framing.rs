@@ -27,7 +27,8 @@ pub struct FieldOfView {
 /// very wide angle). Then the camera keeps a distance from it.
 ///
 /// `direction` and `up` have any length and are not parallel. Points that are NaN are ignored.
-/// Returns `None` if there are no other points, or if a point is infinite.
+/// Returns `None` if there are no other points. A point with an infinite coordinate either makes
+/// the result `None` or is ignored, which depends on the direction.
 pub fn frame(
     points: impl ParallelIterator<Item = DVec3>,
     direction: DVec3,
@@ -41,7 +42,7 @@ pub fn frame(
     view.position(&extent)
 }
 
-/// Returns the position of [`frame`] for points that turn around an axis, given as a point and a
+/// Returns the position of [`frame`] for points that turn around an axis. The axis is a point and a
 /// unit direction. Each point may be anywhere on its circle. So one position serves all frames of a
 /// turntable, however many there are.
 pub fn frame_turning(
@@ -66,7 +67,8 @@ pub fn frame_turning(
     view.position(&extent)
 }
 
-/// The axes of a camera, and the slopes of the frustum's sides without the margin.
+/// The axes of a camera (right, up, forward), and the slopes of the frustum's sides after the
+/// margin is subtracted.
 struct View {
     axes: [DVec3; 3],
     tx: f64,
@@ -86,7 +88,7 @@ impl Extent {
         Self { planes: [f64::NEG_INFINITY; 4], near: f64::INFINITY, far: f64::NEG_INFINITY };
 
     /// Returns the extent of all points. `measure` returns the reach of a point towards the four
-    /// sides, its depth, and by how much it extends in these five directions.
+    /// sides, its depth, and by how much it extends beyond these five values.
     fn around(
         points: impl ParallelIterator<Item = DVec3>,
         measure: impl Fn(DVec3) -> ([f64; 4], f64, [f64; 5]) + Sync,
@@ -178,7 +180,7 @@ mod tests {
             .collect()
     }
 
-    /// Projects a point to coordinates that are [-1, 1] within the picture without its margin.
+    /// Projects a point to coordinates that are in [-1, 1] within the picture without its margin.
     fn project(p: DVec3, at: DVec3, direction: DVec3, up: DVec3, t: [f64; 2]) -> [f64; 2] {
         let z = direction.normalize();
         let x = z.cross(up).normalize();

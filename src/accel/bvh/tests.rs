@@ -105,6 +105,21 @@ fn unused_vertices_and_crowded_cells_do_not_change_what_is_in_the_tree() {
 }
 
 #[test]
+fn sums_of_huge_areas_stay_in_range() {
+    let mut seed = 1u64;
+    let mut random = move || {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((seed >> 40) as f32 / (1 << 23) as f32 - 1.0) * 1e18
+    };
+    let vertices = (0..9000).map(|_| [random(), random(), random()]).collect();
+    let triangles = (0..3000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = TriangleMesh::new(vertices, triangles, false);
+    let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
+    let stats = build(&geometry, Isa::Portable, 2).validate().expect("a sound tree");
+    assert_eq!(stats.triangles, 3000);
+}
+
+#[test]
 fn an_empty_scene_becomes_an_empty_root() {
     let geometry = scene(0, 0);
     let stats = build(&geometry, Isa::Portable, 1).validate().expect("a sound tree");

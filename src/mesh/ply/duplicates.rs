@@ -1,12 +1,13 @@
 //! Removes duplicate triangles: the first one stays.
 //!
 //! Two triangles with the same three vertices, in any order, are the same surface, because both
-//! sides are shaded. The triangles are distributed by their lowest vertex. So each task owns a
-//! range of vertices and needs no atomics. Neighbouring triangles in a file have neighbouring
-//! vertices, so a task skips most blocks of triangles. Each vertex has 16 bits. Every triangle sets
-//! one bit of its lowest vertex, chosen by a hash of the other two. Only triangles that share a bit
-//! are candidates for the next round, which uses another hash. The candidates left after the last
-//! round are sorted and compared.
+//! sides are shaded. The triangles are distributed by their lowest vertex index. So each task owns
+//! a range of vertices and needs no atomics. Neighbouring triangles in a file usually have
+//! neighbouring vertices, so a task skips most blocks of triangles.
+//!
+//! Each vertex has 16 bits. Every triangle sets one bit of its lowest vertex, chosen by a hash of
+//! the other two. Only triangles that share a bit are candidates for the next round, which uses
+//! another hash. The candidates left after the last round are sorted and compared.
 
 use std::ops::RangeInclusive;
 
@@ -29,9 +30,13 @@ const GRAIN: usize = 1 << 7;
 const ROUNDS: [[u32; 2]; 3] =
     [[0x9e37_79b1, 0x85eb_ca77], [0xc2b2_ae3d, 0x27d4_eb2f], [0x1656_67b1, 0xd3a2_646d]];
 
-/// Drops every triangle with the same vertices as an earlier one. Returns the number dropped.
+/// Drops every triangle with the same vertices as an earlier one. Returns the number dropped. The
+/// result is the same for any number of threads. Drops nothing from 2^32 triangles or more.
+///
+/// # Errors
+/// If there is too little memory for 16 bits per vertex, or after a signal.
 pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &ReadContext) -> Result<u64> {
-    // A scene cannot hold so many primitives.
+    // A scene cannot hold so many primitives, so their duplicates do not matter.
     if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
     }
@@ -76,8 +81,8 @@ impl<'a> Triangles<'a> {
         Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
     }
 
-    /// Splits the vertices into one range per thread, each with about the same number of triangles
-    /// by lowest vertex. Returns the boundaries of the ranges.
+    /// Splits the vertices into at most one range per thread, each with about the same number of
+    /// triangles by lowest vertex. Returns the boundaries of the ranges.
     fn stretches(&self, vertices: usize) -> Vec<u32> {
         let mut some: Vec<u32> =
             self.all.iter().step_by(SAMPLED).map(|&triangle| sorted(triangle)[0]).collect();
@@ -90,8 +95,8 @@ impl<'a> Triangles<'a> {
         ends
     }
 
-    /// Returns the triangles that repeat an earlier one, among those whose lowest vertex is one of
-    /// `count` from `first` on.
+    /// Returns the indices of the triangles that repeat an earlier triangle. Considers triangles
+    /// whose lowest vertex is one of the `count` vertices from `first` on.
     fn repeated(&self, first: u32, count: usize) -> Vec<u32> {
         // One more for the triangles of other tasks.
         let mut bits = vec![0u16; count + 1];

@@ -22,12 +22,12 @@ const MIN_PARALLEL: usize = 4096;
 
 /// The binary tree. Its root is in the first slot.
 ///
-/// A subtree of n references has 2 n - 1 slots, whose number is known before it is built. So
-/// subtrees are built in parallel in their final place. The system allocates no memory for the
-/// slots that none of them uses.
+/// A subtree of n references gets 2 n - 1 slots: enough for any binary tree over them. So subtrees
+/// are built in parallel in their final place. The system allocates no memory for pages of slots
+/// that no subtree uses.
 pub struct BinaryTree {
     pub slots: Vec<Slot>,
-    /// Number of nodes.
+    /// Number of nodes. There are more slots than nodes.
     pub len: usize,
     leaves: usize,
 }
@@ -55,7 +55,8 @@ pub fn build(
     Ok(BinaryTree { slots, len, leaves: len.div_ceil(2) })
 }
 
-/// Numbers the leaves of each kind in order. Returns all leaves.
+/// Sets the index of each leaf among the leaves of its kind, in depth-first order. Returns all
+/// leaves in this order.
 ///
 /// # Errors
 /// If there is too little memory.
@@ -95,8 +96,8 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds the subtree of a node of `top` over its set of n references, whose centroids are not
-    /// set, in the first 2 n - 1 slots. The node is given by its index and the index of its first
+    /// Builds the subtree of a node of `top` over its n references, in the first 2 n - 1 slots. The
+    /// centroids of `set` are not set. The node is given by its index and the index of its first
     /// cell. Returns the number of nodes.
     fn top(self, top: &Top, (node, cell): (usize, usize), set: Set, slots: &mut [Slot]) -> usize {
         let Some(&TopNode { right, .. }) = top.nodes.get(node).filter(|node| node.right > 0) else {
@@ -121,7 +122,7 @@ impl Builder<'_> {
     fn subtree(self, set: Set, slots: &mut [Slot]) -> usize {
         let n = set.references.len();
         if self.monitor.stopped() {
-            // The build was stopped, so this result is discarded.
+            // The caller of the build discards this result.
             BinaryNode::leaf(Bounds3::EMPTY, set.first, 0, false).write(&mut slots[0]);
             return 1;
         }
@@ -156,6 +157,7 @@ impl Builder<'_> {
             return;
         }
         if set.references.len() <= 2 * WIDTH {
+            // The two parts may be leaves, and `fits` will read their indices.
             let places = set.references.iter().flat_map(|r| r.group().places(self.geometry));
             block::prefetch_indices(self.geometry, places);
         }
@@ -176,7 +178,7 @@ impl Builder<'_> {
     }
 }
 
-/// Slots of which the first `len` have nodes.
+/// Slots. The first `len` hold nodes.
 struct Nodes<'r> {
     slots: &'r mut [Slot],
     len: usize,
@@ -197,7 +199,8 @@ impl Kernel for Serial<'_, '_, '_> {
     }
 }
 
-/// Writes the root of two subtrees, whose roots are the first of their slots.
+/// Writes the node above two subtrees. The root of each is in its first slot. The right subtree is
+/// `behind` slots behind the new node.
 #[inline(always)]
 fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
     let [left, right] = [left, right].map(|slots| BinaryNode::read(&slots[0]));

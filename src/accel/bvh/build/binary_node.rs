@@ -7,9 +7,9 @@ pub type Slot = [f32; 8];
 
 /// A node of the binary tree. The left child is in the next slot.
 ///
-/// Lane 3 of the box holds 2 x the distance to the slot of the right child, or 1 + 2 x the number
-/// of a leaf's references + 64 if they are spheres. Lane 7 holds the index of a leaf's first
-/// reference, and later the leaf's number among the leaves of its kind.
+/// Lane 3 of an inner node's box holds 2 x the distance to the slot of the right child. Lane 3 of a
+/// leaf's box holds 1 + 2 x the number of its references, + 64 for spheres. Lane 7 of a leaf's box
+/// holds the index of its first reference, and later the leaf's index among the leaves of its kind.
 #[derive(Debug, Clone, Copy)]
 pub struct BinaryNode(Bounds3);
 
@@ -17,13 +17,14 @@ pub struct BinaryNode(Bounds3);
 const OF_SPHERES: u32 = 64;
 
 impl BinaryNode {
-    /// A node above two subtrees, the second of which is `right` slots behind it.
+    /// A node above two subtrees. The root of the right one is `right` slots behind the node;
+    /// `right` is below 2^31.
     pub fn inner(mut bounds: Bounds3, right: usize) -> Self {
         bounds.0[3] = f32::from_bits(2 * right as u32);
         Self(bounds)
     }
 
-    /// A leaf of `count` references from `first` on.
+    /// A leaf of the `count` <= 16 references from index `first` on.
     pub fn leaf(mut bounds: Bounds3, first: u32, count: usize, spheres: bool) -> Self {
         let kind = if spheres { OF_SPHERES } else { 0 };
         bounds.0[3] = f32::from_bits(1 + 2 * count as u32 + kind);
@@ -43,7 +44,7 @@ impl BinaryNode {
         *slot = self.0.0;
     }
 
-    /// Box of everything below the node. Its free lanes are not 0.
+    /// Box of everything below the node. Its lanes 3 and 7 hold other data.
     #[inline(always)]
     pub fn bounds(&self) -> &Bounds3 {
         &self.0
@@ -56,19 +57,19 @@ impl BinaryNode {
         if bits & 1 == 0 { (bits / 2) as usize } else { 0 }
     }
 
-    /// Number of a leaf among the leaves of its kind.
+    /// Index of a leaf among the leaves of its kind, once it is set.
     #[inline(always)]
     pub fn number(&self) -> usize {
         self.0.0[7].to_bits() as usize
     }
 
-    /// Whether a leaf holds spheres.
+    /// Whether a leaf holds spheres. Meaningless for an inner node.
     #[inline(always)]
     pub fn is_of_spheres(&self) -> bool {
         self.0.0[3].to_bits() & OF_SPHERES != 0
     }
 
-    /// The references of a leaf that has no number yet.
+    /// The references of a leaf whose index among the leaves is not set yet.
     pub fn references(&self) -> Leaf {
         let count = (self.0.0[3].to_bits() / 2 % 32) as u8;
         Leaf { first: self.0.0[7].to_bits(), count, spheres: self.is_of_spheres() }

@@ -11,9 +11,10 @@ struct Vertices {
     x: [u32; WIDTH],
     y: [u32; WIDTH],
     z: [u32; WIDTH],
-    /// Geometry and index of each vertex, as first added.
+    /// Geometry and vertex index under which each vertex was added; all bits set for a quad.
     names: [u64; WIDTH],
-    /// Cache of slots by a hash of the name. It finds most corners without comparing coordinates.
+    /// Cache of slots by a hash of the vertex index. It finds most corners without comparing
+    /// coordinates.
     slots: [u8; HASH_SLOTS],
     len: usize,
 }
@@ -21,7 +22,7 @@ struct Vertices {
 /// Size of the cache: large enough for few collisions.
 const HASH_SLOTS: usize = 64;
 
-/// Bits of an unused coordinate: a NaN, which no vertex has.
+/// Bits of an unused coordinate: a NaN, which no corner of a primitive has.
 const NO_COORDINATE: u32 = u32::MAX;
 
 impl Vertices {
@@ -129,7 +130,7 @@ pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
     /// The triangles of the leaf.
     pub triangles: &'a [Group],
-    /// Those of the next two leaves, for prefetching.
+    /// The triangles of the next two leaves, for prefetching.
     pub next: [&'a [Group]; 2],
 }
 

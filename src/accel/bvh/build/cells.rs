@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::super::bounds::Bounds3;
 use super::groups;
 use super::reference::{Group, Reference};
-use super::split::{Set, SplitSerial, centroids_of};
+use super::split::{MAX_SAH_LEVELS, Set, SplitSerial, centroids_of};
 use crate::error::Result;
 use crate::geometry::{Geometry, Sphere, Unseen};
 use crate::reserve;
@@ -30,7 +30,8 @@ const MIN_PRIMITIVES: u32 = 1 << 16;
 const MIN_SPLIT: u64 = 4096;
 
 /// Smallest number of primitives that one task reads, and largest number of tasks. They must not
-/// depend on the number of threads, because references keep this order within a cell.
+/// depend on the number of threads: no pair crosses the boundary of a task, so the size of a task
+/// changes the tree.
 const MIN_CHUNK: u32 = 1 << 14;
 const MAX_CHUNKS: u32 = 64;
 
@@ -43,7 +44,7 @@ pub struct Sorted {
 /// The top of the tree, over cells.
 pub struct Top {
     /// The root is the first node, and a left child follows its parent. Empty if the references are
-    /// in no order.
+    /// not sorted into cells.
     pub nodes: Vec<TopNode>,
     /// Index of the first reference of each cell, and the number of all references.
     pub starts: Vec<usize>,
@@ -65,8 +66,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Returns the grid over all primitives; `None` if it is not finite. Unused vertices of a mesh
-    /// may be anything.
+    /// Returns the grid over all primitives and unused vertices; `None` if it is not finite. Unused
+    /// vertices of a mesh may be infinite. NaN coordinates are ignored.
     fn new(geometry: &Geometry) -> Option<Self> {
         let mut bounds = Bounds3::EMPTY;
         for mesh in &geometry.meshes {
@@ -103,7 +104,7 @@ fn bounds_of<T: Sync>(all: &[T], bounds: impl Fn(&T) -> Bounds3 + Sync + Send) -
     all.par_iter().with_min_len(1 << 14).map(bounds).reduce(|| Bounds3::EMPTY, Bounds3::union)
 }
 
-/// The groups of some primitives, with their cells.
+/// The groups of one task's primitives, with their cells.
 struct Chunk {
     groups: Vec<Group>,
     /// For each group, the index of its cell in `cells`.
@@ -184,8 +185,8 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     Ok(Sorted { references, top: Top { nodes, starts } })
 }
 
-/// Returns a reference to each occupied cell, in ascending order. Its weight is the number of groups
-/// in the cell.
+/// Returns one reference per occupied cell, in ascending order. In place of a primitive, its group
+/// holds the index of the cell. Its weight is the number of groups in the cell.
 fn sum(chunks: &[Chunk]) -> Vec<Reference> {
     let mut sums = vec![(0, Bounds3::EMPTY); CELLS];
     for cell in chunks.iter().flat_map(|chunk| &chunk.cells) {
@@ -199,12 +200,13 @@ fn sum(chunks: &[Chunk]) -> Vec<Reference> {
         .collect()
 }
 
-/// Splits a set of cells until each part has few references. Appends the nodes.
+/// Splits a set of cells until each part is one cell or has fewer than [`MIN_SPLIT`] references.
+/// Appends the nodes.
 fn split_cells(isa: Isa, set: Set, nodes: &mut Vec<TopNode>) {
     let (node, cells) = (nodes.len(), set.references.len());
     nodes.push(TopNode { cells, right: 0 });
     let weight: u64 = set.references.iter().map(|cell| u64::from(cell.weight())).sum();
-    if cells > 1 && weight >= MIN_SPLIT {
+    if cells > 1 && weight >= MIN_SPLIT && set.depth < MAX_SAH_LEVELS {
         let (left, right) = simd::dispatch(isa, SplitSerial(set, 1));
         split_cells(isa, left, nodes);
         nodes[node].right = nodes.len();

@@ -29,7 +29,7 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Prefetches a child if the tree is larger than caches are.
+    /// Prefetches a node or a leaf of triangles if the tree is larger than caches are.
     #[inline(always)]
     pub fn prefetch(&self, child: Child) {
         if !self.is_large {
@@ -53,20 +53,20 @@ impl Tree {
 /// From this many slots on, two subtrees are processed in parallel.
 const MIN_PARALLEL: usize = 1 << 16;
 
-/// Collapses a binary tree. An empty one becomes a root without children. Wide nodes refer to
-/// leaves by number; the leaves themselves are not made here.
+/// Collapses a binary tree. An empty tree becomes a root without children. Wide nodes refer to
+/// leaves by index; the leaves themselves are not made here.
 ///
 /// # Errors
 /// If there is too little memory.
 pub fn collapse(tree: &BinaryTree) -> Result<Tree> {
     let binary = &tree.slots[..];
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
-    // There are few wide nodes: about one for every 8 leaves.
+    // There is about one wide node for every 8 leaves. The probe allows one for every 6.
     reserve::probe((tree.len / 12 * size_of::<Node>()) as u64, "bvh")?;
     let (nodes, depth) = match binary {
         [] => (vec![Node::EMPTY], 1),
         _ => {
-            slots(binary, &mut plan);
+            slots(binary, &mut plan, area_unit(&binary[0]));
             wide(binary, &plan, 0)
         }
     };
@@ -92,9 +92,16 @@ pub fn scratch_bytes(tree: &BinaryTree) -> u64 {
 /// subtree becomes a wide node itself.
 type Plan = [u8; WIDTH];
 
+/// Returns the unit of areas: a power of two near the area of the root. So sums of areas stay in
+/// the range of f32 however large the coordinates are.
+fn area_unit(root: &Slot) -> f64 {
+    let area = BinaryNode::read(root).bounds().half_area();
+    if area.is_normal() { area.log2().floor().exp2() } else { 1.0 }
+}
+
 /// Plans the subtree whose root is the first node of `binary`. Returns its costs: element k - 1 is
 /// the smallest sum of the areas of its wide nodes if it may fill k slots.
-fn slots(binary: &[Slot], plan: &mut [Plan]) -> [f32; WIDTH] {
+fn slots(binary: &[Slot], plan: &mut [Plan], unit: f64) -> [f32; WIDTH] {
     let root = BinaryNode::read(&binary[0]);
     let right = root.right();
     if right == 0 {
@@ -104,11 +111,11 @@ fn slots(binary: &[Slot], plan: &mut [Plan]) -> [f32; WIDTH] {
     let (below_left, below_right) = below.split_at_mut(right - 1);
     let (a, b) = if binary.len() >= MIN_PARALLEL {
         rayon::join(
-            || slots(&binary[1..right], below_left),
-            || slots(&binary[right..], below_right),
+            || slots(&binary[1..right], below_left, unit),
+            || slots(&binary[right..], below_right, unit),
         )
     } else {
-        (slots(&binary[1..right], below_left), slots(&binary[right..], below_right))
+        (slots(&binary[1..right], below_left, unit), slots(&binary[right..], below_right, unit))
     };
     let mut cost = [f32::INFINITY; WIDTH];
     for k in 2..=WIDTH {
@@ -121,7 +128,7 @@ fn slots(binary: &[Slot], plan: &mut [Plan]) -> [f32; WIDTH] {
         }
     }
     own[0][0] = own[0][WIDTH - 1];
-    cost[0] = cost[WIDTH - 1] + root.bounds().half_area() as f32;
+    cost[0] = cost[WIDTH - 1] + (root.bounds().half_area() / unit) as f32;
     for k in 2..=WIDTH {
         if cost[0] <= cost[k - 1] {
             cost[k - 1] = cost[0];
@@ -227,7 +234,7 @@ impl Children {
         &self.index[..self.len]
     }
 
-    /// Returns the wide node. `starts` holds the indices of its inner children.
+    /// Returns the wide node. `starts[i]` is the index of child i if this is an inner node.
     fn node(&self, binary: &[Slot], starts: &[usize; WIDTH]) -> Node {
         let mut node = Node::EMPTY;
         let mut centers = [[f32::INFINITY; 3]; WIDTH];
@@ -246,6 +253,7 @@ impl Children {
             };
             centers[slot] = bounds.center2();
         }
+        // The opposite octant has the reverse order.
         for octant in 0..4 {
             let sign = |axis: usize| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
             let along = |c: [f32; 3]| c[0] * sign(0) + c[1] * sign(1) + c[2] * sign(2);

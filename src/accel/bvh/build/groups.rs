@@ -6,8 +6,8 @@ use super::super::bounds::Bounds3;
 use super::reference::Group;
 use crate::geometry::{Geometry, GeometryKind, TriangleMesh, Unseen};
 
-/// Two triangles form a pair if the area of their common box is at most this factor times the sum
-/// of the areas of their own boxes.
+/// Two consecutive triangles form a pair if the area of their common box is at most this factor
+/// times the sum of the areas of their own boxes.
 const MAX_AREA: f64 = 1.25;
 
 /// Returns the number of references that would be built without pairs: one per triangle and sphere,
@@ -22,8 +22,9 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
     seen.sum()
 }
 
-/// Calls `add` with each group and its box, of the primitives with scene-wide indices in `range`
-/// that are not in `unseen`.
+/// Calls `add` with each group, and its box, of the primitives with scene-wide indices in `range`
+/// that are not in `unseen`. A mesh forms pairs only if `unseen` has none of its triangles in
+/// `range`.
 #[inline(always)]
 pub fn each(
     geometry: &Geometry,

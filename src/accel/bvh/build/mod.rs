@@ -1,5 +1,5 @@
-//! Builds the tree: primitives -> references in cells -> binary tree by binned SAH -> wide nodes and
-//! leaves.
+//! Builds the tree: primitives -> references in cells -> binary tree by binned SAH -> wide nodes
+//! and leaves.
 
 mod binary;
 mod binary_node;
@@ -36,7 +36,8 @@ const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 ///
 /// # Errors
 /// - `Interrupted` after a signal.
-/// - `Limit` if the build needs more than `max_bytes`, or there are 2^30 primitives or more.
+/// - `Limit` if the build needs more than `max_bytes`, or there are 2^30 primitives or more. A
+///   lower bound is checked first, the exact bytes only when the nodes exist.
 /// - `Retry` if there is too little memory.
 pub fn build(
     (geometry, unseen): (&Geometry, &Unseen),
@@ -54,7 +55,7 @@ pub fn build(
         let message = format!("found {most} primitives, expected fewer than 2^30");
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
     }
-    // Pairs have one box for two triangles.
+    // A lower bound: a pair has one box for two triangles.
     within((count.div_ceil(2) * size_of::<Reference>()) as u64)?;
     let mut sorted = cells::sort(geometry, unseen, isa)?;
     monitor.check()?;
@@ -85,7 +86,8 @@ pub fn build(
     }
     let filling = sorted
         + tree.bytes()
-        + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64;
+        + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64
+        + (spheres.len() * size_of::<SphereLeaf>()) as u64;
     let peak = within(splitting.max(collapsing).max(filling))?;
     let ids_of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &ids[leaf.range()]);
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
@@ -107,5 +109,6 @@ pub fn build(
     Ok((tree, peak))
 }
 
-/// From this many references on, a distance between slots of the binary tree does not fit.
+/// From this many references on, a distance between slots does not fit into a [`BinaryNode`], and
+/// an index does not fit into a group.
 const MAX_REFERENCES: u64 = 1 << 30;

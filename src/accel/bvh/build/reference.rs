@@ -18,7 +18,7 @@ impl Group {
         Self(index)
     }
 
-    /// The half `v2 v3 v1` of a quad. [`Self::one`] is the other half.
+    /// The half `v2 v3 v1` of a quad. [`Self::one`] is the first half.
     pub fn second_half(index: u32) -> Self {
         Self(index | SECOND_HALF)
     }
@@ -78,7 +78,7 @@ pub struct Place {
     pub index: u32,
     /// Id of the geometry.
     pub geom: u32,
-    /// Index in it.
+    /// Index in the geometry.
     pub prim: u32,
     /// Whether this is the half `v2 v3 v1` of a quad.
     pub second_half: bool,
@@ -125,7 +125,7 @@ impl Reference {
         Self { bounds }
     }
 
-    /// A reference to a group of primitives, which weighs as much as they are.
+    /// A reference to a group of primitives. Its weight is their number.
     #[inline(always)]
     pub fn to(group: Group, geometry: &Geometry) -> Self {
         Self::new(group.bounds(geometry), group, group.len())
@@ -136,7 +136,7 @@ impl Reference {
         Group::from_bits(self.bounds.0[3].to_bits())
     }
 
-    /// Number of primitives.
+    /// Number of primitives; for a cell of the grid, number of groups.
     #[inline(always)]
     pub fn weight(&self) -> u32 {
         self.bounds.0[7].to_bits()

@@ -1,9 +1,9 @@
 //! Finds the best split of a set of primitive references: the surface area heuristic over bins of
 //! centroids (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 //!
-//! A [`Reference`] is a bounding box with a weight, the number of its primitives. Centroids are doubled, lower + upper
-//! corner, because no comparison needs the division by 2. [`Bounds3`] stores the upper corner
-//! negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
+//! A [`Reference`] is a bounding box with a weight, such as the number of its primitives. Centroids
+//! are doubled, lower + upper corner, because no comparison needs the division by 2. [`Bounds3`]
+//! stores the upper corner negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
 
 use super::super::bounds::Bounds3;
 use super::reference::Reference;
@@ -32,7 +32,8 @@ pub struct Bins {
 pub struct Grid {
     /// Smallest doubled centroid along each axis.
     origin: [f32; 4],
-    /// Bins per unit of the doubled centroid; 0 along an axis without extent.
+    /// Bins per unit of the doubled centroid; 0 along an axis whose extent is 0 or whose scale is
+    /// not finite.
     scale: [f32; 4],
 }
 
@@ -78,11 +79,12 @@ impl Grid {
     }
 }
 
-/// Returns the bin of one coordinate: `(center2 - origin) * scale`, rounded down.
+/// Returns the bin of one coordinate: `(center2 - origin) * scale`, rounded down. An odd integer
+/// gives the bin below; all callers agree.
 #[inline(always)]
 fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
-    // A floor without a conversion. After `- 0.5`, the nearest integer is the floor. Adding 2^23
-    // leaves this integer in the low bits.
+    // A floor without a conversion. After `- 0.5`, the nearest integer is the floor, except for the
+    // tie of an odd integer. Adding 2^23 leaves the nearest integer in the low bits.
     let x = (center2 - origin) * scale - 0.5;
     let x = if x > 0.0 { x } else { 0.0 };
     let bits = (x + 8_388_608.0).to_bits() & 0x7f_ffff;
@@ -125,9 +127,9 @@ impl Bins {
         self
     }
 
-    /// Returns the split with the smallest SAH cost: surface area times weight,
-    /// summed over both sides. `None` if all centroids coincide (no axis has an extent). One side
-    /// of the split may be empty.
+    /// Returns the split with the smallest SAH cost: surface area times weight, summed over both
+    /// sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable extent:
+    /// all centroids coincide, or f32 cannot hold the scale. One side of the split may be empty.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
         let mut right_cost = [[0.0; 3]; BINS];

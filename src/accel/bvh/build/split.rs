@@ -11,17 +11,18 @@ use crate::simd::{self, Isa, Kernel};
 /// Sets of at least this many references are binned in parallel.
 const MIN_PARALLEL_BINS: usize = 1 << 16;
 
-/// Below this level sets are halved by number. That ends after at most 32 more levels.
-const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
+/// From this level on, sets are halved by count. Fewer than 2^32 references need at most 32 more
+/// levels.
+pub const MAX_SAH_LEVELS: usize = MAX_DEPTH - 33;
 
 /// The references below one node.
 pub struct Set<'r> {
     pub references: &'r mut [Reference],
-    /// Box of the doubled centroids.
+    /// Box of the doubled centroids; empty until it is needed in the top of the tree.
     pub centroids: Bounds3,
     /// Index of the first reference among all references.
     pub first: u32,
-    /// Level of the node.
+    /// Level of the node; 0 for the root.
     pub depth: usize,
 }
 
@@ -38,7 +39,8 @@ pub fn split_serial<'r>(set: Set<'r>, bins: &mut Bins, stride: usize) -> (Set<'r
     split_by_bins(set, &grid, bins)
 }
 
-/// Splits a set like [`split_serial`], but fills the bins of a large set in parallel.
+/// Splits a set like [`split_serial`], but fills the bins of a large set in parallel. The result is
+/// the same for any number of threads.
 pub fn split(isa: Isa, set: Set) -> (Set, Set) {
     if set.references.len() < MIN_PARALLEL_BINS || set.depth >= MAX_SAH_LEVELS {
         let stride = sah::stride(set.references.len());
@@ -53,7 +55,7 @@ pub fn split(isa: Isa, set: Set) -> (Set, Set) {
     simd::dispatch(isa, SplitByBins { set, grid: &grid, bins: &bins })
 }
 
-/// Splits a set on this thread; the number is the stride of [`Bins::add`].
+/// Runs [`split_serial`] with this set and this stride.
 pub struct SplitSerial<'r>(pub Set<'r>, pub usize);
 
 impl<'r> Kernel for SplitSerial<'r> {
@@ -93,7 +95,8 @@ impl<'r> Kernel for SplitByBins<'r, '_> {
     }
 }
 
-/// Splits a set at the best plane of its bins, or by number if there is none.
+/// Splits a set at the best plane of its bins. Halves it by count if there is no such plane or one
+/// side would be empty.
 #[inline(always)]
 fn split_by_bins<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r>) {
     let Some(split) = bins.best(grid) else { return halve(set) };
@@ -145,8 +148,8 @@ fn partition(references: &mut [Reference], grid: &Grid, split: &Split) -> (usize
     (middle, [left, right])
 }
 
-/// Halves a set by number along the axis in which the centroids spread most. If they do not spread
-/// at all, sorts spheres behind triangles, so that leaves of one kind result.
+/// Halves a set by count along the axis of the largest extent of the centroids. If they coincide,
+/// it halves by primitive index: spheres have the last indices, so leaves of one kind result.
 fn halve(set: Set) -> (Set, Set) {
     let references = &mut *set.references;
     let middle = references.len() / 2;
