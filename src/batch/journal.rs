@@ -1,7 +1,7 @@
 //! The journal `batch.jsonl`: one line of JSON per event.
 //!
-//! Each line is appended in a single write, so a kill at any time loses at most the last line.
-//! Later runs append to the file. The last record about a frame counts.
+//! Each line is appended by itself, so a kill at any time loses at most the last line. Later runs
+//! append to the file. A folder may have several journals. The record of the latest run counts.
 
 use std::{
     collections::BTreeMap,
@@ -150,7 +150,7 @@ impl Journal {
         &self.path
     }
 
-    /// Appends a record in a single write.
+    /// Appends a record: one line, by one system call unless the system splits it.
     ///
     /// # Errors
     /// `Retry` if the disk is full.
@@ -189,12 +189,19 @@ fn open(path: &Path) -> Result<File> {
     }
 }
 
-/// Returns the records of all journals in a folder, journal after journal in the order of their
-/// names. Skips lines that cannot be parsed.
+/// Returns the records of all journals in a folder, run after run in the order of their starts.
+/// Skips lines that cannot be parsed.
 pub fn read(folder: &Path) -> Vec<JournalRecord> {
-    let mut all = Vec::new();
-    each(folder, |record| all.push(record));
-    all
+    let (mut all, mut started) = (Vec::new(), f64::NEG_INFINITY);
+    each(folder, |record| {
+        if let JournalRecord::Start { time, .. } = record {
+            started = time;
+        }
+        all.push((started, record));
+    });
+    // Stable: the records of a run keep their order.
+    all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    all.into_iter().map(|(_, record)| record).collect()
 }
 
 /// Returns the path of a frame's file relative to the journal's folder.
@@ -202,7 +209,8 @@ pub fn seen_from<'p>(path: &'p Path, folder: &Path) -> &'p Path {
     path.strip_prefix(folder).unwrap_or(path)
 }
 
-/// Calls `take` for every record that [`read`] returns.
+/// Calls `take` for every record that [`read`] returns, but journal after journal in the order of
+/// their names.
 pub fn each(folder: &Path, mut take: impl FnMut(JournalRecord)) {
     let ours = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -241,5 +249,33 @@ mod tests {
         Journal::open(&path).unwrap().add(&kept).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);
         assert_eq!(read(folder.path()).len(), 2);
+    }
+
+    /// A run of all frames fails. A later run of a range renders the frame. By name the journal of
+    /// the range comes first.
+    #[test]
+    fn records_are_sorted_by_the_start_of_their_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let start = |time| JournalRecord::Start { time, version: String::new(), range: [0, 1] };
+        let failed = |text: &str| JournalRecord::Failed {
+            input: "a.ply".into(),
+            frame: None,
+            message: text.into(),
+        };
+        for (name, records) in [
+            ("batch.jsonl", [start(1.0), failed("first"), start(3.0), failed("third")]),
+            ("batch.0-1.jsonl", [start(2.0), failed("second"), start(4.0), failed("fourth")]),
+        ] {
+            let journal = Journal::open(&folder.path().join(name)).unwrap();
+            records.iter().for_each(|record| journal.add(record).unwrap());
+        }
+        let messages: Vec<String> = read(folder.path())
+            .into_iter()
+            .filter_map(|record| match record {
+                JournalRecord::Failed { message, .. } => Some(message),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(messages, ["first", "second", "third", "fourth"]);
     }
 }
