@@ -16,8 +16,10 @@ impl Document {
     /// string. Missing object members are created. An array index must exist; `-` appends an item.
     ///
     /// # Errors
-    /// A text that is not an assignment, or a pointer that leads below a value without members or
-    /// to an array index that does not exist.
+    /// - A text without `=`, or a pointer without a leading `/`.
+    /// - A pointer of more steps than a scene may have levels.
+    /// - A pointer below a value that is neither an object nor an array.
+    /// - A pointer to an array index that does not exist.
     pub fn apply_set(&mut self, assignment: &str) -> std::result::Result<(), Problem> {
         let complain =
             |message: &str| Problem::new(format!("--set {}", shown(assignment)), message);
@@ -69,7 +71,8 @@ fn replace_places(node: &mut Node, place: &Place) {
     }
 }
 
-/// Follows one step of the pointer. Creates the object member if it is missing.
+/// Follows one step of the pointer. Creates a missing member of an object. The step `-` appends an
+/// item to an array.
 fn descend<'a>(
     node: &'a mut Node,
     step: &str,
@@ -101,9 +104,13 @@ fn descend<'a>(
                     count
                 }
                 _ => {
+                    let indices = match count {
+                        0 => String::new(),
+                        _ => format!("0 to {} or ", count - 1),
+                    };
                     let message = format!(
-                        "found the index `{step}` into {walked}, an array of {count}, expected 0 to {} or `-` to append",
-                        count.saturating_sub(1)
+                        "found the index `{step}` into {walked}, an array of {count}, \
+                         expected {indices}`-` to append"
                     );
                     return Err(Problem::new("", message));
                 }

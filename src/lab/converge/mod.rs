@@ -2,7 +2,7 @@
 //!
 //! - `grid`: the settings that are compared.
 //! - `study`: chooses the next render and collects results.
-//! - `fit`: fits and fronts of the results.
+//! - `fit`: fits power laws to the results and finds their Pareto front.
 //! - `result`: the report as it is written to files.
 //!
 //! Only this file renders. It builds the accelerators once and changes the settings of the world
@@ -148,7 +148,8 @@ fn work(
         values.extend(film.pixels.iter().flat_map(|[r, g, b, _]| [r, g, b]));
         let (bad, _) = non_finite(&values, 3);
         if bad > 0 {
-            let message = format!("{bad} pixels are NaN or infinite: they have no error");
+            let message =
+                format!("{bad} pixels are NaN or infinite, so their error cannot be computed");
             let place = describe(&job, &settings.tested_backends[setting.backend].name);
             return Err(Error::new(Kind::Check, Problem::new(place, message)));
         }
