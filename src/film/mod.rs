@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Kind, Problem, Result};
 
-/// A rectangle of pixels. The origin is at the top left; `x1` and `y1` are exclusive.
+/// A rectangle of pixels. x counts columns from the left and y rows from the top of the frame with
+/// its overscan. `x1` and `y1` are exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// Left edge (first column).

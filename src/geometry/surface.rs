@@ -1,7 +1,9 @@
 //! Turns hits into surface points: position, normal and a safe origin for secondary rays.
 //!
-//! Everything is computed in f64 from the primitive itself, then rounded once. Only the choice of
-//! the primitive is the backend's.
+//! Points are computed in f64 from the primitive itself, or with twice the bits where f64 has too
+//! few digits. Then they are rounded to f32 once. The backend chooses the primitive, the half of a
+//! quad and the root of a sphere. Its barycentrics count only for a ray in the triangle's plane,
+//! its t only if a sphere has no root near it.
 
 use glam::DVec3;
 
@@ -18,10 +20,12 @@ use crate::ray::{LANES, Mask, RayPacket};
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Surfaces {
-    /// Position, rounded to nearest: within half an ulp per coordinate.
+    /// Position, rounded to nearest: within half an ulp per coordinate of the position in f64.
     pub position: [[f32; LANES]; 3],
-    /// Position rounded away from the surface, to the side of the incoming ray. At most 1.5 ulp per
-    /// coordinate from the exact point and never behind the surface's tangent plane.
+    /// Position rounded away from the surface, to the side of the incoming ray: the origin of
+    /// secondary rays. Per coordinate it is less than an ulp from the position in f64, near zero
+    /// [`f32::MIN_POSITIVE`] at most. Never behind the tangent plane there. Near an inner edge the
+    /// integrator replaces it by [`Crevice::origin`](super::Crevice::origin).
     pub outside: [[f32; LANES]; 3],
     /// Ray parameter of the hit, in units of the ray's direction; rounded once from f64.
     pub t: [f32; LANES],
@@ -39,10 +43,14 @@ pub struct Surfaces {
     /// Hits of triangles and quads so close to an edge that a secondary ray may slip past the
     /// neighbour: see [`Crevice`](super::Crevice).
     pub at_edge: Mask,
-    /// False hits of triangles and quads. The nearest hit of these lanes must be found again. A hit
-    /// is false if the ray's distance from the triangle, or the error of the reported t, exceeds
-    /// the error of an f32 test ([`passing`]). It is also false if the triangle lies behind the
-    /// primitive that the ray leaves ([`Geometry::is_behind_leaving`]).
+    /// Hits of triangles and quads that are false or too imprecise. The nearest hit of these lanes
+    /// must be found again. A hit that f64 does not confirm is doubtful if one of these holds:
+    /// - The ray's distance from the triangle, or the error of the reported t, exceeds the error of
+    ///   an f32 test ([`passing`]).
+    /// - The hit does not lie after the ray's start ([`is_after_start`]).
+    /// - The reported t is off by more than 2^-12 of t, so another hit may be nearer.
+    /// - The triangle lies behind the primitive that the ray leaves
+    ///   ([`Geometry::is_behind_leaving`]).
     pub doubtful: Mask,
 }
 
@@ -135,9 +143,9 @@ pub fn hit_triangle(
 }
 
 /// Error bound of each coordinate of the position of lane `i`, which must have hit, in scene units.
-/// It bounds the distance from the point where the exact ray hits the exact primitive, if it does.
-/// It includes the position's own rounding and the rounding of f64, which grows where the angle
-/// between ray and surface is small.
+/// The true position is where the exact ray hits the exact primitive; the bound holds if there is
+/// such a point. It includes the position's own rounding and the rounding of f64, which grows where
+/// the angle between ray and surface is small.
 pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
     let (origin, direction) = ray(packet, i);
     let error = match hit_corners(geometry, packet, i) {
@@ -176,7 +184,7 @@ fn put(
     out.t[i] = point.t as f32;
     store(out, i, point.position, point.normal, direction);
     let off = (point.t - f64::from(reported)).abs();
-    // At t <= 0 the comparison is false: no hit at the ray's start is certain.
+    // For t <= 0 the comparison is false: a hit at or before the ray's start is always in doubt.
     point.met & (off < point.t * T_SLACK)
 }
 
@@ -201,8 +209,9 @@ fn sharpen(
     }
 }
 
-/// Decides the hits that f64 alone cannot confirm. At an edge, f32 and f64 may see a ray on
-/// different sides; at a small angle, t is imprecise.
+/// Marks the doubtful hits ([`Surfaces::doubtful`]) among those that [`put`] does not confirm. At
+/// an edge, f32 and f64 may see a ray on different sides; at a small angle, the reported t is
+/// imprecise.
 #[cold]
 #[inline(never)]
 fn doubt(
@@ -245,7 +254,8 @@ fn refine_spheres(geometry: &Geometry, lanes: &Mask, packet: &RayPacket, out: &m
 /// Ray parameter and outward normal where lane `i` hits its sphere.
 pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, DVec3) {
     let (origin, direction) = ray(packet, i);
-    // The reported t selects one of the two roots; that root is computed again in f64.
+    // The reported t selects one of the two roots, which is computed again. If no root is that
+    // near, the reported t stays; the point is then projected to the sphere along its radius.
     let reported = f64::from(packet.rays.tfar[i]);
     let slack = reported.abs() * 1e-6;
     let root = sphere.intersect(origin, direction, reported - slack, reported + slack, false);
@@ -254,8 +264,11 @@ pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, 
     (t, (near - sphere.center).normalize_or(DVec3::Z))
 }
 
-/// Error bound of a point from a root in f64. The discriminant is the difference of two terms and
-/// is off by some 64u (u = 2^-53) of their sum. The root is off by at most the square root of that.
+/// Error bound of each coordinate of a point on a sphere.
+///
+/// The square of half the chord is the difference of two terms. Its error `off` is some 64u (u =
+/// 2^-53) of their sum. So half the chord is off by at most the square root of `off`, and by at
+/// most `off` over half the chord.
 fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64 {
     let f = origin - sphere.center;
     let off = 32.0 * f64::EPSILON * (f.length_squared() + sphere.radius * sphere.radius);

@@ -42,8 +42,9 @@ pub struct WhittedIntegrator<'a> {
     pub(super) surfaces: Surfaces,
     pub(super) crevices: Crevices,
     pub(super) shafts: LightShafts,
-    /// Lanes whose hit is certain: it lies on a wall of [`Crevices`] and was found in f64. A test
-    /// in f32 may wrongly reject it.
+    /// Lanes whose hit is not traced again if it is doubtful. Their rays start in a crevice, near
+    /// an inner edge. They hit a wall, a triangle that rises beside that edge. The hit was found in
+    /// f64 by [`Crevices`]; a test in f32 may miss it.
     certain: Mask,
     pub(super) points: Points,
     pub(super) shadow: Rays,
@@ -96,8 +97,8 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Computes `radiance` for a packet whose camera rays are traced. Returns alpha, by lane.
-    /// Unfinished if the monitor stops the render.
+    /// Computes `radiance` for a packet whose camera rays are traced. Returns alpha, by lane. The
+    /// radiance is incomplete if the monitor stops the render.
     #[inline(always)]
     pub fn run<R: Record>(
         &mut self,
@@ -388,7 +389,7 @@ impl<'a> WhittedIntegrator<'a> {
         }
     }
 
-    /// Adds ka * ambient * base to the lanes that hit.
+    /// Adds ka * ambient * base * throughput to the radiance of the lanes that hit.
     #[inline(always)]
     fn ambient<R: Record>(&mut self, hit: &Mask, bounce: u32, record: &mut R) {
         let color = self.world.ambient.to_array();

@@ -85,7 +85,7 @@ pub fn to_samples(
 #[derive(Debug, Clone, Copy)]
 pub struct Curve {
     operator: ToneOperator,
-    /// 2^exposure. For `max`, divided by the maximum.
+    /// 2^exposure. For `max`, divided by the picture's largest value, unless that is 0.
     scale: f64,
     srgb: bool,
 }

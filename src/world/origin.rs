@@ -3,9 +3,9 @@
 //! Rays and corners are f32. A coordinate is rounded by up to 2^-24 of its distance from the
 //! origin, so the origin belongs where the picture needs precision. The middle of the scene's box
 //! serves all cameras equally. It is the origin unless the box is large compared with the camera's
-//! distance from the nearest shape. Otherwise the camera is the origin. Every coordinate is then
-//! rounded by at most 2^-24 of its own distance from the camera. That is far less than a pixel,
-//! however large the scene is.
+//! distance from the nearest shape. Otherwise the camera is the origin. Every f32 coordinate is
+//! then rounded by at most 2^-24 of its own distance from the camera: far less than a pixel. The
+//! numbers of the scene file are f64. If their rounding is visible, there is a warning.
 
 use glam::DVec3;
 
@@ -15,8 +15,9 @@ use crate::error::Problem;
 use crate::scene::{Camera, Projection, ShapeKind};
 
 /// Largest ratio of half of the box's longest side to the camera's distance from the nearest shape,
-/// for an origin in the middle of the box. Positions are then off by at most 2^-16 of their
-/// distance.
+/// for an origin in the middle of the box. Each coordinate of a point on a shape is then rounded by
+/// at most 2^-16 of the point's distance from the camera. This need not hold inside a shape's box,
+/// where the distance is an estimate ([`INSIDE`]).
 const MAX_RATIO: f64 = 256.0;
 
 /// If the camera is inside a shape's box, its distance from the shape is taken as this fraction of

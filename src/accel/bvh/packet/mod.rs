@@ -1,7 +1,8 @@
-//! Traversal of the tree by 16 coherent rays together.
+//! Traversal of the tree by up to 16 rays together: coherent rays for closest hits, aligned rays
+//! for occlusion ([`Query::coherent`], [`Query::aligned`]).
 //!
 //! A frustum around the rays culls the children of a node and the triangles of a leaf. Then the 16
-//! rays are tested together against each remaining child or triangle ([`triangle`]).
+//! lanes are tested together against each remaining child or triangle ([`triangle`]).
 
 mod any;
 mod closest;
@@ -39,8 +40,9 @@ pub struct Stacks<E: StackEntry> {
 }
 
 impl<E: StackEntry> Stacks<E> {
-    /// Takes the empty packet stack of this thread, and makes an empty stack for single rays. (Not
-    /// through a closure: that would be compiled for the portable instruction set.)
+    /// Takes the empty packet stack of this thread, and makes an empty stack for single rays.
+    // Traversal inside the closure of `LocalKey::with` would be compiled for the portable
+    // instruction set. So the stack is taken out and given back.
     #[inline(always)]
     pub fn take() -> Self {
         Self { packet: E::thread_stack().take(), single: E::single_stack() }
@@ -68,7 +70,7 @@ impl Iterator for Bits {
     }
 }
 
-/// 16 rays and the tree that they traverse.
+/// The rays of a packet and the tree that they traverse.
 pub struct Packet<'a, T> {
     tier: T,
     tree: &'a Tree,
@@ -85,8 +87,8 @@ pub struct Packet<'a, T> {
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
-    /// Prepares the rays of a query whose bits are set in `active`, at least one. For closest hits
-    /// they must be coherent ([`Query::coherent`]), else aligned ([`Query::aligned`]).
+    /// Prepares the rays whose bits are set in `active`. At least one bit must be set. The rays
+    /// must be aligned ([`Query::aligned`]), and for closest hits coherent ([`Query::coherent`]).
     #[inline(always)]
     pub fn new(
         tier: T,
