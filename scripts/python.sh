@@ -16,8 +16,10 @@ environment() {
 }
 
 run_tests() {
-    # In a folder without the sources, so that the installed package is tested.
-    local tests=$PWD/python/tests
+    # In a folder without the sources, so that the installed package is tested. Embree is found where
+    # `make setup` puts it.
+    local tests=$PWD/python/tests embree=$PWD/vendor/embree
+    export LD_LIBRARY_PATH=$embree${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
     (cd "$target" && PYTHONPATH=$tests "$1/bin/python" -m pytest -q -p no:cacheprovider "$tests")
 }
 

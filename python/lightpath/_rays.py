@@ -92,6 +92,9 @@ class RayScene:
         Indices of vertices. Not copied either, if they have 32 or 64 bits.
     threads : int, optional
         Number of threads of the build and of all queries. By default one per processor.
+    backend : {"bvh", "embree"}, optional
+        What traces the rays. ``"embree"`` loads an Embree 4 of the system and answers only
+        `closest` and `occluded`.
     progress : callable, optional
         Called with (done, total) every 50 ms during the build, and once at its end.
 
@@ -99,7 +102,8 @@ class RayScene:
     ------
     ValueError
         A wrong shape; an index out of range; no face; a vertex of a face that is not finite or
-        beyond 1e18. The message names the place. `lightpath.Error` is a ValueError.
+        beyond 1e18. The message names the place. `lightpath.Error` is a ValueError. Also raised if
+        there is no Embree 4, and by all other queries if the backend is ``"embree"``.
     TypeError
         Vertices that are not real numbers, or faces that are not integers.
     MemoryError
@@ -110,6 +114,9 @@ class RayScene:
     To find a hit, rays and vertices are rounded to float32, relative to the middle of the meshes
     (or to 0, if 0 is near). The search is exact for the rounded values: no ray slips through an
     edge or a vertex. The values of a hit are computed in float64 from the original arrays.
+
+    With ``backend="embree"`` the search is not exact. A ray that passes an edge within the rounding
+    of float32 may hit the wrong side of it, and a ray aimed exactly at a vertex can slip through.
 
     The GIL is released. Ctrl-C stops a long build or query.
 
@@ -123,23 +130,24 @@ class RayScene:
     RayScene(1 mesh, 1 face)
     """
 
-    def __init__(self, vertices, faces, *, threads=None, progress=None):
-        self._build([_convert.mesh(vertices, faces)], threads, progress)
+    def __init__(self, vertices, faces, *, threads=None, backend="bvh", progress=None):
+        self._build([_convert.mesh(vertices, faces)], threads, backend, progress)
 
-    def _build(self, meshes, threads, progress=None):
+    def _build(self, meshes, threads, backend, progress=None):
         self._meshes = meshes
         self._threads = _convert.threads(threads)
-        self._scene = Scene(meshes, self._threads, progress)
+        self._backend = backend
+        self._scene = Scene(meshes, self._threads, backend, progress)
 
     @classmethod
-    def from_meshes(cls, meshes, *, threads=None, progress=None):
+    def from_meshes(cls, meshes, *, threads=None, backend="bvh", progress=None):
         """Make a scene of several meshes.
 
         Parameters
         ----------
         meshes : sequence of (vertices, faces)
             Arrays as for `RayScene`. The index in the sequence is the `mesh` of a hit.
-        threads, progress
+        threads, backend, progress
             As for `RayScene`.
 
         Examples
@@ -158,39 +166,39 @@ class RayScene:
                 converted.append(_convert.mesh(vertices, faces))
             except (TypeError, ValueError) as error:
                 raise type(error)(f"mesh {index}: {error}") from None
-        scene._build(converted, threads, progress)
+        scene._build(converted, threads, backend, progress)
         return scene
 
     @classmethod
-    def from_ply(cls, path, *, threads=None, progress=None):
+    def from_ply(cls, path, *, threads=None, backend="bvh", progress=None):
         """Make a scene of a PLY file, plain or compressed with gzip or zstd.
 
         Parameters
         ----------
         path : str or path-like
             The file.
-        threads, progress
+        threads, backend, progress
             As for `RayScene`.
         """
-        return cls(*read_mesh(path), threads=threads, progress=progress)
+        return cls(*read_mesh(path), threads=threads, backend=backend, progress=progress)
 
     @classmethod
-    def from_trimesh(cls, mesh, *, threads=None, progress=None):
+    def from_trimesh(cls, mesh, *, threads=None, backend="bvh", progress=None):
         """Make a scene of a `trimesh.Trimesh`."""
         return cls(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray), threads=threads,
-                   progress=progress)
+                   backend=backend, progress=progress)
 
     @classmethod
-    def from_open3d(cls, mesh, *, threads=None, progress=None):
+    def from_open3d(cls, mesh, *, threads=None, backend="bvh", progress=None):
         """Make a scene of an Open3D triangle mesh, legacy or tensor-based."""
         if hasattr(mesh, "triangles"):
             vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
         else:
             vertices, faces = mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy()
-        return cls(vertices, faces, threads=threads, progress=progress)
+        return cls(vertices, faces, threads=threads, backend=backend, progress=progress)
 
     def __reduce__(self):
-        return _unpickle, (self._meshes, self._threads)
+        return _unpickle, (self._meshes, self._threads, self._backend)
 
     def __repr__(self):
         meshes, faces = len(self._meshes), self.num_faces
@@ -206,6 +214,11 @@ class RayScene:
     def meshes(self):
         """List of the (vertices, faces) of the meshes: the arrays that the scene uses."""
         return list(self._meshes)
+
+    @property
+    def backend(self):
+        """What traces the rays: ``"bvh"`` or ``"embree"``."""
+        return self._backend
 
     @property
     def num_faces(self):
@@ -246,7 +259,8 @@ class RayScene:
         Returns
         -------
         Hits
-            Of equally near hits, the lowest mesh and then the lowest face wins.
+            Of equally near hits, that of the lowest mesh and then the lowest face, if the backend
+            is ``"bvh"``.
 
         Raises
         ------
@@ -476,5 +490,5 @@ class RayScene:
         return self._scene.visible(points, from_, progress)
 
 
-def _unpickle(meshes, threads):
-    return RayScene.from_meshes(meshes, threads=threads)
+def _unpickle(meshes, threads, backend="bvh"):
+    return RayScene.from_meshes(meshes, threads=threads, backend=backend)

@@ -84,15 +84,18 @@ impl Scene {
         py: Python<'_>,
         meshes: Vec<(Any<'_>, Any<'_>)>,
         threads: Option<usize>,
+        backend: &str,
         progress: Progress<'_, '_>,
     ) -> PyResult<Self> {
+        let backend = backend.parse().map_err(|error| errors::to_python(py, error))?;
         let mut arrays: Vec<Box<dyn MeshArrays>> = Vec::new();
         for (vertices, faces) in &meshes {
             arrays.push(Box::new(NumpyMesh::new(vertices, faces)?));
         }
         let items = arrays.iter().map(|mesh| mesh.faces().len()).sum();
         let pool = pools::pool(py, threads)?;
-        let scene = watch::run(py, &pool, items, progress, |m| RayScene::new(arrays, m))?;
+        let build = |monitor: &Monitor| RayScene::with_backend(arrays, backend, monitor);
+        let scene = watch::run(py, &pool, items, progress, build)?;
         Ok(Self { scene, threads })
     }
 

@@ -9,19 +9,23 @@ pub mod coursework;
 #[cfg(feature = "embree")]
 pub mod embree;
 mod footprint;
+mod geometry_ref;
 pub mod lane;
 mod part;
 mod shaft;
 
 pub use accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
 pub use footprint::Footprint;
+pub use geometry_ref::GeometryRef;
 pub use shaft::Shaft;
 
+use std::sync::Arc;
+
 use crate::error::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::RayKind;
-use crate::scene::Backend;
+use crate::scene::{Backend, EmbreeMode};
 
 /// Builds the accelerator of `backend` over `geometry`, or several if kinds of rays hit different
 /// primitives: see [`Accelerator::only`].
@@ -42,4 +46,17 @@ pub fn build<'g>(
         return Ok(Box::new(by_kind::ByKind::build(geometry, backend, options, monitor)?));
     }
     part::build_part(geometry, camera, backend, options, monitor)
+}
+
+/// Builds Embree's tree, robust, over all primitives of a geometry that the tree keeps alive.
+///
+/// # Errors
+/// The errors of [`build`].
+pub fn build_shared_embree(
+    geometry: Arc<Geometry>,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator>> {
+    let all = (GeometryRef::Shared(geometry), &Unseen::NONE);
+    part::build_embree(all, EmbreeMode::Robust, options, monitor)
 }

@@ -4,6 +4,7 @@ use super::accelerator::{Accelerator, BuildOptions};
 #[cfg(feature = "embree")]
 use super::embree;
 use super::footprint::Footprint;
+use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
 use crate::error::Result;
 use crate::geometry::{Geometry, Unseen};
@@ -26,7 +27,9 @@ pub fn build_part<'g>(
         reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
     }
     match backend {
-        Backend::Embree(mode) => build_embree((geometry, unseen), mode, options, monitor),
+        Backend::Embree(mode) => {
+            build_embree((GeometryRef::Borrowed(geometry), unseen), mode, options, monitor)
+        }
         Backend::Bvh(isa) => {
             Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
         }
@@ -40,9 +43,10 @@ pub fn build_part<'g>(
     }
 }
 
+/// Builds Embree's tree over the primitives that are not in the given set.
 #[cfg(feature = "embree")]
-fn build_embree<'g>(
-    part: (&'g Geometry, &'g Unseen),
+pub fn build_embree<'g>(
+    part: (GeometryRef<'g>, &Unseen),
     mode: EmbreeMode,
     options: &BuildOptions,
     monitor: &Monitor,
@@ -51,8 +55,8 @@ fn build_embree<'g>(
 }
 
 #[cfg(not(feature = "embree"))]
-fn build_embree<'g>(
-    _: (&'g Geometry, &'g Unseen),
+pub fn build_embree<'g>(
+    _: (GeometryRef<'g>, &Unseen),
     mode: EmbreeMode,
     _: &BuildOptions,
     _: &Monitor,

@@ -38,9 +38,10 @@ impl RayScene {
     /// outside a closed mesh, has an even number of hits.
     ///
     /// # Errors
-    /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
+    /// `Unsupported` with the backend Embree; `Retry` if there is too little memory; `Interrupted`
+    /// if the monitor was stopped.
     pub fn all_hits(&self, rays: &RayBatch, monitor: &Monitor) -> Result<AllHits> {
-        let bvh = self.bvh();
+        let bvh = self.bvh()?;
         let chunks = progress::in_chunks(rays.len(), monitor, |range| {
             let (mut found, mut hits) = (Vec::new(), ChunkHits::default());
             for first in range.clone().step_by(LANES) {
@@ -88,7 +89,7 @@ impl RayScene {
     /// # Errors
     /// The errors of [`RayScene::all_hits`].
     pub fn count(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<u32>> {
-        let bvh = self.bvh();
+        let bvh = self.bvh()?;
         let mut counts = reserve::filled(0u32, rays.len(), "count")?;
         progress::fill(&mut counts, monitor, |first, counts| {
             let mut found = Vec::new();

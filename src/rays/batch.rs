@@ -168,7 +168,7 @@ pub(super) struct Refined {
 impl RayScene {
     /// Longest side of the box of all triangles.
     pub(super) fn size(&self) -> f32 {
-        let [low, high] = self.tree.bounds();
+        let [low, high] = self.local_bounds();
         (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max)
     }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::batch::RayBatch;
 use super::progress::{self, CHUNK};
 use super::scene::RayScene;
-use crate::accel::{Accelerator, bvh::Bvh};
+use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::LANES;
@@ -29,7 +29,7 @@ pub struct Hits {
 
 impl RayScene {
     /// Finds the closest hit of each ray. Edges and vertices belong to all their triangles. Of
-    /// equally near hits, the lowest mesh and then the lowest face wins. A triangle that contains
+    /// equally near hits, `bvh` returns that of the lowest mesh and then the lowest face. A triangle that contains
     /// the origin of a ray is not hit at t = 0, if f32 can represent the origin.
     ///
     /// # Errors
@@ -43,7 +43,7 @@ impl RayScene {
             barycentrics: reserve::filled([0.0; 2], count, "barycentrics")?,
             normal: reserve::filled([0.0; 3], count, "normal")?,
         };
-        let bvh = self.bvh();
+        let accelerator = self.accelerator();
         monitor.begin(Phase::Check, count as u64);
         let t = hits.t.par_chunks_mut(CHUNK);
         let ids = hits.primitive.par_chunks_mut(CHUNK).zip(hits.mesh.par_chunks_mut(CHUNK));
@@ -54,19 +54,25 @@ impl RayScene {
             let length = t.len();
             let mut chunk = HitChunk { first: chunk * CHUNK, t, primitive, mesh, uv, normal };
             let packets = (0..length).step_by(LANES);
-            packets.for_each(|i| self.closest_of_packet(&bvh, rays, &mut chunk, i));
+            packets.for_each(|i| self.closest_of_packet(&*accelerator, rays, &mut chunk, i));
             monitor.done.fetch_add(length as u64, Relaxed);
             Ok(())
         })?;
         Ok(hits)
     }
 
-    fn closest_of_packet(&self, bvh: &Bvh, rays: &RayBatch, chunk: &mut HitChunk, at: usize) {
+    fn closest_of_packet(
+        &self,
+        accelerator: &dyn Accelerator,
+        rays: &RayBatch,
+        chunk: &mut HitChunk,
+        at: usize,
+    ) {
         let first = chunk.first + at;
         let mut rounded = self.round(rays, first);
         let coherence = rounded.coherence(self.size());
         let active = rounded.active;
-        bvh.closest(&active, &mut rounded.packet, coherence);
+        accelerator.closest(&active, &mut rounded.packet, coherence);
         let hit = rounded.packet.hit(&active);
         for i in 0..LANES.min(chunk.t.len() - at) {
             let out = at + i;
@@ -77,7 +83,7 @@ impl RayScene {
             }
             let hits = &rounded.packet.hits;
             let (mesh, face) = (hits.geom[i], hits.prim[i]);
-            let primitive = self.tree.geometry().primitive(mesh, face);
+            let primitive = self.geometry().primitive(mesh, face);
             let t = rounded.t(i, rounded.packet.rays.tfar[i].into());
             let found = (t, (hits.u[i].into(), hits.v[i].into()));
             let refined = self.refine(rays, first + i, primitive, found);
@@ -92,14 +98,14 @@ impl RayScene {
     /// # Errors
     /// The errors of [`RayScene::closest`].
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
-        let (bvh, size) = (self.bvh(), self.size());
+        let (accelerator, size) = (self.accelerator(), self.size());
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;
         progress::fill(&mut occluded, monitor, |first, occluded| {
             for (packet, occluded) in occluded.chunks_mut(LANES).enumerate() {
                 let mut rounded = self.round(rays, first + packet * LANES);
                 let coherence = rounded.coherence(size);
                 let active = rounded.active;
-                bvh.occluded(&active, &mut rounded.packet.rays, coherence);
+                accelerator.occluded(&active, &mut rounded.packet.rays, coherence);
                 for (i, occluded) in occluded.iter_mut().enumerate() {
                     let end = rounded.packet.rays.tfar[i];
                     *occluded = active.0[i] != 0 && end == f32::NEG_INFINITY;

@@ -39,12 +39,12 @@ impl RayScene {
     ///
     /// # Errors
     /// `Invalid` for a point that is not finite or beyond 1e18. Also those of
-    /// [`RayScene::closest`].
+    /// [`RayScene::all_hits`].
     pub fn contains(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<bool>> {
         check_points(points)?;
+        let bvh = self.bvh()?;
         let (closed, mut inside) =
             (self.closed(), reserve::filled(false, points.len(), "contains")?);
-        let bvh = self.bvh();
         let is_open = closed.contains(&false);
         progress::fill(&mut inside, monitor, |start, inside| {
             let mut scratch = Scratch::default();
@@ -66,7 +66,7 @@ impl RayScene {
         check_points(points)?;
         let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
         let corners = |primitive: u32| Some(self.corners(primitive));
-        let bvh = self.bvh();
+        let bvh = self.bvh()?;
         let dipoles = bvh.dipoles(&corners);
         progress::fill(&mut winding, monitor, |start, winding| {
             for (i, winding) in winding.iter_mut().enumerate() {

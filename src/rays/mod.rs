@@ -19,4 +19,4 @@ pub use arrays::{Faces, MeshArrays, Vertices};
 pub use batch::{Limits, RayBatch};
 pub use first_hit::Hits;
 pub use nearest::ClosestPoints;
-pub use scene::RayScene;
+pub use scene::{RayBackend, RayScene};

@@ -40,10 +40,10 @@ impl RayScene {
     ///
     /// # Errors
     /// `Invalid` for a point that is not finite or beyond 1e18. Also those of
-    /// [`RayScene::closest`].
+    /// [`RayScene::all_hits`].
     pub fn closest_point(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<ClosestPoints> {
         check_points(points)?;
-        let bvh = self.bvh();
+        let bvh = self.bvh()?;
         let count = points.len();
         let mut all =
             ClosestPoints { point: vec![], distance: vec![], primitive: vec![], mesh: vec![] };

@@ -1,22 +1,57 @@
 //! The meshes of a caller, and the tree over them.
 
 use std::fmt;
-use std::sync::OnceLock;
+use std::str::FromStr;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::arrays::{self, MeshArrays, Range};
 use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
+use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::Monitor;
 use crate::reserve;
 use crate::simd::Isa;
 
+/// What traces the rays of a [`RayScene`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum RayBackend {
+    /// The tree of this crate, for all queries. It is exactly watertight: no ray slips through an
+    /// edge or a vertex.
+    #[default]
+    Bvh,
+    /// Intel Embree 4, loaded at run time, for [`RayScene::closest`] and [`RayScene::occluded`]
+    /// alone. Rays aimed exactly at vertices can slip through.
+    Embree,
+}
+
+impl FromStr for RayBackend {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        match name {
+            "bvh" => Ok(Self::Bvh),
+            "embree" => Ok(Self::Embree),
+            _ => {
+                let message = format!("found `{name}`, expected `bvh` or `embree`");
+                Err(Error::invalid("backend", message))
+            }
+        }
+    }
+}
+
+/// The tree over all triangles, with their scene-wide indices and the origin.
+enum Tree {
+    Bvh(OwnedBvh),
+    Embree { accelerator: Arc<dyn Accelerator>, geometry: Arc<Geometry> },
+}
+
 /// Meshes that are ready for rays and points, without camera, lights and materials.
 ///
-/// Rays are traced by `bvh`, which is exactly watertight: no ray slips through an edge or a vertex.
+/// Rays are traced by a [`RayBackend`].
 /// Rays and vertices are rounded to f32 for that, relative to an origin in or near the meshes. The
 /// values of a hit are computed in f64 from the caller's arrays. [`RayScene::contains`] for closed
 /// meshes, and [`RayScene::visible`], decide without rounding.
@@ -49,8 +84,7 @@ use crate::simd::Isa;
 /// ```
 pub struct RayScene {
     pub(super) meshes: Vec<Box<dyn MeshArrays>>,
-    /// The tree over all triangles, with their scene-wide indices and the origin.
-    pub(super) tree: OwnedBvh,
+    tree: Tree,
     /// Lower and upper corner of all triangles in the caller's coordinates.
     pub(super) bounds: [DVec3; 2],
     /// For each mesh, whether it is closed.
@@ -60,21 +94,34 @@ pub struct RayScene {
 
 impl fmt::Debug for RayScene {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (meshes, info) = (self.meshes.len(), self.tree.info());
+        let (meshes, info) = (self.meshes.len(), self.info());
         f.debug_struct("RayScene").field("meshes", &meshes).field("tree", &info).finish()
     }
 }
 
 impl RayScene {
-    /// Builds the acceleration structure. Triangles are numbered in each mesh from 0.
+    /// Builds the default backend. Triangles are numbered in each mesh from 0.
+    ///
+    /// # Errors
+    /// The errors of [`RayScene::with_backend`].
+    pub fn new(meshes: Vec<Box<dyn MeshArrays>>, monitor: &Monitor) -> Result<Self> {
+        Self::with_backend(meshes, RayBackend::default(), monitor)
+    }
+
+    /// Builds the acceleration structure of a backend.
     ///
     /// # Errors
     /// - `Invalid`: no mesh, a mesh without faces, an index out of range, or a vertex of a face
     ///   that is not finite or beyond 1e18.
     /// - `Limit`: more than 2^32 - 2 triangles.
+    /// - `Unsupported`: Embree cannot be loaded, or this build does not have it.
     /// - `Retry`: there is too little memory.
     /// - `Interrupted`: the monitor was stopped.
-    pub fn new(meshes: Vec<Box<dyn MeshArrays>>, monitor: &Monitor) -> Result<Self> {
+    pub fn with_backend(
+        meshes: Vec<Box<dyn MeshArrays>>,
+        backend: RayBackend,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let mut range = Range::EMPTY;
         for (index, mesh) in meshes.iter().enumerate() {
             let place = if meshes.len() > 1 { format!("mesh {index}: ") } else { String::new() };
@@ -90,7 +137,16 @@ impl RayScene {
             let message = format!("found {count} faces, expected at most 4294967294");
             Error::new(Kind::Limit, Problem::new("faces", message))
         })?;
-        let tree = OwnedBvh::build(geometry, Isa::detect(), monitor)?;
+        let tree = match backend {
+            RayBackend::Bvh => Tree::Bvh(OwnedBvh::build(geometry, Isa::detect(), monitor)?),
+            RayBackend::Embree => {
+                let geometry = Arc::new(geometry);
+                let threads = rayon::current_num_threads();
+                let options = BuildOptions { threads, max_bytes: None };
+                let built = build_shared_embree(Arc::clone(&geometry), &options, monitor)?;
+                Tree::Embree { accelerator: built.into(), geometry }
+            }
+        };
         let (closed, dipoles) = (OnceLock::new(), OnceLock::new());
         Ok(Self { meshes, tree, bounds: [range.min, range.max], closed, dipoles })
     }
@@ -108,26 +164,72 @@ impl RayScene {
     /// Bytes of the tree, which the scene holds beside the arrays of the meshes. What queries about
     /// points keep is not counted: dipoles, and which meshes are closed.
     pub fn bytes(&self) -> u64 {
-        self.tree.info().bytes
+        self.info().bytes
     }
 
     /// Most bytes that the build held beside the arrays of the meshes.
     pub fn peak_bytes(&self) -> u64 {
-        self.tree.info().peak_bytes
+        self.info().peak_bytes
     }
 
-    pub(super) fn bvh(&self) -> Bvh<'_> {
-        self.tree.bvh()
+    fn info(&self) -> BuildInfo {
+        match &self.tree {
+            Tree::Bvh(tree) => tree.info(),
+            Tree::Embree { accelerator, geometry } => {
+                let BuildInfo { version, isa, bytes, peak_bytes } = accelerator.info();
+                // Embree reads the vertices and indices of the geometry.
+                let rounded = geometry.bytes();
+                let (bytes, peak_bytes) = (bytes + rounded, peak_bytes + rounded);
+                BuildInfo { version, isa, bytes, peak_bytes }
+            }
+        }
+    }
+
+    /// The tree for closest hits and occlusion.
+    pub(super) fn accelerator(&self) -> Arc<dyn Accelerator + '_> {
+        match &self.tree {
+            Tree::Bvh(tree) => Arc::new(tree.bvh()),
+            Tree::Embree { accelerator, .. } => Arc::clone(accelerator) as _,
+        }
+    }
+
+    /// The tree for all other queries.
+    ///
+    /// # Errors
+    /// `Unsupported` if the backend is Embree.
+    pub(super) fn bvh(&self) -> Result<Bvh<'_>> {
+        match &self.tree {
+            Tree::Bvh(tree) => Ok(tree.bvh()),
+            Tree::Embree { .. } => {
+                let message = "found `embree`, which answers only `closest` and `occluded`";
+                let problem = Problem::new("backend", message);
+                let help = "`bvh`, the default, answers all queries";
+                Err(Error::new(Kind::Unsupported, problem.help(help)))
+            }
+        }
+    }
+
+    /// Maps scene-wide primitive indices to meshes, and holds the origin of the coordinates.
+    pub(super) fn geometry(&self) -> &Geometry {
+        match &self.tree {
+            Tree::Bvh(tree) => tree.geometry(),
+            Tree::Embree { geometry, .. } => geometry,
+        }
     }
 
     /// Position that the coordinates of the tree are relative to.
     pub(super) fn origin(&self) -> DVec3 {
-        self.tree.geometry().origin
+        self.geometry().origin
+    }
+
+    /// Lower and upper corner of the box of all triangles, relative to the origin and rounded.
+    pub(super) fn local_bounds(&self) -> [[f32; 3]; 2] {
+        self.bounds.map(|corner| (corner - self.origin()).as_vec3().to_array())
     }
 
     /// Mesh and face of a triangle, by its scene-wide index.
     pub(super) fn place(&self, primitive: u32) -> (usize, usize) {
-        let (mesh, face) = self.tree.geometry().place(primitive);
+        let (mesh, face) = self.geometry().place(primitive);
         (mesh as usize, face as usize)
     }
 
@@ -141,7 +243,7 @@ impl RayScene {
     /// Bound of how far rounding to f32 moves a vertex of the tree or a point, which must be within
     /// `reach` of the origin.
     pub(super) fn slack(&self, reach: f64) -> f32 {
-        let [low, high] = self.tree.bounds();
+        let [low, high] = self.local_bounds();
         let far = low.into_iter().chain(high).fold(reach as f32, |far, x| far.max(x.abs()));
         far * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE
     }

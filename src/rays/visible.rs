@@ -24,7 +24,7 @@ impl RayScene {
     ///
     /// # Errors
     /// `Invalid` for a point that is not finite or beyond 1e18, or another number of points in
-    /// `from`. Also those of [`RayScene::closest`].
+    /// `from`. Also those of [`RayScene::all_hits`].
     pub fn visible(
         &self,
         points: &[[f64; 3]],
@@ -42,7 +42,7 @@ impl RayScene {
             return Err(Error::invalid("from", message));
         }
         let mut visible = reserve::filled(false, points.len(), "visible")?;
-        let bvh = self.bvh();
+        let bvh = self.bvh()?;
         progress::fill(&mut visible, monitor, |first, visible| {
             for (i, visible) in visible.iter_mut().enumerate() {
                 let from = from[if from.len() == 1 { 0 } else { first + i }];

@@ -46,12 +46,6 @@ impl OwnedBvh {
         &self.geometry
     }
 
-    /// Lower and upper corner of the box of all triangles, relative to the origin of
-    /// [`Self::geometry`].
-    pub fn bounds(&self) -> [[f32; 3]; 2] {
-        [self.tree.bounds.lower(), self.tree.bounds.upper()]
-    }
-
     /// Version, instruction set and memory.
     pub fn info(&self) -> BuildInfo {
         self.bvh().info()

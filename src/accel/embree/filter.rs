@@ -16,13 +16,12 @@ use glam::DVec3;
 use super::candidate::Candidate;
 use super::extent::Extent;
 use super::ffi::FilterArguments;
-use crate::geometry::{
-    Geometry, GeometryKind, Passing, doubles, is_after_start, passing, refine_triangle,
-};
+use crate::accel::geometry_ref::GeometryRef;
+use crate::geometry::{GeometryKind, Passing, doubles, is_after_start, passing, refine_triangle};
 
 /// Decides which candidates are true hits, and counts the false ones.
 pub struct HitValidator<'g> {
-    pub geometry: &'g Geometry,
+    pub geometry: GeometryRef<'g>,
     /// Bounds on the size of each mesh, by geometry id.
     extents: Vec<Extent>,
     /// Number of false hits. Only a false hit touches the counter.
@@ -62,7 +61,7 @@ impl HitFilter<'_> {
 }
 
 impl<'g> HitValidator<'g> {
-    pub fn new(geometry: &'g Geometry) -> Self {
+    pub fn new(geometry: GeometryRef<'g>) -> Self {
         let extents = geometry.meshes.iter().map(Extent::new).collect();
         Self { geometry, extents, false_hits: AtomicU64::new(0) }
     }

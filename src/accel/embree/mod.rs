@@ -19,6 +19,7 @@ use self::ffi::{QueryArguments, QueryContext};
 use self::filter::{HitFilter, HitValidator};
 use self::packet8::{HALVES, Mask8, RayPacket8, Rays8};
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions};
+use super::geometry_ref::GeometryRef;
 use crate::error::Result;
 use crate::geometry::{Geometry, NONE, Nearby, Unseen};
 use crate::monitor::Monitor;
@@ -44,14 +45,14 @@ impl<'g> Embree<'g> {
     /// # Errors
     /// See [`super::build`].
     pub fn build_part(
-        (geometry, unseen): (&'g Geometry, &'g Unseen),
+        (geometry, unseen): (GeometryRef<'g>, &Unseen),
         mode: EmbreeMode,
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let halves = device.has_packets_of_8() && !device.has_packets_of_16();
-        let scene = scene::Scene::build(device, (geometry, unseen), mode, monitor)?;
+        let scene = scene::Scene::build(device, (geometry.clone(), unseen), mode, monitor)?;
         Ok(Self { scene, truth: HitValidator::new(geometry), halves })
     }
 

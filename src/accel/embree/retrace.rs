@@ -25,7 +25,7 @@ impl Embree<'_> {
             return;
         }
         let mut surfaces = Surfaces::EMPTY;
-        refine(self.truth.geometry, &hit, packet, &mut surfaces);
+        refine(&self.truth.geometry, &hit, packet, &mut surfaces);
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let end = std::mem::replace(&mut packet.rays.tfar[i], tfar[i]);
             if surfaces.doubtful.0[i] != 0 {

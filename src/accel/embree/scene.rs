@@ -1,4 +1,4 @@
-//! Builds an Embree scene that borrows the arrays of a [`Geometry`].
+//! Builds an Embree scene that reads the arrays of a [`Geometry`] without copies.
 
 use std::ffi::{c_uint, c_void};
 use std::ptr::NonNull;
@@ -9,18 +9,19 @@ use super::ffi::{self, Enum, GeometryHandle, SceneHandle};
 use super::fixed::PinnedBox;
 use super::sphere::{self, SphereSet};
 use crate::accel::accelerator::BuildInfo;
+use crate::accel::geometry_ref::GeometryRef;
 use crate::error::Result;
-use crate::geometry::{Geometry, TriangleMesh, Unseen};
+use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::NONE;
 use crate::scene::EmbreeMode;
 
-/// A committed Embree scene that reads arrays of lifetime `'g`.
+/// A committed Embree scene that reads the arrays of a geometry.
 pub struct Scene<'g> {
     handle: NonNull<SceneHandle>,
-    /// User data of the sphere geometry.
+    // These are dropped after the scene is released.
+    /// The geometry whose arrays Embree reads, and the user data of the spheres.
     spheres: PinnedBox<SphereSet<'g>>,
-    // Dropped after the scene is released.
     device: Device,
 }
 
@@ -34,12 +35,12 @@ impl<'g> Scene<'g> {
     /// builds its tree.
     pub fn build(
         device: Device,
-        (geometry, unseen): (&'g Geometry, &'g Unseen),
+        (geometry, unseen): (GeometryRef<'g>, &Unseen),
         mode: EmbreeMode,
         monitor: &Monitor,
     ) -> Result<Self> {
         let base = geometry.bases()[geometry.spheres_id() as usize];
-        let spheres = SphereSet { spheres: &geometry.spheres, base, unseen };
+        let spheres = SphereSet { geometry: geometry.clone(), base, unseen: unseen.clone() };
         let mode_flags = match mode {
             EmbreeMode::Robust => ffi::RTC_SCENE_FLAG_ROBUST,
             EmbreeMode::Fast => 0,
@@ -47,17 +48,15 @@ impl<'g> Scene<'g> {
         };
         let flags = mode_flags | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         let scene = Self::new(device, flags, spheres)?;
+        let quads = geometry.quads_id();
         let own = |id: u32| geometry.bases()[id as usize]..geometry.bases()[id as usize + 1];
-        for (id, mesh) in (0..).zip(&geometry.meshes) {
+        for id in 0..quads {
             match unseen.count(&own(id)) {
-                0 => scene.attach_mesh(mesh, id)?,
+                0 => scene.attach_mesh(id)?,
                 _ if unseen.has_all(&own(id)) => {}
-                _ => {
-                    scene.attach_part_of_mesh(mesh, id, |prim| unseen.has(own(id).start + prim))?
-                }
+                _ => scene.attach_part_of_mesh(id, |prim| unseen.has(own(id).start + prim))?,
             }
         }
-        let quads = geometry.quads_id();
         if !unseen.has_all(&own(quads)) {
             let base = own(quads).start;
             scene.attach_quads(&geometry.quads, quads, |prim| unseen.has(base + prim))?;
@@ -109,25 +108,18 @@ impl<'g> Scene<'g> {
         }
     }
 
-    fn attach_mesh(&self, mesh: &'g TriangleMesh, id: c_uint) -> Result<()> {
+    fn attach_mesh(&self, id: c_uint) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_TRIANGLE)?;
-        let (triangles, vertices) = (mesh.triangles(), mesh.padded_vertices());
         let (kind, format) = (ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3);
-        self.share(&geometry, kind, format, triangles, triangles.len());
-        // Embree reads 16 bytes from each vertex, so an unused vertex follows the last one.
-        let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
-        self.share(&geometry, kind, format, vertices, vertices.len() - 1);
+        self.share(&geometry, kind, format, |all| all.meshes[id as usize].triangles(), 0);
+        self.share_vertices(&geometry, id);
         self.attach(&geometry, id)
     }
 
     /// Attaches a mesh without the triangles that are `left_out`. The others keep their indices.
-    fn attach_part_of_mesh(
-        &self,
-        mesh: &'g TriangleMesh,
-        id: c_uint,
-        left_out: impl Fn(u32) -> bool,
-    ) -> Result<()> {
+    fn attach_part_of_mesh(&self, id: c_uint, left_out: impl Fn(u32) -> bool) -> Result<()> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_TRIANGLE)?;
+        let mesh = &self.spheres.geometry.meshes[id as usize];
         // Embree leaves out a primitive whose indices are beyond the vertices.
         let triangles = (0..).zip(mesh.triangles());
         let triangles: Vec<[u32; 3]> = triangles
@@ -135,10 +127,14 @@ impl<'g> Scene<'g> {
             .collect();
         let (kind, format) = (ffi::RTC_BUFFER_TYPE_INDEX, ffi::RTC_FORMAT_UINT3);
         self.fill(&geometry, kind, format, &triangles)?;
-        let vertices = mesh.padded_vertices();
-        let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
-        self.share(&geometry, kind, format, vertices, vertices.len() - 1);
+        self.share_vertices(&geometry, id);
         self.attach(&geometry, id)
+    }
+
+    fn share_vertices(&self, geometry: &OwnedGeometry, id: c_uint) {
+        let (kind, format) = (ffi::RTC_BUFFER_TYPE_VERTEX, ffi::RTC_FORMAT_FLOAT3);
+        // Embree reads 16 bytes from each vertex, so an unused vertex follows the last one.
+        self.share(geometry, kind, format, |all| all.meshes[id as usize].padded_vertices(), 1);
     }
 
     /// Attaches the quads that are not `left_out`. They keep their indices.
@@ -163,18 +159,20 @@ impl<'g> Scene<'g> {
         self.attach(&geometry, id)
     }
 
-    /// Lets Embree read the first `count` elements of `array` without a copy.
+    /// Lets Embree read an array of the scene's geometry, without its last `unused` elements.
     fn share<T>(
         &self,
         geometry: &OwnedGeometry,
         kind: Enum,
         format: Enum,
-        array: &'g [[T; 3]],
-        count: usize,
+        array: impl FnOnce(&Geometry) -> &[[T; 3]],
+        unused: usize,
     ) {
-        debug_assert!(count <= array.len());
+        let array = array(&self.spheres.geometry);
+        let count = array.len() - unused;
         let (data, stride) = (array.as_ptr().cast::<c_void>(), size_of::<[T; 3]>());
-        // SAFETY: the array outlives the scene ('g) and holds `count` elements.
+        // SAFETY: `spheres` keeps the geometry, which nobody changes, until the scene is released.
+        // So the array stays where it is. It holds `count` elements.
         unsafe {
             (self.api().set_shared_buffer)(geometry.0, kind, 0, format, data, 0, stride, count);
         }
@@ -206,7 +204,7 @@ impl<'g> Scene<'g> {
         let geometry = self.geometry(ffi::RTC_GEOMETRY_TYPE_USER)?;
         // SAFETY: live geometry; the user data lives as long as this scene.
         unsafe {
-            let count = self.spheres.spheres.len() as c_uint;
+            let count = self.spheres.geometry.spheres.len() as c_uint;
             (self.api().set_user_primitive_count)(geometry.0, count);
             (self.api().set_user_data)(geometry.0, self.spheres.user_data());
             (self.api().set_bounds_function)(geometry.0, Some(sphere::bounds), std::ptr::null());

@@ -5,15 +5,16 @@ use std::ffi::c_uint;
 use glam::DVec3;
 
 use super::ffi::{Bounds, BoundsArguments, UserArguments};
-use crate::geometry::{Sphere, Unseen};
+use crate::accel::geometry_ref::GeometryRef;
+use crate::geometry::Unseen;
 
 /// User data of the callbacks.
 pub struct SphereSet<'g> {
-    pub spheres: &'g [Sphere],
+    pub geometry: GeometryRef<'g>,
     /// Scene-wide primitive index of the first sphere.
     pub base: u32,
     /// Primitives that are not part of the scene.
-    pub unseen: &'g Unseen,
+    pub unseen: Unseen,
 }
 
 /// The lanes of an `RTCRayN`: member `k` of lane `i` is at `k * n + i`.
@@ -68,7 +69,7 @@ impl RayLanes {
 unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, f32, DVec3)) {
     // SAFETY: the caller's promise.
     let set = unsafe { &*args.user.cast::<SphereSet>() };
-    let Some(sphere) = set.spheres.get(args.prim_id as usize) else {
+    let Some(sphere) = set.geometry.spheres.get(args.prim_id as usize) else {
         return;
     };
     let lanes = RayLanes { first: args.rays, n: args.n as usize };
@@ -100,7 +101,7 @@ unsafe fn each_hit(args: &UserArguments, mut found: impl FnMut(RayLanes, usize, 
 pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
     // SAFETY: Embree passes valid arguments; the user data is a live `SphereSet`.
     let (args, set) = unsafe { (&*args, &*(*args).user.cast::<SphereSet>()) };
-    let Some(sphere) = set.spheres.get(args.prim_id as usize) else {
+    let Some(sphere) = set.geometry.spheres.get(args.prim_id as usize) else {
         return;
     };
     let (lower, upper) = match set.unseen.has(set.base + args.prim_id) {

@@ -2,7 +2,8 @@
 //! on vertices and edges. The Python tests compare it with an oracle in integers.
 
 use lightpath::{
-    ErrorKind, Limits, LoadedScene, Mesh, Monitor, Positions, Ray, RayBatch, RayScene,
+    ErrorKind, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
+    RayBatch, RayScene,
 };
 
 /// A bumpy ball: a cube whose faces are grids of `n` squares, moved to a sphere of radii 0.7 to 1.
@@ -154,4 +155,44 @@ fn wrong_rays_are_refused_with_their_place() {
     assert_eq!(limited(Limits::All(f64::INFINITY), Limits::All(1.0)), "tnear");
     assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0, -1.0, 1.0])), "tfar[1]");
     assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0])), "tfar");
+}
+
+/// A scene whose vertices are doubles far from 0, and rays from around it through its inside.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn embree_finds_the_same_hits_and_refuses_all_other_queries() {
+    let (middle, monitor) = ([499_999.37, 4_100_000.71, 31.3], Monitor::default());
+    let meshes = || -> Vec<Box<dyn MeshArrays>> {
+        vec![Box::new(ball(12, middle)), Box::new(ball(5, middle.map(|x| x + 1.0)))]
+    };
+    let bvh = RayScene::new(meshes(), &monitor).expect("a scene");
+    let embree = RayScene::with_backend(meshes(), RayBackend::Embree, &monitor).expect("a scene");
+    assert!(embree.bytes() > 0 && embree.bytes() <= embree.peak_bytes());
+    let add = |p: [f64; 3]| [middle[0] + p[0], middle[1] + p[1], middle[2] + p[2]];
+    let origins: Vec<_> = around(3000, 3.0).into_iter().map(add).collect();
+    let targets: Vec<_> = around(3000, 0.9).into_iter().rev().map(add).collect();
+    let directions: Vec<_> =
+        origins.iter().zip(&targets).map(|(&o, &t)| difference(t, o)).collect();
+    let rays = RayBatch::new(&origins, &directions).expect("rays");
+    for tfar in [f64::INFINITY, 0.9] {
+        let rays = rays.with_limits(Limits::All(0.01), Limits::All(tfar)).expect("rays");
+        let hits = embree.closest(&rays, &monitor).expect("hits");
+        let expected = bvh.closest(&rays, &monitor).expect("hits");
+        assert_eq!((&hits.primitive, &hits.mesh), (&expected.primitive, &expected.mesh));
+        assert_eq!((&hits.t, &hits.normal), (&expected.t, &expected.normal));
+        let occluded = embree.occluded(&rays, &monitor).expect("answers");
+        assert_eq!(occluded, bvh.occluded(&rays, &monitor).expect("answers"));
+        let count = occluded.iter().filter(|&&is| is).count();
+        assert!(hits.mesh.contains(&1) && (1000..3000).contains(&count), "{count}");
+    }
+    let kinds = [
+        embree.count(&rays, &monitor).unwrap_err().kind,
+        embree.all_hits(&rays, &monitor).unwrap_err().kind,
+        embree.contains(&origins, &monitor).unwrap_err().kind,
+        embree.closest_point(&origins, &monitor).unwrap_err().kind,
+        embree.visible(&origins, &targets, &monitor).unwrap_err().kind,
+        embree.winding_number(&origins, &monitor).unwrap_err().kind,
+    ];
+    assert_eq!(kinds, [ErrorKind::Unsupported; 6]);
+    assert_eq!(embree.closed(), bvh.closed());
 }
