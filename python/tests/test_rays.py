@@ -311,6 +311,9 @@ def test_progress_reaches_the_end(sphere):
     origins, directions = random_rays(50_000, 4096)
     scene.closest(origins, directions, progress=lambda done, total: steps.append((done, total)))
     assert steps[-1] == (50_000, 50_000)
+    steps.clear()
+    lightpath.RayScene(*bumpy_sphere(5), progress=lambda done, total: steps.append((done, total)))
+    assert steps[-1][0] == steps[-1][1] > 0
 
     def failing(done, total):
         raise RuntimeError("stop here")

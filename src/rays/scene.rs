@@ -12,7 +12,7 @@ use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
 use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, TriangleMesh};
-use crate::monitor::Monitor;
+use crate::monitor::{Monitor, Phase};
 use crate::reserve;
 use crate::simd::Isa;
 
@@ -137,6 +137,7 @@ impl RayScene {
             let message = format!("found {count} faces, expected at most 4294967294");
             Error::new(Kind::Limit, Problem::new("faces", message))
         })?;
+        monitor.begin(Phase::Build, 1000);
         let tree = match backend {
             RayBackend::Bvh => Tree::Bvh(OwnedBvh::build(geometry, Isa::detect(), monitor)?),
             RayBackend::Embree => {
@@ -147,6 +148,7 @@ impl RayScene {
                 Tree::Embree { accelerator: built.into(), geometry }
             }
         };
+        monitor.set_done(1000);
         let (closed, dipoles) = (OnceLock::new(), OnceLock::new());
         Ok(Self { meshes, tree, bounds: [range.min, range.max], closed, dipoles })
     }
