@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::environment_map::{Arrival, EnvironmentMap};
-use super::light::LightWeights;
+use super::light_rays::LightWeights;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::reach;
 use crate::geometry::Geometry;
