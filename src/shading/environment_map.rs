@@ -12,7 +12,7 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::image_file::{TextureSize, source};
+use super::image_file::{self, TextureSize};
 use super::texture::Texture;
 use crate::error::Result;
 use crate::math::{atan2, luminance};
@@ -89,10 +89,8 @@ impl EnvironmentMap {
     /// # Errors
     /// The errors of [`Texture::load`] that concern the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        let source = source(path, u64::MAX)?.source;
-        let (width, height) = source.dimensions();
+        let ((width, height), TextureSize { stored, decoding }) = image_file::size(path)?;
         let table = u64::from(width) * u64::from(height) * size_of::<f32>() as u64;
-        let TextureSize { stored, decoding } = TextureSize::of(&source);
         let stored = stored.saturating_add(table);
         Ok(TextureSize { stored, decoding: decoding.max(stored) })
     }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::texture::linear_from_srgb;
+use super::srgb::linear_from_srgb;
 use crate::colormap::ColorMap;
 use crate::mesh::{Colors, MeshElement, Scalars};
 use crate::scene::ColorSpace;

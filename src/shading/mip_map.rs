@@ -4,7 +4,8 @@
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
-use super::texture::{Texture, bilinear};
+use super::texel_filter::bilinear;
+use super::texel_image::TexelImage;
 use crate::error::Result;
 use crate::reserve;
 use crate::scene::Wrap;
@@ -12,7 +13,7 @@ use crate::scene::Wrap;
 /// Most points along the longer axis of an area.
 const MAX_POINTS: f64 = 16.0;
 
-/// Copies of half the size each, down to one texel. The texture itself is level 0.
+/// Copies of half the size each, down to one texel. The image itself is level 0.
 #[derive(Debug, Clone)]
 pub struct MipMap {
     levels: Vec<Level>,
@@ -103,17 +104,17 @@ fn overlaps(i: u32, large: u32, small: u32) -> impl Iterator<Item = (usize, f32)
 }
 
 impl MipMap {
-    /// The smaller copies of a texture, on the threads of the current rayon pool.
+    /// The smaller copies of an image, on the threads of the current rayon pool.
     ///
     /// # Errors
     /// `Retry` if the system refuses the memory.
-    pub fn new(texture: &Texture, what: &str) -> Result<Self> {
-        let words = texture.is_stored_as_bytes();
+    pub fn new(image: &TexelImage, what: &str) -> Result<Self> {
+        let words = image.is_stored_as_bytes();
         let mut levels: Vec<Level> = Vec::new();
-        let mut size = (texture.width(), texture.height());
+        let mut size = image.size();
         while size != (1, 1) {
             let next = match levels.last() {
-                None => Level::halve(size, |x, y| texture.texel(x, y), words, what),
+                None => Level::halve(size, |x, y| image.texel(x, y), words, what),
                 Some(level) => Level::halve(size, |x, y| level.texel(x, y), words, what),
             }?;
             size = (next.width, next.height);
@@ -131,22 +132,21 @@ impl MipMap {
         bytes.sum::<usize>() as u64
     }
 
-    /// Mean colour of `texture` over an area around `uv`.
+    /// Mean colour of `image` over an area around `uv`.
     ///
     /// Points along the longer side of the area, each a trilinear lookup as wide as the shorter
     /// side: McCormack et al. 1999, "Feline: Fast Elliptical Lines for Anisotropic Texture
     /// Mapping", SIGGRAPH.
-    pub fn lookup(&self, texture: &Texture, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
-        let size = DVec2::new(f64::from(texture.width()), f64::from(texture.height()));
+    pub fn lookup(&self, image: &TexelImage, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
+        let (width, height) = image.size();
+        let size = DVec2::new(f64::from(width), f64::from(height));
         let [mut long, mut short] = area.sides.map(|side| (side, (side * size).length()));
         if short.1 > long.1 {
             std::mem::swap(&mut long, &mut short);
         }
         // An area within a texel is a point.
         if !(long.1 > 1.0) {
-            return bilinear((texture.width(), texture.height()), uv, wrap, |x, y| {
-                texture.texel(x, y)
-            });
+            return image.bilinear(uv, wrap);
         }
         let points = (long.1 / short.1.max(1.0)).ceil().clamp(1.0, MAX_POINTS);
         let width = (long.1 / points).max(short.1);
@@ -154,66 +154,53 @@ impl MipMap {
         let mut sum = Vec3::ZERO;
         for point in 0..points as u32 {
             let along = (f64::from(point) + 0.5) / points - 0.5;
-            sum += self.trilinear(texture, uv + long.0 * along, level, wrap);
+            sum += self.trilinear(image, uv + long.0 * along, level, wrap);
         }
         sum / points as f32
     }
 
-    fn trilinear(&self, texture: &Texture, uv: DVec2, level: f64, wrap: [Wrap; 2]) -> Vec3 {
+    fn trilinear(&self, image: &TexelImage, uv: DVec2, level: f64, wrap: [Wrap; 2]) -> Vec3 {
         let lower = (level as usize).min(self.levels.len());
         let upper = (lower + 1).min(self.levels.len());
         let between = (level - lower as f64).clamp(0.0, 1.0) as f32;
-        let sharp = self.level(texture, uv, lower, wrap);
+        let sharp = self.level(image, uv, lower, wrap);
         if between == 0.0 {
             return sharp;
         }
-        sharp + (self.level(texture, uv, upper, wrap) - sharp) * between
+        sharp + (self.level(image, uv, upper, wrap) - sharp) * between
     }
 
-    fn level(&self, texture: &Texture, uv: DVec2, level: usize, wrap: [Wrap; 2]) -> Vec3 {
+    fn level(&self, image: &TexelImage, uv: DVec2, level: usize, wrap: [Wrap; 2]) -> Vec3 {
         match level.checked_sub(1).and_then(|below| self.levels.get(below)) {
             Some(level) => {
                 bilinear((level.width, level.height), uv, wrap, |x, y| level.texel(x, y))
             }
-            None => {
-                bilinear((texture.width(), texture.height()), uv, wrap, |x, y| texture.texel(x, y))
-            }
+            None => image.bilinear(uv, wrap),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use image::{Rgb, Rgb32FImage, RgbImage};
-
     use super::*;
 
     const REPEAT: [Wrap; 2] = [Wrap::Repeat; 2];
 
-    fn texture(save: impl Fn(&std::path::Path)) -> Texture {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("texture.exr");
-        save(&path);
-        Texture::load(&path, Some(crate::scene::ColorSpace::Linear)).unwrap()
-    }
-
-    fn floats(width: u32, height: u32) -> Texture {
-        texture(|path| {
-            let value = |x: u32, y: u32| (x * 37 + y * 101) as f32 % 17.0;
-            Rgb32FImage::from_fn(width, height, |x, y| Rgb([value(x, y), x as f32, y as f32]))
-                .save(path)
-                .unwrap();
-        })
+    fn floats(width: u32, height: u32) -> TexelImage {
+        let value = |x: u32, y: u32| (x * 37 + y * 101) as f32 % 17.0;
+        let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let floats = texels.flat_map(|(x, y)| [value(x, y), x as f32, y as f32]);
+        TexelImage::from_floats((width, height), floats.collect())
     }
 
     #[test]
     fn every_level_has_the_mean_of_the_image() {
         for (width, height) in [(64, 64), (37, 23), (5, 1), (1, 7), (100, 3)] {
-            let texture = floats(width, height);
-            let map = MipMap::new(&texture, "test").unwrap();
+            let image = floats(width, height);
+            let map = MipMap::new(&image, "test").unwrap();
             let mut mean = Vec3::ZERO;
             for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
-                mean += texture.texel(x as usize, y as usize) / (width * height) as f32;
+                mean += image.texel(x as usize, y as usize) / (width * height) as f32;
             }
             for level in &map.levels {
                 let (w, h) = (level.width as usize, level.height as usize);
@@ -229,41 +216,37 @@ mod tests {
 
     #[test]
     fn the_area_of_the_whole_image_has_its_mean() {
-        let texture = floats(64, 64);
-        let map = MipMap::new(&texture, "test").unwrap();
+        let image = floats(64, 64);
+        let map = MipMap::new(&image, "test").unwrap();
         let mean = map.levels.last().unwrap().texel(0, 0);
         for sides in [[DVec2::X, DVec2::Y], [DVec2::X * 9.0, DVec2::Y * 1e3]] {
-            let found = map.lookup(&texture, DVec2::new(0.3, 0.7), &Footprint { sides }, REPEAT);
+            let found = map.lookup(&image, DVec2::new(0.3, 0.7), &Footprint { sides }, REPEAT);
             assert!((found - mean).abs().max_element() < 1e-3, "{found} {mean}");
         }
     }
 
     #[test]
     fn a_point_is_looked_up_as_without_a_map() {
-        let texture = floats(37, 23);
-        let map = MipMap::new(&texture, "test").unwrap();
+        let image = floats(37, 23);
+        let map = MipMap::new(&image, "test").unwrap();
         let point = Footprint { sides: [DVec2::X * 1e-3, DVec2::ZERO] };
         for i in 0..100 {
             let uv = DVec2::new(0.013 * f64::from(i), 0.029 * f64::from(i));
-            let found = map.lookup(&texture, uv, &point, REPEAT);
-            let filter = crate::scene::Filter::Bilinear;
-            assert_eq!(found, texture.lookup(uv.x, uv.y, filter, Wrap::Repeat, Wrap::Repeat));
+            let found = map.lookup(&image, uv, &point, REPEAT);
+            assert_eq!(found, image.bilinear(uv, REPEAT));
         }
     }
 
     #[test]
     fn a_long_area_is_sharp_across() {
         // Columns are black and white: a long area down a column must not mix them.
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("columns.png");
-        RgbImage::from_fn(64, 64, |x, _| Rgb([if x / 4 % 2 == 0 { 0 } else { 255 }; 3]))
-            .save(&path)
-            .unwrap();
-        let texture = Texture::load(&path, None).unwrap();
-        let map = MipMap::new(&texture, "test").unwrap();
+        let texels = (0..64 * 64).flat_map(|i| [if i % 64 / 4 % 2 == 0 { 0 } else { 255 }; 3]);
+        let linear = std::array::from_fn(|byte| byte as f32 / 255.0);
+        let image = TexelImage::from_bytes((64, 64), texels.collect(), Box::new(linear));
+        let map = MipMap::new(&image, "test").unwrap();
         let area = Footprint { sides: [DVec2::Y * 0.2, DVec2::X / 64.0] };
-        let black = map.lookup(&texture, DVec2::new(2.0 / 64.0, 0.5), &area, REPEAT);
-        let white = map.lookup(&texture, DVec2::new(6.0 / 64.0, 0.5), &area, REPEAT);
+        let black = map.lookup(&image, DVec2::new(2.0 / 64.0, 0.5), &area, REPEAT);
+        let white = map.lookup(&image, DVec2::new(6.0 / 64.0, 0.5), &area, REPEAT);
         assert!(black.x < 0.01 && white.x > 0.99, "{black} {white}");
     }
 }

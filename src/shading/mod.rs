@@ -3,7 +3,6 @@
 
 mod environment;
 mod environment_map;
-mod exr;
 mod image_file;
 mod light;
 mod light_plane;
@@ -12,16 +11,18 @@ mod light_tree;
 mod look;
 mod mesh_colors;
 mod mip_map;
-mod pnm;
 mod points;
 mod smooth;
+mod srgb;
 mod sun;
+mod texel_filter;
+mod texel_image;
 mod texture;
 mod uv;
 
 pub use environment::{Environment, TurnedMap};
 pub use environment_map::EnvironmentMap;
-pub use image_file::TextureSize;
+pub use image_file::{DEFAULT_MAX_BYTES, TextureSize};
 pub use light::{Area, Distant, Emitter, Falloff, Light};
 pub use light_rays::{LightWeights, light_rays};
 pub use light_tree::{DrawnLights, LightTree};
@@ -29,6 +30,8 @@ pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use mip_map::Footprint;
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
+pub use srgb::linear_from_srgb;
 pub use sun::Cone;
-pub use texture::{DEFAULT_MAX_BYTES, Negative, Texture, linear_from_srgb};
+pub use texel_image::Negative;
+pub use texture::Texture;
 pub use uv::{UvFrame, UvSource};

@@ -1,4 +1,4 @@
-//! Image files: format detection by content, headers, memory limits, and error messages.
+//! Headers of image files: format detection by content, memory limits, and error messages.
 
 use std::{
     fs::File,
@@ -16,6 +16,10 @@ use crate::{
 };
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
+
+/// Limit of [`Texture::load`](crate::shading::Texture::load) on the memory of one texture while it
+/// is decoded: 4 GiB.
+pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
 
 /// Memory that an image needs, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,0 +1,151 @@
+//! Reads image files as linear RGB.
+//!
+//! Reads PPM and related formats, PNG, JPEG, Radiance HDR and OpenEXR. The content decides the
+//! format, never the file name. Texels are decoded to linear light before filtering: integer images
+//! of any format from sRGB, float images unchanged, unless the scene sets the colour space.
+//! Integers are divided by the largest value of their type; Netpbm samples are divided by the white
+//! level of their header. Embedded colour profiles, gamma chunks and EXIF orientations are ignored;
+//! alpha is dropped. The texture of an OpenEXR is its display window; memory is allocated only for
+//! the pixels in the file.
+//!
+//! Rejected are:
+//!
+//! - images above a given number of bytes, which the header tells before decoding
+//! - truncated files
+//! - Netpbm samples above the white level
+//! - float images with texels that are not finite
+
+mod exr;
+mod header;
+mod pnm;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use image::{DynamicImage, ImageDecoder, ImageFormat};
+
+use super::srgb::linear_from_srgb;
+use super::texel_image::TexelImage;
+use crate::error::{Error, Result};
+use crate::files::Stamp;
+use crate::reserve;
+use crate::scene::ColorSpace;
+use exr::Layout;
+use header::{Opened, Source, check_jpeg_end, check_size, explain, name, source};
+
+pub use header::{DEFAULT_MAX_BYTES, TextureSize};
+
+/// An image file in memory.
+#[derive(Debug)]
+pub struct DecodedImage {
+    /// The texels.
+    pub image: TexelImage,
+    /// Whether the file has an alpha channel, which is ignored.
+    pub had_alpha: bool,
+    /// Stamp of the file when it was opened.
+    pub stamp: Option<Stamp>,
+}
+
+/// Width and height of the image at `path`, and the memory that it needs, from its header alone.
+///
+/// # Errors
+/// The errors of [`read`] that concern the header.
+pub fn size(path: &Path) -> Result<((u32, u32), TextureSize)> {
+    let source = source(path, u64::MAX)?.source;
+    Ok((source.dimensions(), TextureSize::of(&source)))
+}
+
+/// Reads an image that needs at most `max_bytes` while it is decoded.
+///
+/// A `color_space` of `None` is sRGB for integer images and linear for float images.
+pub fn read(path: &Path, color_space: Option<ColorSpace>, max_bytes: u64) -> Result<DecodedImage> {
+    let Opened { source, stamp } = source(path, max_bytes)?;
+    let needed = check_size(path, &source, max_bytes)?;
+    let (had_alpha, image) = match source {
+        Source::Exr(layout, mut file) => {
+            let floats = layout.read(&mut file, path)?;
+            (layout.has_alpha, decode_exr(layout, floats, color_space))
+        }
+        Source::Image(format, decoder, white) => {
+            let had_alpha = decoder.color_type().has_alpha();
+            if format == ImageFormat::Jpeg {
+                check_jpeg_end(path)?;
+            }
+            // The library's single allocations cannot fail, so the sum is tested first.
+            reserve::probe(needed, &name(path))?;
+            let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
+            let width = u64::from(image.width());
+            let image = decode(image, color_space, white).map_err(|texel| {
+                let (x, y) = (texel % width, texel / width);
+                let white = white.unwrap_or_default();
+                let message = format!(
+                    "texel ({x}, {y}) is more than {white}, the largest that the header allows"
+                );
+                Error::invalid(name(path), message)
+            })?;
+            (had_alpha, image)
+        }
+    };
+    if let Some([x, y]) = image.first_non_finite() {
+        return Err(Error::invalid(
+            name(path),
+            format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
+        ));
+    }
+    Ok(DecodedImage { image, had_alpha, stamp })
+}
+
+/// Drops alpha, expands grey to RGB and makes values linear. `white` is the divisor of integers, if
+/// it is not the largest value of their type.
+///
+/// # Errors
+/// The first texel (row by row) with a value above `white`.
+fn decode(
+    image: DynamicImage,
+    color_space: Option<ColorSpace>,
+    white: Option<u16>,
+) -> std::result::Result<TexelImage, u64> {
+    let size = (image.width(), image.height());
+    let color = image.color();
+    let bytes_per_value = color.bytes_per_pixel() / color.channel_count();
+    let is_float = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
+    let default = if is_float { ColorSpace::Linear } else { ColorSpace::Srgb };
+    let linear = |stored: f64| match color_space.unwrap_or(default) {
+        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
+        ColorSpace::Linear => stored as f32,
+    };
+    let beyond = |at: Option<usize>| at.map_or(Ok(()), |at| Err(at as u64 / 3));
+    if is_float {
+        let mut floats = image.into_rgb32f().into_raw();
+        for value in &mut floats {
+            *value = linear(f64::from(*value));
+        }
+        Ok(TexelImage::from_floats(size, floats))
+    } else if bytes_per_value == 1 {
+        let bytes = image.into_rgb8().into_raw();
+        let white = white.unwrap_or(255);
+        if white < 255 {
+            beyond(bytes.iter().position(|&byte| u16::from(byte) > white))?;
+        }
+        let table = std::array::from_fn(|byte| linear(byte as f64 / f64::from(white)));
+        Ok(TexelImage::from_bytes(size, bytes, Box::new(table)))
+    } else {
+        let words = image.into_rgb16().into_raw();
+        let white = white.unwrap_or(65535);
+        if white < 65535 {
+            beyond(words.iter().position(|&word| word > white))?;
+        }
+        let floats = words.iter().map(|&word| linear(f64::from(word) / f64::from(white)));
+        Ok(TexelImage::from_floats(size, floats.collect()))
+    }
+}
+
+/// The image of an EXR: linear unless the scene sets another colour space.
+fn decode_exr(layout: Layout, mut floats: Vec<f32>, color_space: Option<ColorSpace>) -> TexelImage {
+    if color_space == Some(ColorSpace::Srgb) {
+        floats.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
+    }
+    let Layout { size, columns, rows, .. } = layout;
+    TexelImage::from_part(size.into(), columns, rows, floats)
+}

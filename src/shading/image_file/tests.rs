@@ -1,0 +1,327 @@
+//! Values of decoded files, and the refusal of files that are damaged, too large or no images.
+
+use std::path::PathBuf;
+
+use glam::{DVec2, Vec3};
+use image::{Rgb, RgbImage, Rgba, RgbaImage};
+use tempfile::TempDir;
+
+use super::*;
+use crate::error::Kind;
+use crate::scene::Wrap;
+
+const R: Wrap = Wrap::Repeat;
+const C: Wrap = Wrap::Clamp;
+
+/// Writes one file into a new folder.
+fn file(name: &str, data: &[u8]) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, data).unwrap();
+    (folder, path)
+}
+
+fn saved(name: &str, image: &DynamicImage) -> (TempDir, PathBuf) {
+    let (folder, path) = file(name, b"");
+    image.save(&path).unwrap();
+    (folder, path)
+}
+
+fn load(name: &str, data: &[u8]) -> DecodedImage {
+    let (_folder, path) = file(name, data);
+    read(&path, None, DEFAULT_MAX_BYTES).unwrap()
+}
+
+fn error(name: &str, data: &[u8]) -> Error {
+    let (_folder, path) = file(name, data);
+    read(&path, None, DEFAULT_MAX_BYTES).unwrap_err()
+}
+
+fn linear_ppm(data: &str) -> DecodedImage {
+    let (_folder, path) = file("t.ppm", data.as_bytes());
+    read(&path, Some(ColorSpace::Linear), DEFAULT_MAX_BYTES).unwrap()
+}
+
+fn nearest(decoded: &DecodedImage, u: f64, v: f64) -> Vec3 {
+    decoded.image.nearest(DVec2::new(u, v), [C; 2])
+}
+
+fn bilinear(decoded: &DecodedImage, u: f64, v: f64, wrap: [Wrap; 2]) -> Vec3 {
+    decoded.image.bilinear(DVec2::new(u, v), wrap)
+}
+
+#[test]
+fn integers_are_srgb_and_decoded_before_filtering() {
+    let t = load("t.ppm", b"P6 2 1 255\n\x00\x80\xff\xff\x80\xff");
+    let half = linear_from_srgb(128.0 / 255.0) as f32;
+    assert!((half - 0.215_860_5).abs() < 1e-6);
+    let middle = bilinear(&t, 0.5, 0.5, [C; 2]);
+    assert_eq!(middle, Vec3::new(0.5, half, 1.0));
+    assert_eq!(t.image.bytes(), 6 + 1024);
+}
+
+#[test]
+fn a_linear_color_space_skips_the_srgb_curve() {
+    let t = linear_ppm("P3 1 1 255 51 102 255");
+    let rgb = nearest(&t, 0.5, 0.5);
+    assert!((rgb - Vec3::new(0.2, 0.4, 1.0)).length() < 1e-6);
+}
+
+#[test]
+fn sixteen_bits_are_kept() {
+    let t = linear_ppm("P3 1 1 65535 1 32768 65535");
+    let rgb = nearest(&t, 0.5, 0.5);
+    assert_eq!(rgb, Vec3::new(1.0, 32768.0, 65535.0) / 65535.0);
+    let t = load("t.ppm", b"P6 1 1 65535\n\x80\x00\x00\x00\xff\xff");
+    let half = linear_from_srgb(32768.0 / 65535.0) as f32;
+    assert_eq!(nearest(&t, 0.0, 0.0), Vec3::new(half, 0.0, 1.0));
+}
+
+/// Every sample of every kind of Netpbm file is divided by the header's white level.
+#[test]
+fn samples_of_any_maxval_are_exact() {
+    for white in [1u32, 2, 100, 200, 254, 255, 256, 1000, 4095, 65534, 65535] {
+        let wide = white > 255;
+        let samples: Vec<u32> = (0..=white).collect();
+        let ascii: Vec<String> = samples.iter().map(u32::to_string).collect();
+        let two = |x: &u32| (*x as u16).to_be_bytes();
+        let binary: Vec<u8> = match wide {
+            true => samples.iter().flat_map(two).collect(),
+            false => samples.iter().map(|x| *x as u8).collect(),
+        };
+        let count = samples.len();
+        let header = |magic: &str| format!("{magic}\n{count} 1\n{white}\n").into_bytes();
+        let grey = |texel: u32| vec![texel; 3];
+        let thirds: Vec<u8> = match wide {
+            true => samples.iter().flat_map(|x| grey(*x)).flat_map(|x| two(&x)).collect(),
+            false => samples.iter().flat_map(|x| grey(*x)).map(|x| x as u8).collect(),
+        };
+        let pam = format!(
+            "P7\nWIDTH {count}\nHEIGHT 1\nDEPTH 1\nMAXVAL {white}\nTUPLTYPE GRAYSCALE\nENDHDR\n"
+        );
+        let files = [
+            [header("P2"), ascii.join(" ").into_bytes()].concat(),
+            [header("P5"), binary.clone()].concat(),
+            [header("P6"), thirds].concat(),
+            [pam.into_bytes(), binary].concat(),
+        ];
+        for data in files {
+            let (_folder, path) = file("t.ppm", &data);
+            for space in [ColorSpace::Linear, ColorSpace::Srgb] {
+                let texture = read(&path, Some(space), DEFAULT_MAX_BYTES).unwrap();
+                for &sample in &samples {
+                    let exact = f64::from(sample) / f64::from(white);
+                    let exact = match space {
+                        ColorSpace::Linear => exact,
+                        ColorSpace::Srgb => linear_from_srgb(exact),
+                    };
+                    let u = (f64::from(sample) + 0.5) / count as f64;
+                    let found = nearest(&texture, u, 0.5);
+                    let start = String::from_utf8_lossy(&data[..2]);
+                    assert_eq!(found, Vec3::splat(exact as f32), "{start}: {sample} of {white}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn samples_above_the_maxval_are_refused() {
+    for data in [&b"P3 2 1 100 1 2 3 4 101 6"[..], b"P5 2 1 100\n\x64\x65", b"P2 2 1 300 5 301"] {
+        let message = error("t.ppm", data).to_string();
+        assert!(message.contains("texel (1, 0)"), "{message}");
+        assert!(
+            message.contains("more than 100") || message.contains("more than 300"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn png_grey_alpha_and_sixteen_bits() {
+    let rgba = RgbaImage::from_fn(2, 1, |x, _| Rgba([255 * x as u8, 255, 0, 9]));
+    let (_folder, path) = saved("a.png", &rgba.into());
+    let t = read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+    assert!(t.had_alpha);
+    assert_eq!(nearest(&t, 0.6, 0.5), Vec3::new(1.0, 1.0, 0.0));
+
+    let grey = image::GrayImage::from_pixel(1, 1, image::Luma([51]));
+    let (_folder, path) = saved("g.png", &grey.into());
+    let t = read(&path, Some(ColorSpace::Linear), DEFAULT_MAX_BYTES).unwrap();
+    assert!((nearest(&t, 0.5, 0.5) - Vec3::splat(0.2)).length() < 1e-6);
+
+    let deep = image::ImageBuffer::from_pixel(1, 1, Rgb([1u16, 2, 65535]));
+    let (_folder, path) = saved("d.png", &DynamicImage::ImageRgb16(deep));
+    let t = read(&path, Some(ColorSpace::Linear), DEFAULT_MAX_BYTES).unwrap();
+    let expected = Vec3::new(1.0, 2.0, 65535.0) / 65535.0;
+    assert_eq!(nearest(&t, 0.5, 0.5), expected);
+    assert_eq!(t.image.bytes(), 12);
+}
+
+#[test]
+fn content_decides_the_format() {
+    let t = load("actually-a-ppm.png", b"P6 1 1 255\n\xff\xff\xff");
+    assert_eq!(nearest(&t, 0.5, 0.5), Vec3::ONE);
+}
+
+#[test]
+fn jpeg_is_decoded() {
+    let image = RgbImage::from_pixel(16, 8, Rgb([200, 100, 50]));
+    let (_folder, path) = saved("t.jpg", &image.into());
+    let t = read(&path, Some(ColorSpace::Linear), DEFAULT_MAX_BYTES).unwrap();
+    assert_eq!(t.image.size(), (16, 8));
+    let rgb = nearest(&t, 0.5, 0.5) * 255.0;
+    assert!((rgb - Vec3::new(200.0, 100.0, 50.0)).abs().max_element() < 4.0);
+}
+
+#[test]
+fn hdr_and_exr_are_linear_and_unbounded() {
+    let image = image::Rgb32FImage::from_pixel(3, 2, Rgb([4.0, 0.25, 0.0]));
+    let image = DynamicImage::ImageRgb32F(image);
+    for name in ["t.hdr", "t.exr"] {
+        let (_folder, path) = saved(name, &image);
+        let t = read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+        assert_eq!(t.image.size(), (3, 2));
+        assert_eq!(bilinear(&t, 0.4, 0.6, [R, C]), Vec3::new(4.0, 0.25, 0.0));
+        let t = read(&path, Some(ColorSpace::Srgb), DEFAULT_MAX_BYTES).unwrap();
+        assert!(bilinear(&t, 0.4, 0.6, [R, C]).x > 20.0);
+    }
+}
+
+#[test]
+fn exr_alpha_is_dropped_and_nan_refused() {
+    let rgba = image::Rgba32FImage::from_pixel(2, 2, Rgba([1.0, 2.0, 3.0, 0.5]));
+    let mut image = DynamicImage::ImageRgba32F(rgba);
+    let (_folder, path) = saved("t.exr", &image);
+    let t = read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+    assert!(t.had_alpha);
+    assert_eq!(nearest(&t, 0.5, 0.5), Vec3::new(1.0, 2.0, 3.0));
+
+    if let DynamicImage::ImageRgba32F(rgba) = &mut image {
+        rgba.put_pixel(1, 1, Rgba([0.0, f32::NAN, 0.0, 1.0]));
+    }
+    let (_folder, path) = saved("n.exr", &image);
+    let message = read(&path, None, DEFAULT_MAX_BYTES).unwrap_err().to_string();
+    assert!(message.contains("texel (1, 1) is NaN"), "{message}");
+}
+
+/// The data window lies inside the picture, leaves it on two sides, lies beside it, or contains
+/// it.
+#[test]
+fn an_exr_texture_is_its_display_window() {
+    use ::exr::prelude::*;
+    for (first, size) in
+        [((2, 1), (3, 2)), ((-2, -1), (4, 3)), ((9, 9), (2, 2)), ((-1, -1), (9, 8))]
+    {
+        let pixels = SpecificChannels::rgb(|at: Vec2<usize>| {
+            (at.x() as f32 + 1.0, at.y() as f32 + 1.0, 0.5)
+        });
+        let attributes = LayerAttributes {
+            layer_position: Vec2(first.0 + 5, first.1 - 7),
+            ..Default::default()
+        };
+        let layer = Layer::new(size, attributes, Encoding::FAST_LOSSLESS, pixels);
+        let window = IntegerBounds::new((5, -7), (6usize, 5usize));
+        let image = Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
+        let (_folder, path) = file("w.exr", b"");
+        image.write().to_file(&path).unwrap();
+        let texture = super::read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+        assert_eq!(texture.image.size(), (6, 5));
+        let mut has = 0;
+        for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
+            let (dx, dy) = (x - first.0, y - first.1);
+            let inside = (0..size.0 as i32).contains(&dx) && (0..size.1 as i32).contains(&dy);
+            let expected = match inside {
+                true => Vec3::new(dx as f32 + 1.0, dy as f32 + 1.0, 0.5),
+                false => Vec3::ZERO,
+            };
+            let (u, v) = ((f64::from(x) + 0.5) / 6.0, (f64::from(y) + 0.5) / 5.0);
+            assert_eq!(nearest(&texture, u, v), expected, "{first:?} {x} {y}");
+            has += u64::from(inside);
+        }
+        assert_eq!(texture.image.bytes(), 12 * has);
+        assert_eq!(super::size(&path).unwrap().1.decoding, 12 * has);
+    }
+}
+
+#[test]
+fn a_header_larger_than_memory_is_refused_before_decoding() {
+    for header in ["P3 100000 100000 255 ", "P6 100000 100000 255\n"] {
+        let e = error("t.ppm", header.as_bytes());
+        assert_eq!(e.kind, Kind::Limit);
+        let message = e.to_string();
+        assert!(message.contains("100000 x 100000 pixels need 60000000000 bytes"));
+        assert!(message.contains("the limit is 4294967296"), "{message}");
+    }
+    let (_folder, path) = file("t.ppm", b"P6 2 2 255\n123456789012");
+    assert!(read(&path, None, 24).is_ok());
+    let e = read(&path, None, 23).unwrap_err();
+    assert_eq!(e.kind, Kind::Limit);
+    error("t.ppm", b"P6 4294967295 4294967295 255\n");
+    let beyond = error("t.ppm", b"P6 2000000000 2000000000 255\n").to_string();
+    assert!(beyond.contains("need at least 18446744073709551615 bytes"), "{beyond}");
+    error("t.ppm", b"P4 4294967295 4294967295\n");
+    error("t.ppm", b"P6 99999999999999 1 255\n");
+    error("t.ppm", b"P6 0 5 255\n");
+}
+
+#[test]
+fn files_that_are_no_images_have_clear_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |path: &Path| read(path, None, DEFAULT_MAX_BYTES).unwrap_err().to_string();
+    let missing = message(&folder.path().join("no.png"));
+    assert!(missing.contains("no.png: cannot read the texture: No such file"));
+    assert!(message(folder.path()).contains("is a folder"));
+    assert!(message(Path::new("/dev/null")).contains("not a regular file"));
+    assert!(error("t.png", b"").to_string().contains("is empty"));
+    let unknown = error("t.png", b"hello world, this is text").to_string();
+    assert!(unknown.contains("not an image of a known format"), "{unknown}");
+    assert!(unknown.contains("PNG, JPEG"));
+    let webp = error("t.webp", b"RIFF\x00\x00\x00\x00WEBPVP8 ");
+    assert_eq!(webp.kind, Kind::Unsupported);
+}
+
+#[test]
+fn every_truncation_is_an_error() {
+    let image = DynamicImage::ImageRgb8(RgbImage::from_fn(24, 16, |x, y| {
+        Rgb([(x * 10) as u8, (y * 15) as u8, (x * y) as u8])
+    }));
+    for name in ["t.png", "t.jpg", "t.hdr", "t.exr", "t.ppm"] {
+        let image = match name {
+            "t.hdr" | "t.exr" => DynamicImage::ImageRgb32F(image.to_rgb32f()),
+            _ => image.clone(),
+        };
+        let (_folder, path) = saved(name, &image);
+        let whole = std::fs::read(&path).unwrap();
+        // A PNG is complete once its pixels are; its last chunk holds no data.
+        let end = whole.len() - if name == "t.png" { 13 } else { 1 };
+        for length in (0..end).step_by(7).chain([end]) {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let e = read(&path, None, DEFAULT_MAX_BYTES);
+            assert!(e.is_err(), "{name} cut at {length} of {}", whole.len());
+        }
+    }
+    let short = error("t.ppm", b"P3 2 2 255 1 2 3 4");
+    assert_eq!(short.kind, Kind::Invalid);
+}
+
+#[test]
+fn flipped_bytes_never_panic() {
+    let image = DynamicImage::ImageRgb8(RgbImage::from_pixel(9, 7, Rgb([1, 200, 77])));
+    for name in ["t.png", "t.jpg", "t.hdr", "t.exr", "t.ppm"] {
+        let image = match name {
+            "t.hdr" | "t.exr" => DynamicImage::ImageRgb32F(image.to_rgb32f()),
+            _ => image.clone(),
+        };
+        let (_folder, path) = saved(name, &image);
+        let whole = std::fs::read(&path).unwrap();
+        for at in (0..whole.len().min(700)).step_by(5) {
+            for bits in [0xff, 0x01] {
+                let mut data = whole.clone();
+                data[at] ^= bits;
+                std::fs::write(&path, &data).unwrap();
+                let _ = read(&path, None, 1 << 26);
+            }
+        }
+    }
+}
