@@ -37,6 +37,18 @@ pub const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 
 /// A rippled sheet of `2 side^2` triangles, in binary PLY.
 pub fn sheet(side: u32) -> Vec<u8> {
+    sheet_in_order(side, |triangle| triangle)
+}
+
+/// Like [`sheet`], but no triangle lies near the one before it in the file. Trees over such a mesh
+/// need the most memory. `side` must not be a multiple of 7919.
+pub fn shuffled_sheet(side: u32) -> Vec<u8> {
+    sheet_in_order(side, |triangle| {
+        (u64::from(triangle) * 7919 % u64::from(2 * side * side)) as u32
+    })
+}
+
+fn sheet_in_order(side: u32, order: impl Fn(u32) -> u32) -> Vec<u8> {
     let (vertices, triangles) = ((side + 1) * (side + 1), 2 * side * side);
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\n\
@@ -49,13 +61,13 @@ pub fn sheet(side: u32) -> Vec<u8> {
         let y = 0.1 * (9.0 * x + 5.0 * z).sin() * (31.0 * z * x).cos();
         bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
     }
-    for i in 0..side * side {
-        let a = i / side * (side + 1) + i % side;
+    for triangle in (0..triangles).map(order) {
+        let cell = triangle / 2;
+        let a = cell / side * (side + 1) + cell % side;
         let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
-        for corners in [[a, c, b], [b, c, d]] {
-            bytes.push(3);
-            bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
-        }
+        let corners = if triangle % 2 == 0 { [a, c, b] } else { [b, c, d] };
+        bytes.push(3);
+        bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
     }
     bytes
 }

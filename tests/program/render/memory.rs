@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::support::backends::on_both;
-use crate::support::program::{self, Scratch, sheet};
+use crate::support::program::{self, Scratch, shuffled_sheet};
 use lightpath::{
     error::Kind,
     monitor::Monitor,
@@ -67,7 +67,7 @@ fn predicted_and_found(scratch: &Scratch, backend: Backend) -> [Value; 2] {
 on_both! {
     fn an_accelerator_needs_the_predicted_memory(backend: Backend) {
         let scratch = Scratch::new();
-        fs::write(scratch.path("sheet.ply"), sheet(320)).unwrap();
+        fs::write(scratch.path("sheet.ply"), shuffled_sheet(320)).unwrap();
         let shapes = json!([
             { "type": "trimesh", "path": "sheet.ply", "material": {} },
             { "type": "plane", "v0": [-9, -1, 9], "v1": [9, -1, 9], "v2": [9, -1, -9], "v3": [-9, -1, -9],
@@ -90,7 +90,7 @@ on_both! {
     /// At its end, a build gives back much of its memory, which makes room for the film.
     fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
         let scratch = Scratch::new();
-        fs::write(scratch.path("sheet.ply"), sheet(640)).unwrap();
+        fs::write(scratch.path("sheet.ply"), shuffled_sheet(640)).unwrap();
         let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
         scratch.write("s.json", &with_shapes(shapes));
         let peak = |size: &str| {

@@ -82,8 +82,8 @@ mod tests {
     use super::*;
     use crate::geometry::Sphere;
 
-    /// Two meshes of `n` triangles each along x, a quad and a sphere. Triangles 2 k and 2 k + 1 of a
-    /// mesh share an edge; the next two are far away.
+    /// Two meshes of `n` triangles each along x, a quad and a sphere. Triangles 2 k and 2 k + 1 of
+    /// a mesh share an edge; the next two are far away.
     fn scene(n: u32) -> Geometry {
         let strip = || {
             let corner =
