@@ -68,10 +68,10 @@ fn bits(tree: &Tree) -> Vec<u64> {
 #[test]
 fn threads_and_tiers_build_the_same_tree() {
     // Large enough for parallel bins, parallel subtrees and a parallel collapse.
-    let geometry = scene(300, 40);
+    let geometry = scene(400, 40);
     let one = build(&geometry, Isa::Portable, 1);
     let stats = one.validate().expect("a sound tree");
-    assert_eq!((stats.triangles, stats.spheres), (180_080, 40));
+    assert_eq!((stats.triangles, stats.spheres), (320_080, 40));
     let expected = bits(&one.tree);
     for threads in [2, 3, 7] {
         assert!(bits(&build(&geometry, Isa::Portable, threads).tree) == expected, "{threads}");
@@ -81,9 +81,9 @@ fn threads_and_tiers_build_the_same_tree() {
     }
 }
 
-/// A mesh of 180,000 triangles with vertices that no triangle uses.
+/// A mesh of 320,000 triangles with vertices that no triangle uses.
 fn with_unused(unused: &[[f32; 3]], scale: f32) -> Geometry {
-    let mut geometry = scene(300, 9);
+    let mut geometry = scene(400, 9);
     let mesh = std::mem::take(&mut geometry.meshes[0]);
     let used = mesh.vertices().iter().map(|v| v.map(|x| x * scale));
     let vertices = used.chain(unused.iter().copied()).collect();
@@ -99,7 +99,7 @@ fn unused_vertices_and_crowded_cells_do_not_change_what_is_in_the_tree() {
         let geometry = with_unused(unused, scale);
         let one = build(&geometry, Isa::Portable, 1);
         let stats = one.validate().expect("a sound tree");
-        assert_eq!((stats.triangles, stats.spheres), (180_018, 9));
+        assert_eq!((stats.triangles, stats.spheres), (320_018, 9));
         assert!(bits(&build(&geometry, Isa::detect(), 3).tree) == bits(&one.tree));
     }
 }

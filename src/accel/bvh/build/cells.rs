@@ -23,8 +23,9 @@ const BITS: u32 = 5;
 /// Number of cells.
 const CELLS: usize = 1 << (3 * BITS);
 
-/// Fewer primitives are not sorted into cells.
-const MIN_PRIMITIVES: u32 = 1 << 16;
+/// Fewer primitives are neither sorted into cells nor paired. Their build is short, and rays are 2
+/// to 3 % faster through a tree without pairs.
+const MIN_PRIMITIVES: u32 = 1 << 18;
 
 /// A set of cells is split if it has at least this many references.
 const MIN_SPLIT: u64 = 4096;
@@ -128,18 +129,20 @@ struct FillChunk<'a> {
     unseen: &'a Unseen,
     grid: Grid,
     range: Range<u32>,
+    /// Whether triangles may form pairs.
+    pairs: bool,
 }
 
 impl Kernel for FillChunk<'_> {
     type Output = Chunk;
     #[inline(always)]
     fn run(self) -> Chunk {
-        let Self { geometry, unseen, grid, range } = self;
+        let Self { geometry, unseen, grid, range, pairs } = self;
         let most = (range.end - range.start) as usize;
         let (groups, cell_of) = (Vec::with_capacity(most), Vec::with_capacity(most));
         let mut chunk = Chunk { groups, cell_of, cells: Vec::new() };
         let mut place_of = vec![u16::MAX; CELLS];
-        groups::each(geometry, unseen, range, |group, bounds| {
+        groups::each((geometry, unseen), range, pairs, |group, bounds| {
             let index = grid.cell(&bounds);
             let place = &mut place_of[usize::from(index) % CELLS];
             if *place == u16::MAX {
@@ -165,11 +168,12 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let primitives = geometry.count() as u32;
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
     let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);
-    let found = Grid::new(geometry).filter(|_| primitives >= MIN_PRIMITIVES);
+    let is_large = primitives >= MIN_PRIMITIVES;
+    let found = Grid::new(geometry).filter(|_| is_large);
     let grid = found.unwrap_or(Grid { origin: [0.0; 3], scale: [0.0; 3] });
     let fill = |start: u32| {
         let range = start..start.saturating_add(size).min(primitives);
-        simd::dispatch(isa, FillChunk { geometry, unseen, grid, range })
+        simd::dispatch(isa, FillChunk { geometry, unseen, grid, range, pairs: is_large })
     };
     let starts = (0..primitives).into_par_iter().step_by(size as usize);
     let mut chunks: Vec<Chunk> = starts.map(fill).collect();

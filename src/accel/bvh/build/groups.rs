@@ -23,13 +23,13 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
 }
 
 /// Calls `add` with each group, and its box, of the primitives with scene-wide indices in `range`
-/// that are not in `unseen`. A mesh forms pairs only if `unseen` has none of its triangles in
-/// `range`.
+/// that are not in `unseen`. A mesh forms pairs if `may_pair`, and if `unseen` has none of its
+/// triangles in `range`.
 #[inline(always)]
 pub fn each(
-    geometry: &Geometry,
-    unseen: &Unseen,
+    (geometry, unseen): (&Geometry, &Unseen),
     range: Range<u32>,
+    may_pair: bool,
     mut add: impl FnMut(Group, Bounds3),
 ) {
     for (geom, ends) in geometry.bases().windows(2).enumerate() {
@@ -38,7 +38,8 @@ pub fn each(
             continue;
         }
         let all_seen = unseen.count(&own) == 0;
-        if let (GeometryKind::Mesh(mesh), true) = (geometry.kind(geom as u32), all_seen) {
+        let may_pair = may_pair && all_seen;
+        if let (GeometryKind::Mesh(mesh), true) = (geometry.kind(geom as u32), may_pair) {
             pairs(&geometry.meshes[mesh], ends[0], own, &mut add);
             continue;
         }
@@ -99,7 +100,7 @@ mod tests {
 
     fn found(geometry: &Geometry, unseen: &Unseen, range: Range<u32>) -> Vec<Group> {
         let mut groups = Vec::new();
-        each(geometry, unseen, range, |group, bounds| {
+        each((geometry, unseen), range, true, |group, bounds| {
             assert_eq!(bounds.0, group.bounds(geometry).0);
             groups.push(group);
         });
