@@ -208,6 +208,7 @@ impl<P: Point> Kernel for FillCorners<'_, P> {
             for &face in faces.of(vertex) {
                 prefetch(triangles, faces.at(first + i + PREFETCH_DISTANCE));
                 let ends = edges(positions, triangles[face as usize], vertex as u32);
+                // Always true: it removes the bounds checks.
                 if i < n {
                     [[ax[i], ay[i], az[i]], [bx[i], by[i], bz[i]]] = ends;
                 }

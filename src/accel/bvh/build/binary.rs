@@ -146,7 +146,7 @@ impl Builder<'_> {
 
     #[inline(always)]
     fn serial(self, set: Set, bins: &mut Bins, out: &mut Nodes) {
-        if let Some(spheres) = fits(self.geometry, set.references) {
+        if let Some(spheres) = leaf_kind(self.geometry, set.references) {
             let mut bounds = Bounds3::EMPTY;
             for reference in &*set.references {
                 bounds = bounds.union(reference.bounds);
@@ -157,7 +157,7 @@ impl Builder<'_> {
             return;
         }
         if set.references.len() <= 2 * WIDTH {
-            // The two parts may be leaves, and `fits` will read their indices.
+            // The two parts may be leaves, and `block::fits` will read their indices.
             let places = set.references.iter().flat_map(|r| r.group().places(self.geometry));
             block::prefetch_indices(self.geometry, places);
         }
@@ -207,10 +207,10 @@ fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
     BinaryNode::inner(left.bounds().union(*right.bounds()), behind).write(&mut root[0]);
 }
 
-/// Whether references fit into one leaf. Returns `Some(true)` for a leaf of spheres, `Some(false)`
-/// for triangles, `None` if they do not fit.
+/// Returns the kind of leaf into which references fit: `Some(true)` for a leaf of spheres,
+/// `Some(false)` for triangles, `None` if they do not fit.
 #[inline(always)]
-fn fits(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
+fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     if references.iter().map(Reference::weight).sum::<u32>() as usize > WIDTH {
         return None;
     }

@@ -61,12 +61,15 @@ pub struct TopNode {
 
 /// Maps doubled centres of boxes to cells.
 #[derive(Clone, Copy)]
-struct Grid {
+struct CellGrid {
     origin: [f32; 3],
     scale: [f32; 3],
 }
 
-impl Grid {
+impl CellGrid {
+    /// The grid in which everything lies in the first cell.
+    const ONE_CELL: Self = Self { origin: [0.0; 3], scale: [0.0; 3] };
+
     /// Returns the grid over all primitives and unused vertices; `None` if it is not finite. Unused
     /// vertices of a mesh may be infinite. NaN coordinates are ignored.
     fn new(geometry: &Geometry) -> Option<Self> {
@@ -127,7 +130,7 @@ struct Cell {
 struct FillChunk<'a> {
     geometry: &'a Geometry,
     unseen: &'a Unseen,
-    grid: Grid,
+    grid: CellGrid,
     range: Range<u32>,
     /// Whether triangles may form pairs.
     pairs: bool,
@@ -166,42 +169,41 @@ impl Kernel for FillChunk<'_> {
 /// If there is too little memory.
 pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let primitives = geometry.count() as u32;
+    // A quad has two groups.
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
     let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);
     let is_large = primitives >= MIN_PRIMITIVES;
-    let found = Grid::new(geometry).filter(|_| is_large);
-    let grid = found.unwrap_or(Grid { origin: [0.0; 3], scale: [0.0; 3] });
+    let found = is_large.then(|| CellGrid::new(geometry)).flatten();
+    let grid = found.unwrap_or(CellGrid::ONE_CELL);
     let fill = |start: u32| {
         let range = start..start.saturating_add(size).min(primitives);
         simd::dispatch(isa, FillChunk { geometry, unseen, grid, range, pairs: is_large })
     };
     let starts = (0..primitives).into_par_iter().step_by(size as usize);
     let mut chunks: Vec<Chunk> = starts.map(fill).collect();
-    let mut cells = sum(&chunks);
+    let mut cells = occupied(&chunks);
     let mut nodes = Vec::new();
     if found.is_some() {
         let centroids = centroids_of(&cells);
         let set = Set { references: &mut cells, centroids, first: 0, depth: 0 };
         split_cells(isa, set, &mut nodes);
     }
-    let starts = place(&mut chunks, &cells);
+    let starts = assign_starts(&mut chunks, &cells);
     let references = scatter(geometry, chunks, starts.last().copied().unwrap_or(0))?;
     Ok(Sorted { references, top: Top { nodes, starts } })
 }
 
 /// Returns one reference per occupied cell, in ascending order. In place of a primitive, its group
 /// holds the index of the cell. Its weight is the number of groups in the cell.
-fn sum(chunks: &[Chunk]) -> Vec<Reference> {
+fn occupied(chunks: &[Chunk]) -> Vec<Reference> {
     let mut sums = vec![(0, Bounds3::EMPTY); CELLS];
     for cell in chunks.iter().flat_map(|chunk| &chunk.cells) {
         let (count, bounds) = &mut sums[usize::from(cell.index)];
         *count += cell.count;
         *bounds = bounds.union(cell.bounds);
     }
-    let occupied = sums.into_iter().zip(0..).filter(|((count, _), _)| *count > 0);
-    occupied
-        .map(|((count, bounds), cell)| Reference::new(bounds, Group::one(cell), count))
-        .collect()
+    let cells = sums.into_iter().zip(0..).filter(|((count, _), _)| *count > 0);
+    cells.map(|((count, bounds), cell)| Reference::new(bounds, Group::one(cell), count)).collect()
 }
 
 /// Splits a set of cells until each part is one cell or has fewer than [`MIN_SPLIT`] references.
@@ -220,7 +222,7 @@ fn split_cells(isa: Isa, set: Set, nodes: &mut Vec<TopNode>) {
 
 /// Sets where the groups of each chunk begin, in the order of `cells` and then of the chunks.
 /// Returns the start of each cell, and the end.
-fn place(chunks: &mut [Chunk], cells: &[Reference]) -> Vec<usize> {
+fn assign_starts(chunks: &mut [Chunk], cells: &[Reference]) -> Vec<usize> {
     let mut rank = vec![0; CELLS];
     let mut starts = vec![0];
     for (i, cell) in cells.iter().enumerate() {
