@@ -1,7 +1,6 @@
 //! Predicts how much memory a render will need, from file headers and the accelerator's footprint.
 //!
 //! `info` prints the prediction. `--max-memory` is compared with it before the first mesh is read.
-//! This module also returns how much memory the system can still provide.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -17,7 +16,7 @@ use crate::{
     layers::LayerPlan,
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
-    scene::{Backend, Filter, Scene, ShapeKind, Smooth},
+    scene::{Filter, Scene, ShapeKind, Smooth},
     shading::{EnvironmentMap, Texture, TextureSize},
     world::{color_request, own_images},
 };
@@ -26,11 +25,14 @@ use crate::{reserve::MemoryLimit, units};
 
 mod available;
 mod freed;
+mod limits;
 
 pub use self::freed::release_freed;
 
 pub use available::available_bytes;
-use available::{available_bytes_and_swap, bytes_before_a_kill, kib};
+pub use limits::{
+    ensure_build_fits, limit_before_kill, limit_of_machine, machine_limit_for, peak_bytes,
+};
 
 /// Size in bytes of a pixel in the film: R, G, B, A in f32.
 const FILM_BYTES: u64 = 16;
@@ -374,57 +376,4 @@ impl std::fmt::Display for Prediction {
 /// Returns the memory that the user's limit of `limit` bytes leaves for meshes.
 pub fn limit_for_meshes(limit: u64) -> MemoryLimit {
     MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), set_by_user: true }
-}
-
-/// Returns the largest resident set of this process so far, in bytes.
-pub fn peak_bytes() -> u64 {
-    kib("/proc/self/status".as_ref(), "VmHWM:").unwrap_or(0)
-}
-
-/// Returns the limit for meshes or textures if the user sets none: the memory that this process can
-/// still get, swap included.
-pub fn limit_of_machine() -> Option<MemoryLimit> {
-    available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, set_by_user: false })
-}
-
-/// Returns the same as [`limit_of_machine`]. If fewer than `bytes` are available without swap, it
-/// first returns freed memory to the system.
-pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
-    if available_bytes().is_some_and(|available| available < bytes) {
-        release_freed();
-    }
-    limit_of_machine()
-}
-
-/// Returns the memory that this process can still get before the system kills it.
-pub fn limit_before_kill() -> Option<MemoryLimit> {
-    bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, set_by_user: false })
-}
-
-/// Upper bound of the bytes per primitive of any accelerator, during the build and after it. It is
-/// above every [`Footprint`].
-const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
-
-/// Checks that an accelerator fits into the memory that the machine still has. After the build
-/// there is also a film of `film_bytes`.
-///
-/// The footprint is computed only if memory may be short: for Embree it takes two small builds.
-///
-/// # Errors
-/// `Retry`, with the numbers; a backend that cannot run here.
-pub fn ensure_build_fits(
-    backend: Backend,
-    threads: usize,
-    primitives: u64,
-    film_bytes: u64,
-) -> Result<()> {
-    let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
-    let short = || limit_before_kill().filter(|limit| limit.bytes < maximum);
-    if short().is_some() {
-        release_freed();
-    }
-    let Some(limit) = short() else { return Ok(()) };
-    let footprint = Footprint::of(backend, threads)?;
-    let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
-    limit.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
 }

@@ -1,0 +1,61 @@
+//! How much memory the system can still provide, and whether an accelerator fits into it.
+
+use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a_kill, kib};
+use super::freed::release_freed;
+use crate::accel::Footprint;
+use crate::error::Result;
+use crate::reserve::MemoryLimit;
+use crate::scene::Backend;
+
+/// Returns the largest resident set of this process so far, in bytes.
+pub fn peak_bytes() -> u64 {
+    kib("/proc/self/status".as_ref(), "VmHWM:").unwrap_or(0)
+}
+
+/// Returns the limit for meshes or textures if the user sets none: the memory that this process can
+/// still get, swap included.
+pub fn limit_of_machine() -> Option<MemoryLimit> {
+    available_bytes_and_swap().map(|bytes| MemoryLimit { bytes, set_by_user: false })
+}
+
+/// Returns the same as [`limit_of_machine`]. If fewer than `bytes` are available without swap, it
+/// first returns freed memory to the system.
+pub fn machine_limit_for(bytes: u64) -> Option<MemoryLimit> {
+    if available_bytes().is_some_and(|available| available < bytes) {
+        release_freed();
+    }
+    limit_of_machine()
+}
+
+/// Returns the memory that this process can still get before the system kills it.
+pub fn limit_before_kill() -> Option<MemoryLimit> {
+    bytes_before_a_kill().map(|bytes| MemoryLimit { bytes, set_by_user: false })
+}
+
+/// Upper bound of the bytes per primitive of any accelerator, during the build and after it. It is
+/// above every [`Footprint`].
+const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
+
+/// Checks that an accelerator fits into the memory that the machine still has. After the build
+/// there is also a film of `film_bytes`.
+///
+/// The footprint is computed only if memory may be short: for Embree it takes two small builds.
+///
+/// # Errors
+/// `Retry`, with the numbers; a backend that cannot run here.
+pub fn ensure_build_fits(
+    backend: Backend,
+    threads: usize,
+    primitives: u64,
+    film_bytes: u64,
+) -> Result<()> {
+    let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
+    let short = || limit_before_kill().filter(|limit| limit.bytes < maximum);
+    if short().is_some() {
+        release_freed();
+    }
+    let Some(limit) = short() else { return Ok(()) };
+    let footprint = Footprint::of(backend, threads)?;
+    let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
+    limit.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
+}
