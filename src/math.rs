@@ -1,5 +1,24 @@
 //! Small numeric helpers that the standard library lacks.
 
+use glam::{DMat3, DVec3};
+
+/// Returns an upper bound of the condition number of a matrix, by sums of the magnitudes in its
+/// rows. Infinite or NaN for a singular matrix.
+pub fn condition(matrix: &DMat3) -> f64 {
+    row_norm(matrix) * row_norm(&matrix.inverse())
+}
+
+/// Returns the largest sum of magnitudes in a row: the factor by which a matrix can enlarge the
+/// largest coordinate of a vector.
+pub fn row_norm(matrix: &DMat3) -> f64 {
+    (absolute(matrix) * DVec3::ONE).max_element()
+}
+
+/// Returns the magnitudes of the entries.
+pub fn absolute(matrix: &DMat3) -> DMat3 {
+    DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs())
+}
+
 /// Returns `x^n` for finite x, n >= 0, with 0^0 = 1. Relative error below 1e-7, or absolute error
 /// below 1e-38 where the result is subnormal.
 ///

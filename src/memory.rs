@@ -80,6 +80,9 @@ pub struct DeclaredSizes {
     pub triangles: u64,
 }
 
+/// An instance takes the memory of about this many triangles.
+const INSTANCE_PRIMITIVES: u64 = 8;
+
 /// Bytes of a point that is drawn as a sphere: the sphere in f64, and the index of its shape.
 const SPHERE_BYTES: u64 = 36;
 
@@ -143,7 +146,10 @@ pub fn film_bytes(window: Window, words: usize) -> u64 {
 pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
     let mut problems = Vec::new();
+    // For each shape, its primitives and the bytes of its mesh: instances come after their mesh.
+    let mut meshes = Vec::with_capacity(scene.shapes.len());
     for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
+        let mut mesh_bytes = 0u64;
         let primitives = match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
                 let textured = scene.materials[shape.material].texture.is_some();
@@ -159,12 +165,20 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let smooth = mesh.smooth != Smooth::Off && mesh.points.is_none();
                 let normals = if smooth { declared.missing_normal_bytes } else { 0 };
                 let bytes = declared.array_bytes.saturating_add(normals);
-                sum.mesh_bytes = sum.mesh_bytes.saturating_add(bytes);
+                mesh_bytes = bytes;
                 declared.triangles
+            }
+            ShapeKind::Instance { .. } if scene.backend.traces_instances() => INSTANCE_PRIMITIVES,
+            ShapeKind::Instance { of, .. } => {
+                let (primitives, bytes) = meshes[*of];
+                mesh_bytes = bytes;
+                primitives
             }
             ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => 1,
             ShapeKind::Plane { .. } => 2,
         };
+        meshes.push((primitives, mesh_bytes));
+        sum.mesh_bytes = sum.mesh_bytes.saturating_add(mesh_bytes);
         sum.primitives = sum.primitives.saturating_add(primitives);
         let held = primitives.saturating_mul(times.into());
         sum.accelerated = sum.accelerated.saturating_add(held);

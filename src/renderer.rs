@@ -222,6 +222,7 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
         vertex_color_space: None,
         color: None,
         points: None,
+        transform: None,
     }
 }
 

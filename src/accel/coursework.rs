@@ -187,6 +187,8 @@ impl<'g> Coursework<'g> {
                 let t = sphere_hit(ray, sphere, leaving)?;
                 hit(t, 0.0, 0.0, ray.at(t) - sphere.center)
             }
+            // `accel::build` refuses instances for this backend.
+            GeometryKind::Instance(_) => None,
             _ if leaving => None,
             GeometryKind::Mesh(mesh) => {
                 let corners = self.geometry.meshes[mesh].corners(prim).map(doubles);

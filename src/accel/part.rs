@@ -6,7 +6,7 @@ use super::embree;
 use super::footprint::Footprint;
 use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
-use crate::error::Result;
+use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
@@ -21,6 +21,11 @@ pub fn build_part<'g>(
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
     monitor.begin(Phase::Build, 1000);
+    if !geometry.instances.is_empty() && !backend.traces_instances() {
+        let message = format!("`{}` traces no instances", backend.name());
+        let help = "load the scene with copies in place of instances, or use bvh";
+        return Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)));
+    }
     if let Backend::Coursework | Backend::Brute = backend {
         // These backends allocate in many pieces, so the predicted sum is checked once.
         let peak = Footprint::of(backend, options.threads)?;
@@ -61,7 +66,6 @@ pub fn build_embree<'g>(
     _: &BuildOptions,
     _: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
-    use crate::error::{Error, Kind, Problem};
     let name = Backend::Embree(mode).name();
     let message = format!("found `{name}`, which this build does not have");
     let help = "available: bvh, coursework, brute";

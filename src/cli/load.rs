@@ -34,13 +34,18 @@ impl SceneJob {
         [input.to_owned()].into_iter().chain(named).collect()
     }
 
-    /// Loads the world. Calls `note` with each warning of the scene and of its files.
+    /// Loads the world, with copies of instanced meshes if `copy_instances`. Calls `note` with each warning of the scene and of its files.
     ///
     /// # Errors
     /// As for [`World::load`].
-    pub fn world(&mut self, monitor: &Monitor, note: impl Fn(&str)) -> Result<World> {
+    pub fn world(
+        &mut self,
+        monitor: &Monitor,
+        copy_instances: bool,
+        note: impl Fn(&str),
+    ) -> Result<World> {
         let ready = std::mem::take(&mut self.ready);
-        let options = LoadOptions { ready, ..LoadOptions::default() };
+        let options = LoadOptions { ready, copy_instances, ..LoadOptions::default() };
         let (world, more) = World::load(&self.loaded.scene, options, monitor)?;
         for warning in self.warnings.iter().chain(&more) {
             note(&format!("warning: {warning}"));

@@ -26,6 +26,7 @@ impl Geometry {
         match self.kind(geom) {
             GeometryKind::Mesh(mesh) => behind(self.meshes[mesh].corners(prim)),
             GeometryKind::Quads => quad_halves(self.quads[prim as usize]).into_iter().all(behind),
+            GeometryKind::Instance(index) => behind(self.instance_corners(index, prim)),
             GeometryKind::Spheres => false,
         }
     }

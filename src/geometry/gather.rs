@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::mesh::TriangleMesh;
 use super::primitives::{Geometry, GeometryKind};
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::simd::{self, prefetch};
@@ -45,7 +46,17 @@ pub fn gather(
 ) -> Mask {
     match one_geometry(geometry, hit, packet) {
         Some(GeometryKind::Mesh(mesh)) => {
-            one_mesh(geometry, mesh, packet, corners, primitive);
+            let base = geometry.primitive(mesh as u32, 0);
+            one_mesh(&geometry.meshes[mesh], base, packet, corners, primitive);
+            Mask::NONE
+        }
+        Some(GeometryKind::Instance(index)) => {
+            let (mesh, instance) = geometry.instance(index);
+            let base = geometry.primitive(packet.hits.geom[0], 0);
+            one_mesh(mesh, base, packet, corners, primitive);
+            for corner in corners.iter_mut() {
+                *corner = instance.placement.place_lanes(*corner);
+            }
             Mask::NONE
         }
         Some(GeometryKind::Quads) if one_primitive(packet) => {
@@ -97,17 +108,16 @@ fn one_quad(
     }
 }
 
-/// Fetches the corners of triangles of one mesh that all lanes hit.
+/// Fetches the corners of triangles of one mesh that all lanes hit, in the coordinates of the mesh.
+/// `base` is the scene-wide index of its first triangle.
 #[inline(always)]
 fn one_mesh(
-    geometry: &Geometry,
-    mesh: usize,
+    mesh: &TriangleMesh,
+    base: u32,
     packet: &RayPacket,
     corners: &mut [[[f32; LANES]; 3]; 3],
     primitive: &mut [u32; LANES],
 ) {
-    let base = geometry.primitive(mesh as u32, 0);
-    let mesh = &geometry.meshes[mesh];
     let triangles = simd::gather(mesh.triangles(), &packet.hits.prim);
     for k in 0..3 {
         corners[k] = simd::gather(mesh.vertices(), &triangles[k]);
@@ -138,6 +148,7 @@ fn one_by_one(
                 (weights[0][i], weights[1][i]) = (half.1, half.2);
                 half.0
             }
+            GeometryKind::Instance(index) => geometry.instance_corners(index, prim),
             GeometryKind::Spheres => {
                 spheres.0[i] = -1;
                 continue;

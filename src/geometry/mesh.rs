@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::placement::Placement;
+
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
 pub struct TriangleMesh {
@@ -27,6 +29,15 @@ impl TriangleMesh {
         vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
         Self { vertices, triangles, stitches: Vec::new(), loop_only, bounds }
+    }
+
+    /// Returns a copy of the mesh in the scene.
+    #[must_use]
+    pub fn placed(&self, placement: &Placement) -> Self {
+        let vertices = self.vertices().par_iter().map(|&v| placement.place(v)).collect();
+        let triangles = self.triangles.clone();
+        let placed = Self::new(vertices, triangles, self.loop_only);
+        Self { stitches: self.stitches.clone(), ..placed }
     }
 
     /// Vertex positions, without the padding element.

@@ -3,12 +3,13 @@
 use glam::DVec3;
 
 use super::mesh::TriangleMesh;
+use super::placement::{Instance, Placement};
 use super::sphere::Sphere;
 use super::unseen::Unseen;
 use crate::ray::{NONE, RayKind};
 
 /// All primitives of a scene. The meshes have the first geometry ids, in order. One id for all
-/// quads and one for all spheres follow, even if there are none.
+/// quads and one for all spheres follow, even if there are none. Then each instance has an id.
 #[derive(Debug, Default)]
 pub struct Geometry {
     /// World position that all coordinates are relative to.
@@ -19,6 +20,13 @@ pub struct Geometry {
     pub quads: Vec<[[f32; 3]; 4]>,
     /// All spheres, in f64.
     pub spheres: Vec<Sphere>,
+    /// The meshes of the instances: each is the only mesh of a geometry of its own, relative to an
+    /// origin of its own.
+    pub shared: Vec<Geometry>,
+    /// The placed copies of these meshes.
+    pub instances: Vec<Instance>,
+    /// Number of meshes, the last ones, that stand for an instance each.
+    pub copies: usize,
     /// Scene-wide index of each geometry's first primitive, then the number of all primitives.
     bases: Vec<u32>,
     /// Whether any mesh has stitches.
@@ -36,6 +44,8 @@ pub enum GeometryKind {
     Quads,
     /// The spheres of [`Geometry::spheres`]; `prim` is an index into it.
     Spheres,
+    /// The triangles of an instance, with its index in [`Geometry::instances`].
+    Instance(usize),
 }
 
 /// Splits a quad into its two triangles.
@@ -70,7 +80,37 @@ impl Geometry {
         }
         let stitched = meshes.iter().any(|mesh| mesh.stitches() > 0);
         let unseen = [Unseen::NONE; RayKind::ALL.len()];
-        Ok(Self { origin, meshes, quads, spheres, bases, stitched, unseen })
+        let (shared, instances, copies) = (Vec::new(), Vec::new(), 0);
+        Ok(Self {
+            origin,
+            meshes,
+            quads,
+            spheres,
+            shared,
+            instances,
+            copies,
+            bases,
+            stitched,
+            unseen,
+        })
+    }
+
+    /// The geometry with `instances` of the meshes in `shared`. Each element of `shared` has
+    /// exactly one mesh and nothing else.
+    ///
+    /// # Errors
+    /// As [`Geometry::new`].
+    pub fn with_instances(
+        mut self,
+        shared: Vec<Geometry>,
+        instances: Vec<Instance>,
+    ) -> Result<Self, u64> {
+        for instance in &instances {
+            let total = self.count() + shared[instance.mesh].count();
+            self.bases.push(u32::try_from(total).ok().filter(|&n| n < NONE).ok_or(total)?);
+        }
+        self.stitched |= shared.iter().any(|mesh| mesh.stitched);
+        Ok(Self { shared, instances, ..self })
     }
 
     /// The geometry with primitives that rays of some kinds cannot hit, by [`RayKind`].
@@ -84,12 +124,15 @@ impl Geometry {
     }
 
     /// Number of primitives in all accelerators: one for each distinct set that a kind of ray can
-    /// hit.
+    /// hit. A shared mesh counts once for each accelerator, and each of its instances as one
+    /// primitive.
     pub fn accelerated(&self) -> u64 {
-        let all = 0..self.count() as u32;
+        let own = 0..self.own_count();
+        let shared = self.shared.iter().map(Geometry::count).sum::<u64>();
+        let placed = shared + self.instances.len() as u64;
         let distinct =
             (0..self.unseen.len()).filter(|&k| !self.unseen[..k].contains(&self.unseen[k]));
-        distinct.map(|k| self.count() - u64::from(self.unseen[k].count(&all))).sum()
+        distinct.map(|k| u64::from(own.end - self.unseen[k].count(&own)) + placed).sum()
     }
 
     /// Id of the geometry that holds all quads.
@@ -108,8 +151,56 @@ impl Geometry {
         match (geom as usize).checked_sub(self.meshes.len()) {
             None => GeometryKind::Mesh(geom as usize),
             Some(0) => GeometryKind::Quads,
-            Some(_) => GeometryKind::Spheres,
+            Some(1) => GeometryKind::Spheres,
+            Some(later) => GeometryKind::Instance(later - 2),
         }
+    }
+
+    /// Returns the mesh of geometry `geom`, and the placement of an instance. `None` for quads and
+    /// spheres.
+    #[inline(always)]
+    pub fn mesh(&self, geom: u32) -> Option<(&TriangleMesh, Option<&Placement>)> {
+        match self.kind(geom) {
+            GeometryKind::Mesh(mesh) => Some((&self.meshes[mesh], None)),
+            GeometryKind::Instance(index) => {
+                let (mesh, instance) = self.instance(index);
+                Some((mesh, Some(&instance.placement)))
+            }
+            GeometryKind::Quads | GeometryKind::Spheres => None,
+        }
+    }
+
+    /// Returns an instance and its mesh.
+    #[inline(always)]
+    pub fn instance(&self, index: usize) -> (&TriangleMesh, &Instance) {
+        let instance = &self.instances[index];
+        (&self.shared[instance.mesh].meshes[0], instance)
+    }
+
+    /// Corners of triangle `prim` of an instance, in the scene.
+    #[inline(always)]
+    pub fn instance_corners(&self, index: usize, prim: u32) -> [[f32; 3]; 3] {
+        let (mesh, instance) = self.instance(index);
+        instance.placement.corners(mesh.corners(prim))
+    }
+
+    /// Returns the index of the instance that a [sphere leaf](crate::accel::bvh) refers to by `id`.
+    /// `None` for a sphere and for an unused slot.
+    #[inline(always)]
+    pub fn instance_in_leaf(&self, id: u32) -> Option<usize> {
+        let index = (id as usize).checked_sub(self.spheres.len())?;
+        (index < self.instances.len()).then_some(index)
+    }
+
+    /// Number of primitives without those of instances.
+    #[inline(always)]
+    pub fn own_count(&self) -> u32 {
+        self.bases[self.meshes.len() + 2]
+    }
+
+    /// Geometry id of an instance.
+    pub fn instance_id(&self, index: usize) -> u32 {
+        (self.meshes.len() + 2 + index) as u32
     }
 
     /// Scene-wide index of primitive `prim` of geometry `geom`. Lower geometry ids have lower
@@ -129,6 +220,19 @@ impl Geometry {
             _ => self.bases.partition_point(|&base| base <= primitive) - 1,
         };
         (geom as u32, primitive - self.bases[geom])
+    }
+
+    /// Returns the number of a primitive in the layers of a picture, from 1. Instances have the last
+    /// numbers, also where they are copies.
+    pub fn number(&self, primitive: u32) -> u32 {
+        let meshes = self.meshes.len();
+        let [first, end] = [meshes - self.copies, meshes].map(|geom| self.bases[geom]);
+        let others = self.own_count() - end;
+        1 + match primitive {
+            _ if first == end || primitive < first => primitive,
+            copied if copied < end => copied + others,
+            other => other - (end - first),
+        }
     }
 
     /// Number of primitives of all geometries.
@@ -157,6 +261,7 @@ impl Geometry {
             GeometryKind::Mesh(mesh) => [Some(self.meshes[mesh].corners(prim)), None],
             GeometryKind::Quads => quad_halves(self.quads[prim as usize]).map(Some),
             GeometryKind::Spheres => [None, None],
+            GeometryKind::Instance(index) => [Some(self.instance_corners(index, prim)), None],
         };
         let parts = [first.zip(Some(false)), second.zip(Some(true))].into_iter().flatten();
         parts.map(|(corners, is_second)| (corners.map(doubles), is_second))
@@ -165,6 +270,9 @@ impl Geometry {
     /// Memory of the primitive arrays, in bytes.
     pub fn bytes(&self) -> u64 {
         self.meshes.iter().map(TriangleMesh::bytes).sum::<u64>()
-            + (size_of_val(&self.quads[..]) + size_of_val(&self.spheres[..])) as u64
+            + self.shared.iter().map(Geometry::bytes).sum::<u64>()
+            + (size_of_val(&self.instances[..])
+                + size_of_val(&self.quads[..])
+                + size_of_val(&self.spheres[..])) as u64
     }
 }

@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::mesh::TriangleMesh;
-use super::primitives::{Geometry, GeometryKind, doubles};
+use super::primitives::{Geometry, doubles};
 use super::triangle::clamp_barycentrics;
 use crate::ray::{LANES, Mask, RayPacket, lane};
 
@@ -132,13 +132,14 @@ impl Geometry {
     #[inline(never)]
     fn move_beside(&self, hit: &Mask, packet: &mut RayPacket) {
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
-            let GeometryKind::Mesh(mesh) = self.kind(packet.hits.geom[i]) else { continue };
-            let mesh = &self.meshes[mesh];
+            let geom = packet.hits.geom[i];
+            let Some((mesh, _)) = self.mesh(geom) else { continue };
             let Some(prim) = mesh.beside_stitch(packet.hits.prim[i]) else { continue };
+            let Some((corners, _)) = self.triangles(geom, prim).next() else { continue };
             let t = f64::from(packet.rays.tfar[i]);
             let point =
                 lane(&packet.rays.org, i).as_dvec3() + lane(&packet.rays.dir, i).as_dvec3() * t;
-            let (u, v) = weights(point, mesh.corners(prim).map(doubles));
+            let (u, v) = weights(point, corners);
             packet.hits.prim[i] = prim;
             (packet.hits.u[i], packet.hits.v[i]) = (u as f32, v as f32);
         }

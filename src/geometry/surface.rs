@@ -121,6 +121,7 @@ pub(super) fn hit_corners(
     let (corners, u, v) = match geometry.kind(geom) {
         GeometryKind::Mesh(mesh) => (geometry.meshes[mesh].corners(prim), u, v),
         GeometryKind::Quads => geometry.quad_half(prim, u, v),
+        GeometryKind::Instance(index) => (geometry.instance_corners(index, prim), u, v),
         GeometryKind::Spheres => return None,
     };
     let corners = corners.map(doubles);

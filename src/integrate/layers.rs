@@ -138,7 +138,7 @@ impl<'a> Layers<'a> {
                 depth: depths[i],
                 distance: way.length() as f32,
                 position: (local + world.geometry.origin).as_vec3().to_array(),
-                primitive: surfaces.primitive[i] + 1,
+                primitive: world.geometry.number(surfaces.primitive[i]),
                 object: world.shapes.shape(packet.hits.geom[i], packet.hits.prim[i]) + 1,
             };
         }
@@ -163,7 +163,7 @@ impl<'a> Layers<'a> {
     #[inline(always)]
     fn add_uv(&mut self, world: &World, packet: &RayPacket, surfaces: &Surfaces, hit: &Mask) {
         let Some(first) = self.plan.uv else { return };
-        if world.shapes.one_shape(packet, hit).is_some_and(|shape| !world.shapes.has_uv(shape)) {
+        if world.shapes.lacks_uv(packet, hit) {
             return;
         }
         let mut uv = [[0.0; LANES]; 3];

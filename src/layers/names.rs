@@ -10,9 +10,10 @@ use crate::scene::{Scene, ShapeKind};
 /// keep it.
 pub fn shapes(scene: &Scene) -> Vec<String> {
     let mut used = UsedNames::new(scene.shapes.iter().filter_map(|shape| shape.name.as_ref()));
-    let names = scene.shapes.iter().map(|shape| match &shape.name {
-        Some(name) => name.clone(),
-        None => used.unique(kind(&shape.kind)),
+    let names = scene.shapes.iter().map(|shape| match (&shape.name, &shape.kind) {
+        (Some(name), _) => name.clone(),
+        (None, ShapeKind::Instance { of, .. }) => used.unique(kind(&scene.shapes[*of].kind)),
+        (None, own) => used.unique(kind(own)),
     });
     names.collect()
 }
@@ -42,6 +43,7 @@ fn kind(kind: &ShapeKind) -> String {
             let stem = mesh.path.file_stem().unwrap_or_default();
             format!("trimesh.{}", stem.to_string_lossy())
         }
+        ShapeKind::Instance { .. } => "instance".to_string(),
     }
 }
 

@@ -51,6 +51,12 @@ impl Normals {
         numbers.unwrap_or(vertices).map(|number| self.all[number as usize])
     }
 
+    /// Returns the normals with `map` applied to each.
+    #[must_use]
+    pub fn mapped(&self, map: impl Fn([f32; 3]) -> [f32; 3]) -> Self {
+        Self { all: self.all.iter().map(|&normal| map(normal)).collect(), ..self.clone() }
+    }
+
     /// Returns the size in bytes of all arrays.
     pub fn bytes(&self) -> u64 {
         let creases = self.creases.as_ref().map_or(0, |creases| {

@@ -45,7 +45,7 @@ impl FromStr for RayBackend {
 
 /// The tree over all triangles, with their scene-wide indices and the origin.
 enum Tree {
-    Bvh(OwnedBvh),
+    Bvh(Box<OwnedBvh>),
     Embree { accelerator: Arc<dyn Accelerator>, geometry: Arc<Geometry> },
 }
 
@@ -139,7 +139,9 @@ impl RayScene {
         })?;
         monitor.begin(Phase::Build, 1000);
         let tree = match backend {
-            RayBackend::Bvh => Tree::Bvh(OwnedBvh::build(geometry, Isa::detect(), monitor)?),
+            RayBackend::Bvh => {
+                Tree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))
+            }
             RayBackend::Embree => {
                 let geometry = Arc::new(geometry);
                 let threads = rayon::current_num_threads();

@@ -121,7 +121,7 @@ impl Renderer<'_> {
         let origin = self.geometry().origin;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let primitive = match self.loaded.world.shapes.owners[geom as usize] {
-            Owner::One(_) => prim as usize,
+            Owner::One(_) | Owner::Instance { .. } => prim as usize,
             Owner::Each(_) => 0,
         };
         Hit {

@@ -42,6 +42,11 @@ impl Backend {
         }
     }
 
+    /// Whether the backend traces instances. Others need a copy of the mesh for each.
+    pub fn traces_instances(self) -> bool {
+        matches!(self, Self::Bvh(_) | Self::Brute)
+    }
+
     /// Returns the instruction set of our shading kernels: the one chosen for the tree, or else the
     /// best of this machine.
     pub fn isa(self) -> Isa {

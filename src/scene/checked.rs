@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 pub use super::description::{ColorMap, ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
 pub use crate::sampler::Kind as SamplerKind;
@@ -314,6 +314,13 @@ pub enum ShapeKind {
     },
     /// A mesh from a file.
     Trimesh(Box<Trimesh>),
+    /// A further copy of the mesh of another shape. These shapes are the last of a scene.
+    Instance {
+        /// Index of the shape with the mesh, whose `transform` is that of the first copy.
+        of: usize,
+        /// From the placed mesh to world space.
+        transform: Box<DAffine3>,
+    },
 }
 
 /// A mesh file and its placement: fit, rotate, then `center + size * p`.
@@ -343,6 +350,9 @@ pub struct Trimesh {
     pub color: Option<MeshColor>,
     /// Radius of the spheres that replace the faces, in the units of the file.
     pub points: Option<f64>,
+    /// The transform of the first instance, applied after all others. `None`: the mesh is not
+    /// instanced.
+    pub transform: Option<Box<DAffine3>>,
 }
 
 /// Source of the colours of a mesh. `place` is the place in the scene file, for messages.

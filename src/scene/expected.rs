@@ -85,6 +85,7 @@ fn array(root: &Value, schema: &Value) -> String {
     };
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
         (Some(min), Some(max)) if min == max => format!("an array of {min} {what}"),
+        (Some(1..), _) => format!("an array of {what}, at least one"),
         _ => format!("an array of {what}"),
     }
 }

@@ -32,7 +32,8 @@ pub(super) fn everything() -> Value {
                 { "type": "triangle", "name": "t", "material": {}, "v0": [0, 0, 0], "v1": [1, 0, 0], "v2": [1, 1, 0],
                   "visible": { "camera": false, "shadow": false } },
                 { "type": "trimesh", "name": "m", "material": "gold", "path": "a.ply", "fit": 2, "rotate": [-90, 0, 0],
-                  "size": 2, "center": [1, 0, 0], "smooth": true, "bvh": false, "vertexcolors": false, "vertexcolorspace": "linear" }
+                  "size": 2, "center": [1, 0, 0], "smooth": true, "bvh": false, "vertexcolors": false, "vertexcolorspace": "linear",
+                  "instances": [[[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]] }
             ],
             "materials": { "gold": {
                 "kd": 0.5, "ks": 0.25, "ka": 0.125, "kr": 0.1, "specularexponent": 20, "diffusecolor": [1, 0.8, 0],

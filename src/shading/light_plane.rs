@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::light::{Area, Distant};
 use super::points::{ShadowPoints, lane};
-use crate::geometry::{Geometry, GeometryKind, doubles};
+use crate::geometry::{Geometry, GeometryKind, TriangleMesh, doubles};
 use crate::ray::{LANES, Mask, Rays};
 
 /// Unit roundoff u of f32: half an ulp of 1.
@@ -72,6 +72,7 @@ impl Area {
         match geometry.kind(geom) {
             GeometryKind::Mesh(mesh) => gap(&geometry.meshes[mesh].corners(prim)),
             GeometryKind::Quads => gap(&geometry.quads[prim as usize]),
+            GeometryKind::Instance(index) => gap(&geometry.instance_corners(index, prim)),
             GeometryKind::Spheres => None,
         }
     }
@@ -100,12 +101,17 @@ impl Area {
         };
         let most = |a: f64, b: f64| a.max(b);
         let mut gap = f64::NEG_INFINITY;
-        for (geom, mesh) in (0..).zip(&geometry.meshes) {
-            if !reaches(&mesh.bounds()) {
+        let meshes = (0..).zip(geometry.meshes.iter().map(TriangleMesh::bounds));
+        let instances = geometry.instances.iter().map(|instance| instance.bounds);
+        let instances = (geometry.instance_id(0)..).zip(instances);
+        for (geom, bounds) in meshes.chain(instances) {
+            let Some((mesh, placement)) = geometry.mesh(geom).filter(|_| reaches(&bounds)) else {
                 continue;
-            }
+            };
             let gap_of = |prim: u32| {
-                let near = reaches(&mesh.corners(prim));
+                let corners = mesh.corners(prim);
+                let corners = placement.map_or(corners, |placement| placement.corners(corners));
+                let near = reaches(&corners);
                 let gap =
                     near.then(|| self.coplanar_distance(geometry, geometry.primitive(geom, prim)));
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)

@@ -9,7 +9,7 @@ use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
 use crate::error::Result;
-use crate::geometry::{Geometry, GeometryKind, Surfaces};
+use crate::geometry::{Geometry, Surfaces};
 use crate::mesh::Normals;
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::reserve::MemoryLimit;
@@ -91,13 +91,29 @@ pub enum Owner {
     One(u32),
     /// The shape of each primitive.
     Each(Vec<u32>),
+    /// All primitives belong to the shape `shape`, which looks like the shape `like`: an instance.
+    Instance {
+        /// Index of the instance's own shape.
+        shape: u32,
+        /// Index of the shape that holds the data of vertices and faces.
+        like: u32,
+    },
 }
 
 impl Owner {
     #[inline(always)]
     fn shape(&self, prim: u32) -> u32 {
         match self {
-            Self::One(shape) => *shape,
+            Self::One(shape) | Self::Instance { shape, .. } => *shape,
+            Self::Each(shapes) => shapes[prim as usize],
+        }
+    }
+
+    /// The shape whose data of vertices and faces the primitive has.
+    #[inline(always)]
+    fn like(&self, prim: u32) -> u32 {
+        match self {
+            Self::One(shape) | Self::Instance { like: shape, .. } => *shape,
             Self::Each(shapes) => shapes[prim as usize],
         }
     }
@@ -158,7 +174,7 @@ impl Shapes {
                 continue;
             }
             let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-            let shape = &self.shapes[self.owners[geom as usize].shape(prim) as usize];
+            let shape = &self.shapes[self.owners[geom as usize].like(prim) as usize];
             let material = &self.materials[shape.material as usize];
             set(material, i, out);
             if material.texture.is_some() || shape.colors.is_some() {
@@ -222,26 +238,35 @@ impl Shapes {
     /// `None` if they differ or none hits.
     #[inline(always)]
     pub fn one_shape(&self, packet: &RayPacket, hit: &Mask) -> Option<u32> {
+        self.one_owner(packet, hit).map(|(owner, prim)| owner.shape(prim))
+    }
+
+    /// The owner that all lanes of `hit` share, and the primitive of the first lane.
+    #[inline(always)]
+    fn one_owner(&self, packet: &RayPacket, hit: &Mask) -> Option<(&Owner, u32)> {
         if !hit.any() {
             return None;
         }
         let first = hit.first();
         let (geom, prim) = (packet.hits.geom[first], packet.hits.prim[first]);
         let owner = &self.owners[geom as usize];
-        let any_prim = matches!(owner, Owner::One(_));
+        let any_prim = !matches!(owner, Owner::Each(_));
         // A loop, because a closure would be compiled for the portable tier and called.
         let mut others = 0;
         for i in 0..LANES {
             let own = (packet.hits.geom[i] == geom) & (any_prim | (packet.hits.prim[i] == prim));
             others |= hit.0[i] & -i32::from(!own);
         }
-        (others == 0).then(|| owner.shape(prim))
+        (others == 0).then_some((owner, prim))
     }
 
-    /// Whether a shape has texture coordinates. A mesh has none if its file has none.
+    /// Whether all lanes of `hit` hit one shape, and it has no texture coordinates. A mesh has none
+    /// if its file has none.
     #[inline(always)]
-    pub fn has_uv(&self, shape: u32) -> bool {
-        !matches!(self.shapes[shape as usize].uv, UvSource::None)
+    pub fn lacks_uv(&self, packet: &RayPacket, hit: &Mask) -> bool {
+        self.one_owner(packet, hit).is_some_and(|(owner, prim)| {
+            matches!(self.shapes[owner.like(prim) as usize].uv, UvSource::None)
+        })
     }
 
     /// Texture coordinates at the hit of lane `i`, which must have hit. v points down; `tScale` is
@@ -254,7 +279,8 @@ impl Shapes {
         surfaces: &Surfaces,
         i: usize,
     ) -> Option<DVec2> {
-        let shape = self.shape(packet.hits.geom[i], packet.hits.prim[i]);
+        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+        let shape = self.owners[geom as usize].like(prim);
         self.shapes[shape as usize].uv.at(geometry, packet, surfaces, i)
     }
 
@@ -283,7 +309,8 @@ impl Shapes {
         packet: &RayPacket,
         surfaces: &Surfaces,
     ) -> Option<(&Material, Option<&Normals>)> {
-        let shape = &self.shapes[self.one_shape(packet, &surfaces.hit)? as usize];
+        let (owner, prim) = self.one_owner(packet, &surfaces.hit)?;
+        let shape = &self.shapes[owner.like(prim) as usize];
         let material = &self.materials[shape.material as usize];
         let plain = material.texture.is_none() && shape.colors.is_none();
         plain.then_some((material, shape.normals.as_ref()))
@@ -295,10 +322,7 @@ impl Shapes {
         let &Hit { geometry, packet, surfaces, i } = hit;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let weights = weights(surfaces, i);
-        let corners = match geometry.kind(geom) {
-            GeometryKind::Mesh(mesh) => Some(geometry.meshes[mesh].triangles()[prim as usize]),
-            _ => None,
-        };
+        let corners = geometry.mesh(geom).map(|(mesh, _)| mesh.triangles()[prim as usize]);
         let material = &self.materials[shape.material as usize];
         let texture = match material.texture {
             None => None,
@@ -365,10 +389,14 @@ fn gather(
     smooth: &mut SmoothTriangles,
 ) {
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-    let GeometryKind::Mesh(mesh) = geometry.kind(geom) else { return };
-    let mesh = &geometry.meshes[mesh];
-    let corners = mesh.triangles()[prim as usize];
-    smooth.set(i, mesh.corners(prim), normals.of(prim, corners), weights(surfaces, i));
+    let Some((mesh, placement)) = geometry.mesh(geom) else { return };
+    let mut normals = normals.of(prim, mesh.triangles()[prim as usize]);
+    let mut corners = mesh.corners(prim);
+    if let Some(placement) = placement {
+        corners = placement.corners(corners);
+        normals = normals.map(|normal| placement.normal(normal));
+    }
+    smooth.set(i, corners, normals, weights(surfaces, i));
 }
 
 /// Barycentric weights of the corners at the hit of lane `i`.

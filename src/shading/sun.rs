@@ -99,6 +99,9 @@ pub(super) fn reach(geometry: &Geometry) -> f64 {
     for mesh in &geometry.meshes {
         mesh.vertices().iter().for_each(|&v| add(doubles(v), doubles(v)));
     }
+    for instance in &geometry.instances {
+        add(doubles(instance.bounds[0]), doubles(instance.bounds[1]));
+    }
     geometry.quads.iter().flatten().for_each(|&v| add(doubles(v), doubles(v)));
     for sphere in &geometry.spheres {
         add(sphere.center - sphere.radius, sphere.center + sphere.radius);

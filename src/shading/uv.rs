@@ -51,8 +51,8 @@ impl UvSource {
                 let corners = geometry.meshes[mesh].corners(prim).map(doubles);
                 Some(UvFrame::from_triangle(&corners).at(position()))
             }
-            (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
-                let corners = geometry.meshes[mesh].triangles()[prim as usize];
+            (Self::PerVertex(uv), _) => {
+                let corners = geometry.mesh(geom)?.0.triangles()[prim as usize];
                 Some(file_uv(corners.map(|corner| uv[corner as usize]), surfaces.weights(i)))
             }
             (Self::PerCorner(uv), _) => Some(file_uv(uv[prim as usize], surfaces.weights(i))),
@@ -72,9 +72,9 @@ impl UvSource {
     ) -> [DVec2; 2] {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let prim_index = prim as usize;
-        let of_file = |mesh: usize, uv: [[f32; 2]; 3]| {
-            let corners = geometry.meshes[mesh].corners(prim).map(doubles);
-            vectors.map(|vector| file_uv_along(&corners, uv, vector))
+        let of_file = |uv: [[f32; 2]; 3]| match geometry.triangles(geom, prim).next() {
+            Some((corners, _)) => vectors.map(|vector| file_uv_along(&corners, uv, vector)),
+            None => [DVec2::ZERO; 2],
         };
         match (self, geometry.kind(geom)) {
             (Self::Sphere { pole }, GeometryKind::Spheres) => {
@@ -83,11 +83,14 @@ impl UvSource {
                 vectors.map(|vector| sphere_uv_along(arm, vector, *pole))
             }
             (Self::Linear(frame), _) => vectors.map(|vector| frame.along(vector)),
-            (Self::PerVertex(uv), GeometryKind::Mesh(mesh)) => {
-                let corners = geometry.meshes[mesh].triangles()[prim_index];
-                of_file(mesh, corners.map(|corner| uv[corner as usize]))
-            }
-            (Self::PerCorner(uv), GeometryKind::Mesh(mesh)) => of_file(mesh, uv[prim_index]),
+            (Self::PerVertex(uv), _) => match geometry.mesh(geom) {
+                Some((mesh, _)) => {
+                    let corners = mesh.triangles()[prim_index];
+                    of_file(corners.map(|corner| uv[corner as usize]))
+                }
+                None => [DVec2::ZERO; 2],
+            },
+            (Self::PerCorner(uv), _) => of_file(uv[prim_index]),
             _ => [DVec2::ZERO; 2],
         }
     }

@@ -1,9 +1,10 @@
 //! Bounding boxes in world space, in f64.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use crate::camera::sides;
+use crate::math::absolute;
 use crate::scene::{Camera, ShapeKind};
 
 /// An axis-aligned box; empty where `min > max`.
@@ -32,7 +33,7 @@ impl Bounds {
             .reduce(|| Self::EMPTY, Self::union)
     }
 
-    /// Returns the bounding box of a shape; empty for a mesh.
+    /// Returns the bounding box of a shape; empty for a mesh and its instances.
     pub fn from_shape(shape: &ShapeKind) -> Self {
         match shape {
             ShapeKind::Sphere { center, radius, .. } => {
@@ -42,8 +43,18 @@ impl Bounds {
             ShapeKind::Triangle { corners } => {
                 corners.iter().copied().fold(Self::EMPTY, Self::with)
             }
-            ShapeKind::Trimesh(_) => Self::EMPTY,
+            ShapeKind::Trimesh(_) | ShapeKind::Instance { .. } => Self::EMPTY,
         }
+    }
+
+    /// Returns the box around the transformed box.
+    pub fn transformed(self, transform: &DAffine3) -> Self {
+        if self.min.cmpgt(self.max).any() {
+            return Self::EMPTY;
+        }
+        let center = transform.transform_point3(self.center());
+        let half = absolute(&transform.matrix3) * ((self.max - self.min) / 2.0);
+        Self { min: center - half, max: center + half }
     }
 
     fn with(self, p: DVec3) -> Self {

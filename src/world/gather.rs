@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::instances::SharedMeshes;
 use super::place::PlacedMesh;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
@@ -12,7 +13,7 @@ use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
 
 /// Sorts the shapes into geometries: one per mesh, then one each for all single triangles, all
 /// quads and all spheres. Points of clouds are spheres. `meshes` holds indices of shapes with their
-/// meshes.
+/// meshes. Meshes of instances are returned apart, for [`SharedMeshes::place`].
 ///
 /// # Errors
 /// A lack of memory, or too many primitives.
@@ -20,7 +21,7 @@ pub(super) fn gather(
     scene: &Scene,
     meshes: Vec<(usize, PlacedMesh)>,
     origin: DVec3,
-) -> Result<(Geometry, Shapes)> {
+) -> Result<(Geometry, Shapes, SharedMeshes)> {
     let local = |p: DVec3| (p - origin).as_vec3().to_array();
     let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
     let (mut quads, mut quad_shapes) = (Vec::new(), Vec::new());
@@ -45,12 +46,12 @@ pub(super) fn gather(
                 triangle_shapes.push(index);
                 linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
             }
-            ShapeKind::Trimesh(_) => UvSource::None,
+            ShapeKind::Trimesh(_) | ShapeKind::Instance { .. } => UvSource::None,
         };
         let (material, role) = (shape.material as u32, shape.role);
         shapes.push(Shape { material, uv, normals: None, colors: None, textures: None, role });
     }
-    let mut arrays = Vec::new();
+    let (mut arrays, mut shared) = (Vec::new(), SharedMeshes::default());
     let mut owners = Vec::new();
     // The index of the shape of each cloud of points, and the end of its spheres.
     let mut clouds: Vec<(u32, usize)> = Vec::new();
@@ -59,6 +60,10 @@ pub(super) fn gather(
         if mesh.is_cloud() {
             mesh.append_spheres(origin, &mut shapes[index], &mut spheres)?;
             clouds.push((index as u32, spheres.len()));
+            continue;
+        }
+        if mesh.is_shared() {
+            shared.add(index, mesh, &mut shapes[index])?;
             continue;
         }
         owners.push(Owner::One(index as u32));
@@ -81,25 +86,31 @@ pub(super) fn gather(
         }
     };
     owners.extend([Owner::Each(quad_shapes), sphere_owner]);
-    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(|count| {
-        let message = format!("{count} primitives are more than the 4294967294 that fit");
-        Error::new(Kind::Limit, Problem::new("scene", message))
-    })?;
-    let geometry = with_unseen(geometry, scene, &owners);
+    let geometry = Geometry::new(origin, arrays, quads, spheres).map_err(too_many)?;
     let has_roles = shapes.iter().any(|shape| shape.role != Role::Surface);
     let (materials, textures) = (Vec::new(), Vec::new());
-    Ok((geometry, Shapes { owners, shapes, materials, textures, has_roles, has_areas: false }))
+    let shapes = Shapes { owners, shapes, materials, textures, has_roles, has_areas: false };
+    Ok((geometry, shapes, shared))
+}
+
+/// The error of a scene with at least `count` primitives.
+pub(super) fn too_many(count: u64) -> Error {
+    let message = format!("{count} primitives are more than the 4294967294 that fit");
+    Error::new(Kind::Limit, Problem::new("scene", message))
 }
 
 /// Sets which primitives each kind of ray passes through. `owners` are the shapes of each geometry.
-fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
+pub(super) fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
     let unseen = RayKind::ALL.map(|kind| {
         let mut unseen = Unseen::NONE;
         let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
         for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
             match owner {
-                Owner::One(shape) if passes(*shape) => unseen.push(ends[0]..ends[1]),
-                Owner::One(_) => {}
+                Owner::One(shape) | Owner::Instance { shape, .. } => {
+                    if passes(*shape) {
+                        unseen.push(ends[0]..ends[1]);
+                    }
+                }
                 Owner::Each(shapes) => {
                     let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
                     hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));

@@ -5,6 +5,7 @@ mod bounds;
 mod colors;
 mod fingerprint;
 mod gather;
+mod instances;
 mod lights;
 mod maps;
 mod origin;
@@ -59,6 +60,9 @@ pub struct LoadOptions {
     /// `memory_limit`. A texture of a surface never takes more than 4 GiB. The image of an
     /// environment takes more only if one of the limits is set.
     pub texture_bytes: Option<u64>,
+    /// Make a copy of the mesh for each instance, for backends that trace no instances. Copies are
+    /// also made if the scene's own backend needs them.
+    pub copy_instances: bool,
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
     pub resolutions: bool,
@@ -188,13 +192,19 @@ impl World {
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };
                 own = mesh.bounds();
-                if mesh.bounds().outside_view(&scene.camera) {
+                if let Some(first) = &spec.transform {
+                    own = own.transformed(first);
+                } else if own.outside_view(&scene.camera) {
                     warnings.push(Problem::new(
                         &spec.place,
                         format!("{} lies outside the camera's view", spec.path.display()),
                     ));
                 }
                 meshes.push((index, mesh));
+            }
+            if let ShapeKind::Instance { of, transform } = &shape.kind {
+                let mesh = meshes.iter().find(|(index, _)| index == of);
+                own = mesh.map_or(own, |(_, mesh)| mesh.bounds().transformed(transform));
             }
             bounds.push(own);
             monitor.set_done(index as u64 + 1);
@@ -210,30 +220,36 @@ impl World {
         let chosen = Origin::choose(&scene.camera, shapes.zip(bounds));
         warnings.extend(chosen.warning());
         let origin = chosen.position;
+        // Meshes of instances keep an origin of their own.
+        let faces =
+            || meshes.iter().map(|(_, mesh)| mesh).filter(|m| !m.is_cloud() && !m.is_shared());
         let (mut resolutions, mut suspects) = (Vec::new(), Vec::new());
         if options.resolutions {
-            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
-            resolutions.extend(meshes.map(|(_, mesh)| mesh.resolution(origin)));
+            resolutions.extend(faces().map(|mesh| mesh.resolution(origin)));
             warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         } else {
-            let meshes = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
-            suspects.extend(meshes.map(|(_, mesh)| mesh.collapse_suspect(origin)));
+            suspects.extend(faces().map(|mesh| mesh.collapse_suspect(origin)));
         }
         let legend = meshes.iter().find_map(|(_, mesh)| mesh.legend().cloned());
-        let faces = meshes.iter().filter(|(_, mesh)| !mesh.is_cloud());
-        let without_area: Vec<_> = faces.map(|(_, mesh)| mesh.without_area()).collect();
+        let without_area: Vec<_> = faces().map(PlacedMesh::without_area).collect();
+        let shared = meshes.iter().map(|(_, mesh)| mesh).filter(|mesh| mesh.is_shared());
+        let shared_without_area: Vec<_> = shared.map(PlacedMesh::without_area).collect();
         if let Some(limit) = options.memory_limit {
             meshes.iter().try_fold(limit, |left, (_, mesh)| mesh.fits(left))?;
         }
-        let (geometry, shapes) = gather(scene, meshes, origin)?;
-        for (found, mesh) in without_area.iter().zip(&geometry.meshes) {
-            warnings.extend(found.iter().flat_map(|found| found.warnings(mesh)));
-        }
+        let (geometry, shapes, shared) = gather(scene, meshes, origin)?;
+        let found = without_area.iter().zip(&geometry.meshes);
+        let found = found.chain(shared_without_area.iter().zip(shared.meshes()));
+        warnings.extend(
+            found.flat_map(|(found, mesh)| found.iter().flat_map(|found| found.warnings(mesh))),
+        );
         let mut shapes = Shapes { materials, textures, ..shapes };
         for MeshMaterial { shape, material, textures } in mesh_materials {
             shapes.shapes[shape].material = material;
             shapes.shapes[shape].textures = textures.map(Box::new);
         }
+        let copy = options.copy_instances || !scene.backend.traces_instances();
+        let (geometry, mut shapes) = shared.place(scene, geometry, shapes, copy)?;
         shapes.make_mip_maps(left)?;
         monitor.check()?;
         let settled = suspects
@@ -307,18 +323,20 @@ impl World {
         self.frame.map(|side| side - self.overscan)
     }
 
-    /// Number of triangles of meshes, stitches included, and of single triangles. Planes and
-    /// spheres are not counted.
+    /// Number of triangles of meshes, of their instances, stitches included, and of single
+    /// triangles. Planes and spheres are not counted.
     pub fn triangles(&self) -> u64 {
-        self.geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64).sum()
+        let geometry = &self.geometry;
+        let meshes = geometry.meshes.iter().map(|mesh| mesh.triangles().len() as u64);
+        meshes.sum::<u64>() + geometry.count() - u64::from(geometry.own_count())
     }
 
-    /// Number of primitives for the accelerator: one per triangle, two per plane, one per sphere.
+    /// Number of primitives for the accelerator: one per triangle, two per plane, one per sphere. A
+    /// mesh with instances counts once, and each instance as one primitive.
     /// If kinds of rays hit different shapes, a primitive counts once for each accelerator that
     /// holds it.
     pub fn primitives(&self) -> u64 {
-        let others = 2 * self.geometry.quads.len() + self.geometry.spheres.len();
-        self.triangles() + others as u64 + self.geometry.accelerated() - self.geometry.count()
+        self.geometry.quads.len() as u64 + self.geometry.accelerated()
     }
 
     /// Memory of primitives and vertex data, in bytes.

@@ -235,6 +235,11 @@ impl PlacedMesh {
         Ok(placed.with_stitches(&mesh.stitches))
     }
 
+    /// Returns true if the mesh is shared by instances.
+    pub fn is_shared(&self) -> bool {
+        self.spec.transform.is_some()
+    }
+
     /// Returns true if the vertices are drawn as spheres.
     pub fn is_cloud(&self) -> bool {
         self.mesh.is_cloud()

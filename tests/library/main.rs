@@ -22,6 +22,7 @@ mod bvh {
 mod hits {
     mod contact;
     mod coursework_visits;
+    mod instances;
     mod properties;
     mod spheres;
     mod stitches;

@@ -67,6 +67,7 @@ mod render {
     mod dataset;
     mod determinism;
     mod exr_inputs;
+    mod instances;
     mod layers;
     mod map_coordinates;
     mod memory;

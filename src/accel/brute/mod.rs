@@ -164,6 +164,9 @@ fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
     match geometry.kind(geom) {
         GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(doubles)),
         GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(doubles)),
+        GeometryKind::Instance(index) => {
+            Box3::of(&geometry.instance_corners(index, prim).map(doubles))
+        }
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             // The box is widened by more than the error of the sphere test, for rays that start

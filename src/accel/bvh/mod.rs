@@ -33,6 +33,7 @@ mod crossings;
 mod exact;
 mod frustum;
 mod hits;
+mod instance;
 #[doc(hidden)]
 pub mod kernels;
 mod near;

@@ -171,7 +171,8 @@ impl Block {
     }
 }
 
-/// A leaf of spheres. Holds indices of the scene's spheres; unused slots at the end hold [`NONE`].
+/// A leaf of spheres, or of one instance. Holds indices of the scene's spheres; unused slots at the
+/// end hold [`NONE`]. An instance has its own index plus the number of spheres.
 #[derive(Debug, Clone, Copy)]
 pub struct SphereLeaf(pub [u32; SPHERES]);
 

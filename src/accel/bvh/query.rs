@@ -83,6 +83,12 @@ impl Query {
     /// Prepares rays for a tree over `scene`.
     #[inline(always)]
     pub fn new(rays: &Rays, scene: &Bounds3) -> Self {
+        Self::with_slack(rays, scene, &[0.0; LANES])
+    }
+
+    /// [`Query::new`] for boxes that are widened by `more` in addition.
+    #[inline(always)]
+    pub fn with_slack(rays: &Rays, scene: &Bounds3, more: &[f32; LANES]) -> Self {
         let [ox, oy, oz] = &rays.org;
         let mut direction = [[0.0f32; LANES]; 3];
         let (mut scale, mut tnear, mut tfar) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
@@ -113,8 +119,10 @@ impl Query {
             // how far the ray strays.
             let smallest = max(MIN_DIRECTION, (reach + origin) * (16.0 / f32::MAX));
             min_component[i] = smallest;
-            box_slack[i] =
-                (66.0 * U + 2.0 * smallest) * reach + 4.0 * U * origin + 4.0 * f32::MIN_POSITIVE;
+            box_slack[i] = (66.0 * U + 2.0 * smallest) * reach
+                + 4.0 * U * origin
+                + 4.0 * f32::MIN_POSITIVE
+                + more[i];
         }
         let mut octant = [0u32; LANES];
         let (mut near_inverse, mut near_offset) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);

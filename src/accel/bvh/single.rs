@@ -3,7 +3,8 @@
 use super::build::Tree;
 use super::exact::{Ray64, ShearedTriangle, depth_range};
 use super::hits::ClosestHits;
-use super::node::{Child, ChildKind};
+use super::instance::LocalRays;
+use super::node::{Block, Child, ChildKind};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
@@ -79,6 +80,12 @@ impl<'a, T: Tier> Single<'a, T> {
         rays: &'a Rays,
     ) -> Self {
         Self { tier, tree, geometry, lane, rays, leaving: rays.leaving[lane.i % LANES] }
+    }
+
+    /// Returns the rays in the coordinates of the mesh of an instance.
+    #[inline(always)]
+    pub(super) fn local_rays(&self, instance: usize) -> LocalRays<'a> {
+        LocalRays::new((self.tree, self.geometry), instance, self.lane.query, self.rays)
     }
 
     /// Returns the ray in f64. Computed on demand, because most rays never need it.
@@ -169,7 +176,7 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn closest_in_leaf(&self, leaf: Child, best: &mut ClosestHit) {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.closest_in_block(index, best),
+            ChildKind::Triangles(index) => self.closest_in_block(&self.tree.blocks[index], best),
             ChildKind::Spheres(index) => self.closest_in_spheres(index, best),
             ChildKind::Node(_) | ChildKind::Empty => {}
         }
@@ -179,7 +186,7 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn any_in_leaf(&self, leaf: Child) -> bool {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.any_in_block(index),
+            ChildKind::Triangles(index) => self.any_in_block(&self.tree.blocks[index]),
             ChildKind::Spheres(index) => self.any_in_spheres(index),
             ChildKind::Node(_) | ChildKind::Empty => false,
         }
@@ -187,8 +194,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf of triangles.
     #[inline(always)]
-    pub fn closest_in_block(&self, index: usize, best: &mut ClosestHit) {
-        let block = &self.tree.blocks[index];
+    pub fn closest_in_block(&self, block: &Block, best: &mut ClosestHit) {
         let found = self.tier.candidates(block, &self.lane, best.tfar);
         let mut left = found.maybe;
         while left != 0 {
@@ -216,8 +222,7 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Returns whether the ray hits any triangle of a leaf.
     #[inline(always)]
-    pub fn any_in_block(&self, index: usize) -> bool {
-        let block = &self.tree.blocks[index];
+    pub fn any_in_block(&self, block: &Block) -> bool {
         let found = self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
         let mut left = found.maybe;
         while left != 0 {
@@ -252,10 +257,14 @@ impl<'a, T: Tier> Single<'a, T> {
         false
     }
 
-    /// Updates the closest hit with a leaf of spheres.
+    /// Updates the closest hit with a leaf of spheres, or of an instance.
     #[inline(never)]
     pub fn closest_in_spheres(&self, index: usize, best: &mut ClosestHit) {
         for id in self.tree.spheres[index].0 {
+            if let Some(instance) = self.geometry.instance_in_leaf(id) {
+                self.closest_in_instance(instance, best);
+                continue;
+            }
             let Some((t, primitive)) = self.sphere_hit(id, best.t) else { continue };
             if best.is_replaced_by(t, primitive) {
                 let tfar = self.lane.tfar_for_hit(t);
@@ -264,11 +273,14 @@ impl<'a, T: Tier> Single<'a, T> {
         }
     }
 
-    /// Returns whether the ray hits any sphere of a leaf.
+    /// Returns whether the ray hits any sphere of a leaf, or its instance.
     #[inline(never)]
     pub fn any_in_spheres(&self, index: usize) -> bool {
         let tfar = self.ray().tfar;
-        self.tree.spheres[index].0.into_iter().any(|id| self.sphere_hit(id, tfar).is_some())
+        self.tree.spheres[index].0.into_iter().any(|id| match self.geometry.instance_in_leaf(id) {
+            Some(instance) => self.any_in_instance(instance),
+            None => self.sphere_hit(id, tfar).is_some(),
+        })
     }
 
     /// Returns t of the ray's first hit with sphere `id`, and the scene-wide primitive index. A hit

@@ -29,6 +29,8 @@ pub struct TreeStats {
     pub triangles: usize,
     /// Number of spheres in all leaves.
     pub spheres: usize,
+    /// Number of instances. Each has a leaf of spheres for itself.
+    pub instances: usize,
 }
 
 impl TreeStats {
@@ -57,6 +59,9 @@ impl fmt::Display for TreeStats {
         }
         if self.sphere_leaves > 0 {
             write!(f, ", {} leaves of {} spheres", self.sphere_leaves, self.spheres)?;
+        }
+        if self.instances > 0 {
+            write!(f, " and {} instances", self.instances)?;
         }
         Ok(())
     }
@@ -182,6 +187,17 @@ impl Validator<'_> {
         }
         let mut bounds = Bounds3::EMPTY;
         for &id in &leaf.0[..len] {
+            if let Some(index) = geometry.instance_in_leaf(id) {
+                let instance = geometry.instance_id(index);
+                let triangles = geometry.bases()[instance as usize..][..2].to_vec();
+                for triangle in triangles[0]..triangles[1] {
+                    self.see(triangle, 1).map_err(place)?;
+                }
+                let [lower, upper] = geometry.instances[index].bounds;
+                bounds = bounds.union(Bounds3::new(lower, upper));
+                self.stats.instances += 1;
+                continue;
+            }
             let sphere = geometry
                 .spheres
                 .get(id as usize)

@@ -109,7 +109,8 @@ fn measure_scene(
     overrides::add_size(&mut request.overrides, size);
     let mut job = load::load(request, monitor)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
-    let world = job.world(monitor, note)?;
+    // All backends get the same geometry, and some trace no instances.
+    let world = job.world(monitor, true, note)?;
     let measured = measure(&world, settings, monitor, &note)?;
     let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
     Ok(SceneResult {

@@ -64,7 +64,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let settings = StudySettings { tested_backends, grid, limits, started, isa };
     let pool = args.workers.pool()?;
     let study = pool.install(|| {
-        let mut world = job.world(&monitor, note)?;
+        let mut world = job.world(&monitor, false, note)?;
         let reference = given.as_ref().map(|layer| {
             let values = layer.values.clone();
             ReferencePicture { values, floor: None }

@@ -178,7 +178,8 @@ fn check(
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let mut outputs = outputs.create()?;
     show_all(&mut job.loaded.scene);
-    let world = job.world(monitor, |text| progress.message(text))?;
+    // All backends get the same geometry, and some trace no instances.
+    let world = job.world(monitor, true, |text| progress.message(text))?;
     let built = Built::new(&world, backends, isa, monitor)?;
     let built_backends = built.built_backends();
     let check = CrossCheck {
@@ -237,7 +238,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let mut loaded = scene::load(source, &[])?;
     show_all(&mut loaded.scene);
     signals::watch(monitor)?;
-    let (world, _) = World::load(&loaded.scene, LoadOptions::default(), monitor)?;
+    let options = LoadOptions { copy_instances: true, ..LoadOptions::default() };
+    let (world, _) = World::load(&loaded.scene, options, monitor)?;
     let needed = all_backends(isa)?
         .into_iter()
         .filter(|b| saved.findings.iter().any(|f| f.backend == b.name));

@@ -119,7 +119,7 @@ fn contents(scene: &Scene, facts: &mut Facts) {
             ShapeKind::Sphere { .. } => 0,
             ShapeKind::Plane { .. } => 1,
             ShapeKind::Triangle { .. } => 2,
-            ShapeKind::Trimesh(_) => 3,
+            ShapeKind::Trimesh(_) | ShapeKind::Instance { .. } => 3,
         }] += 1;
     }
     let [spheres, planes, triangles, meshes] = counts;

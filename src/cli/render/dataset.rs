@@ -168,7 +168,7 @@ fn visible_faces(counts: &FaceCounts, world: &World) -> Vec<u8> {
         .map(|(primitive, samples, pixels)| {
             let (geom, prim) = world.geometry.place(primitive);
             let face = match world.shapes.owners[geom as usize] {
-                Owner::One(_) => prim,
+                Owner::One(_) | Owner::Instance { .. } => prim,
                 Owner::Each(_) => 0,
             };
             (world.shapes.shape(geom, prim) + 1, face, samples, pixels)

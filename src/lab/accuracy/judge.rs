@@ -262,6 +262,7 @@ fn size(geometry: &Geometry, hit: &Hit) -> f64 {
     match geometry.kind(hit.geom) {
         GeometryKind::Mesh(mesh) => largest(&geometry.meshes[mesh].corners(hit.prim)),
         GeometryKind::Quads => largest(&geometry.quads[hit.prim as usize]),
+        GeometryKind::Instance(index) => largest(&geometry.instance_corners(index, hit.prim)),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[hit.prim as usize];
             sphere.center.abs().max_element() + sphere.radius
@@ -298,7 +299,7 @@ pub fn measure_hits(
         if relative.is_finite() {
             counts.worst_relative = counts.worst_relative.max(relative);
         }
-        if let GeometryKind::Mesh(_) = geometry.kind(exact.geom) {
+        if geometry.mesh(exact.geom).is_some() {
             let error = (surfaces.u[i] - exact.u).abs();
             let error = error.max((surfaces.v[i] - exact.v).abs());
             counts.worst_weight = counts.worst_weight.max(error);

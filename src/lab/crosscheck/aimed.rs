@@ -131,6 +131,9 @@ fn corners(geometry: &Geometry, primitive: u32) -> Vec<DVec3> {
     match geometry.kind(geom as u32) {
         GeometryKind::Mesh(mesh) => geometry.meshes[mesh].corners(prim).map(doubles).to_vec(),
         GeometryKind::Quads => geometry.quads[prim as usize].map(doubles).to_vec(),
+        GeometryKind::Instance(index) => {
+            geometry.instance_corners(index, prim).map(doubles).to_vec()
+        }
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];

@@ -12,6 +12,7 @@ use crate::scene::{
     node::Place,
 };
 
+use super::affine::{Refusal, split};
 use super::{camera::CameraPose, context::Check};
 
 /// Maximum entry of R R^T - 1 up to which a matrix R counts as a rotation. Matrices with rounded
@@ -99,7 +100,7 @@ impl Check<'_, '_> {
                 return None;
             }
         };
-        match split(&matrix) {
+        match rigid(&matrix) {
             Ok((rotation, translation)) => {
                 let (to_world, position) = match key {
                     "camera_to_world" => (rotation, translation),
@@ -118,24 +119,14 @@ impl Check<'_, '_> {
     }
 }
 
-/// A message and a help text.
-type Refusal = (String, Option<&'static str>);
-
 /// Returns the rotation nearest to the upper left 3 x 3 part of a matrix, and the last column.
-fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
-    let [r0, r1, r2, last] = *rows;
-    if last != [0.0, 0.0, 0.0, 1.0] {
-        let transposed = [r0[3], r1[3], r2[3], last[3]] == [0.0, 0.0, 0.0, 1.0];
-        let help = transposed.then_some("the matrix looks transposed: swap its rows and columns");
-        return Err((format!("found the last row {last:?}, expected [0, 0, 0, 1]"), help));
-    }
-    let column = |k: usize| DVec3::new(r0[k], r1[k], r2[k]);
-    let matrix = DMat3::from_cols(column(0), column(1), column(2));
+fn rigid(written: &Matrix) -> Result<(DMat3, DVec3), Refusal> {
+    let (matrix, translation) = split(written)?;
     let product = matrix * matrix.transpose() - DMat3::IDENTITY;
     let deviation = product.to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     // `max` skips NaN. Only an overflow makes one, and then a sum of squares is infinite, too.
     if deviation > MAX_DEVIATION {
-        let lengths = [r0, r1, r2].map(|[x, y, z, _]| DVec3::new(x, y, z).length());
+        let lengths = [0, 1, 2].map(|row| matrix.row(row).length());
         let [a, b, c] = lengths;
         let message = format!(
             "found a matrix that is no rotation: R R^T differs from 1 by {deviation:.1e}, its rows have the lengths {a:.6}, {b:.6} and {c:.6}, expected at most {MAX_DEVIATION:e}"
@@ -154,7 +145,7 @@ fn split(Matrix(rows): &Matrix) -> Result<(DMat3, DVec3), Refusal> {
     for _ in 0..4 {
         rotation = (rotation + rotation.inverse().transpose()) * 0.5;
     }
-    Ok((rotation, column(3)))
+    Ok((rotation, translation))
 }
 
 /// Converts a distortion to the one form of both models: numerator and denominator.

@@ -4,6 +4,7 @@
 //! checked, so one run reports everything. Named files must exist. They are not opened, except to
 //! recognise a PLY mesh.
 
+mod affine;
 mod calibrated;
 mod camera;
 mod context;

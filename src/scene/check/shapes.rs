@@ -1,6 +1,6 @@
 //! Checks the shapes: area, convexity, mesh files, materials.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use crate::scene::{
     checked::{MeshColor, PropertyColor, Role, Shape, ShapeKind, Smooth, Trimesh, Visible},
@@ -9,6 +9,7 @@ use crate::scene::{
 };
 
 use super::{
+    affine::affine,
     context::Check,
     geometry::{QuadFault, is_flat, quad_fault},
     materials::Materials,
@@ -17,7 +18,7 @@ use super::{
 impl Check<'_, '_> {
     /// Checks `/scene/shapes` and makes the checked shapes.
     pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<Shape> {
-        let mut shapes = Vec::new();
+        let (mut shapes, mut copies) = (Vec::new(), Vec::new());
         for i in 0..self.count("/scene/shapes") {
             let pointer = format!("/scene/shapes/{i}");
             let material = self.material_of(&pointer, materials);
@@ -25,17 +26,54 @@ impl Check<'_, '_> {
                 continue;
             };
             let name = self.name(&format!("{pointer}/name"), shape.common().0);
-            let kind = self.shape_kind(&pointer, &shape);
+            let mut kind = self.shape_kind(&pointer, &shape);
+            let instances = self.instances(&pointer, &shape);
             let hides = |material: usize| materials.all[material].texture.is_some();
             if let (ShapeKind::Trimesh(mesh), true) = (&kind, material.is_some_and(hides)) {
                 self.warn_about_hidden_color(&pointer, mesh);
             }
             let (visible, role) = self.plate(&pointer, &shape);
             let semantic = shape.semantic();
-            let shape = |material| Shape { name, material, kind, visible, role, semantic };
-            shapes.extend(material.map(shape));
+            let Some(material) = material else { continue };
+            let mut instances = instances.into_iter().map(Box::new);
+            if let ShapeKind::Trimesh(mesh) = &mut kind {
+                mesh.transform = instances.next();
+            }
+            let of = shapes.len();
+            for (transform, number) in instances.zip(2..) {
+                let name = name.as_ref().map(|name| format!("{name}.{number}"));
+                let kind = ShapeKind::Instance { of, transform };
+                copies.push(Shape { name, material, kind, visible, role, semantic });
+            }
+            shapes.push(Shape { name, material, kind, visible, role, semantic });
         }
+        shapes.append(&mut copies);
         shapes
+    }
+
+    /// Checks the `instances` of a mesh. Returns their transforms; none without the key.
+    fn instances(&mut self, pointer: &str, shape: &description::Shape) -> Vec<DAffine3> {
+        let description::Shape::TriMesh(TriMesh { instances: Some(written), points, .. }) = shape
+        else {
+            return Vec::new();
+        };
+        let pointer = format!("{pointer}/instances");
+        if points.is_some() {
+            let message = "found with `points`, expected a mesh of faces";
+            let help = "list the file once for each copy of the points";
+            self.problems.error(&pointer, message, Some(help.into()));
+        }
+        let mut transforms = Vec::with_capacity(written.len());
+        for (i, matrix) in written.iter().enumerate() {
+            match affine(matrix) {
+                Ok(transform) => transforms.push(transform),
+                Err((message, help)) => {
+                    let help = help.map(String::from);
+                    self.problems.error(&format!("{pointer}/{i}"), message, help);
+                }
+            }
+        }
+        transforms
     }
 
     /// Checks the keys for compositing over a plate: `visible`, `holdout` and `shadow_catcher`.
@@ -138,6 +176,7 @@ impl Check<'_, '_> {
             vertex_color_space: mesh.vertexcolorspace,
             points: mesh.points,
             color: mesh.color.as_ref().map(|color| self.mesh_color(pointer, color)),
+            transform: None,
         }
     }
 

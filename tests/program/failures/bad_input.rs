@@ -25,6 +25,13 @@ fn shape(json: &str) -> Vec<u8> {
     scene(r#"{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }"#, json)
 }
 
+/// An instance of a good mesh, with other keys and the rows of its matrix.
+fn instance(keys: &str, rows: &str) -> Vec<u8> {
+    shape(&format!(
+        r#"{{ "type": "trimesh", "path": "good.ply", {keys}"material": {{}}, "instances": [[{rows}]] }}"#
+    ))
+}
+
 fn scene_rows() -> Vec<(&'static str, Vec<u8>)> {
     let area = r#""lightsources": [{ "type": "arealight", "v0": [0,0,0], "v1": [1,0,0], "v2": [5,0,0], "id": [1,1,1] }"#;
     let light =
@@ -84,6 +91,23 @@ fn scene_rows() -> Vec<(&'static str, Vec<u8>)> {
                 r#"{ "type": "sphere", "center": [1e18, 0, 0], "radius": 1e18, "material": {} },
                    { "type": "sphere", "center": [-1e18, 0, 0], "radius": 1e18, "material": {} }"#,
             ),
+        ),
+        ("singular instance", instance("", "[1,2,3,0],[2,4,6,0],[0,0,1,0],[0,0,0,1]")),
+        ("nearly singular instance", instance("", "[1,0,0,0],[0,1e-9,0,0],[0,0,1,0],[0,0,0,1]")),
+        ("transposed instance", instance("", "[1,0,0,0],[0,1,0,0],[0,0,1,0],[5,0,0,1]")),
+        ("instance scaled to nothing", instance("", "[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]")),
+        ("instance with three rows", instance("", "[1,0,0,0],[0,1,0,0],[0,0,1,0]")),
+        (
+            "no instances",
+            shape(r#"{ "type": "trimesh", "path": "good.ply", "material": {}, "instances": [] }"#),
+        ),
+        (
+            "instances of points",
+            instance(r#""points": 1, "#, "[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]"),
+        ),
+        (
+            "instance beyond all sizes",
+            instance(r#""size": 1e17, "#, "[1e3,0,0,0],[0,1e3,0,0],[0,0,1e3,0],[0,0,0,1]"),
         ),
         (
             "mesh beyond all sizes",

@@ -8,6 +8,7 @@ use super::super::node::{SPHERES, WIDTH};
 use super::binary_node::{BinaryNode, Leaf, Slot};
 use super::block;
 use super::cells::{Sorted, Top, TopNode};
+use super::groups::instance_of;
 use super::reference::Reference;
 use super::sah::{self, Bins};
 use super::split::{Set, centroids_of, split, split_at, split_serial};
@@ -207,7 +208,7 @@ fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
     BinaryNode::inner(left.bounds().union(*right.bounds()), behind).write(&mut root[0]);
 }
 
-/// Returns the kind of leaf into which references fit: `Some(true)` for a leaf of spheres,
+/// Returns the kind of leaf into which references fit: `Some(true)` for spheres or an instance,
 /// `Some(false)` for triangles, `None` if they do not fit.
 #[inline(always)]
 fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
@@ -218,7 +219,11 @@ fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     let spheres = references.iter().filter(|r| r.group().first() >= first_sphere).count();
     let fit = match spheres {
         0 => block::fits(geometry, references.iter().flat_map(|r| r.group().places(geometry))),
-        n => n == references.len() && n <= SPHERES,
+        // An instance is a leaf of its own: the box of the leaf decides which rays enter it.
+        n => {
+            let instances = references.iter().filter_map(|r| instance_of(geometry, r.group()));
+            n == references.len() && n <= SPHERES && (n == 1 || instances.count() == 0)
+        }
     };
     fit.then_some(spheres > 0)
 }

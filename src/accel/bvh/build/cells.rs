@@ -84,6 +84,10 @@ impl CellGrid {
         };
         bounds = bounds.union(bounds_of(&geometry.quads, |quad| Bounds3::from_points(quad)));
         bounds = bounds.union(bounds_of(&geometry.spheres, sphere));
+        for instance in &geometry.instances {
+            let [lower, upper] = instance.bounds;
+            bounds = bounds.union(Bounds3::new(lower, upper));
+        }
         let extent = bounds.extent().map(|extent| 2.0 * extent);
         let scale =
             extent.map(|extent| if extent > 0.0 { (1 << BITS) as f32 / extent } else { 0.0 });
@@ -168,7 +172,7 @@ impl Kernel for FillChunk<'_> {
 /// # Errors
 /// If there is too little memory.
 pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
-    let primitives = geometry.count() as u32;
+    let primitives = groups::sorted_count(geometry) as u32;
     // A quad has two groups.
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
     let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);

@@ -20,6 +20,8 @@ pub struct Tree {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
     pub spheres: Vec<SphereLeaf>,
+    /// The trees of the meshes of instances: see [`Geometry::shared`](crate::geometry::Geometry).
+    pub shared: Vec<Tree>,
     /// Box of the whole scene.
     pub bounds: Bounds3,
     /// Number of levels of inner nodes.
@@ -44,9 +46,10 @@ impl Tree {
 
     /// Returns the size of the arrays in bytes.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.nodes[..])
+        let own = size_of_val(&self.nodes[..])
             + size_of_val(&self.blocks[..])
-            + size_of_val(&self.spheres[..])) as u64
+            + size_of_val(&self.spheres[..]);
+        own as u64 + self.shared.iter().map(Tree::bytes).sum::<u64>()
     }
 }
 
@@ -74,6 +77,7 @@ pub fn collapse(tree: &BinaryTree) -> Result<Tree> {
         nodes,
         blocks: Vec::new(),
         spheres: Vec::new(),
+        shared: Vec::new(),
         bounds: Bounds3::EMPTY,
         depth,
         is_large: false,

@@ -10,20 +10,35 @@ use crate::geometry::{Geometry, GeometryKind, TriangleMesh, Unseen};
 /// times the sum of the areas of their own boxes.
 const MAX_AREA: f64 = 1.25;
 
-/// Returns the number of references that would be built without pairs: one per triangle and sphere,
-/// two per quad. Primitives of `unseen` have none.
+/// Returns the number of primitives that the tree sorts. An instance counts as one. Its index is
+/// the number of primitives before it: see [`instance_of`].
+pub fn sorted_count(geometry: &Geometry) -> u64 {
+    u64::from(geometry.own_count()) + geometry.instances.len() as u64
+}
+
+/// Returns the index of the instance that a group of the tree stands for, if it stands for one.
+#[inline(always)]
+pub fn instance_of(geometry: &Geometry, group: Group) -> Option<usize> {
+    group.first().checked_sub(geometry.own_count()).map(|index| index as usize)
+}
+
+/// Returns the number of references that would be built without pairs: one per triangle, sphere and
+/// instance, two per quad. Primitives of `unseen` have none.
 pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
-    let quads = geometry.quads_id() as usize;
+    let (quads, spheres) = (geometry.quads_id() as usize, geometry.spheres_id() as usize);
     let seen = geometry.bases().windows(2).enumerate().map(|(geom, ends)| {
         let own = ends[0]..ends[1];
+        if geom > spheres {
+            return usize::from(!unseen.has_all(&own));
+        }
         let seen = (own.end - own.start - unseen.count(&own)) as usize;
         if geom == quads { 2 * seen } else { seen }
     });
     seen.sum()
 }
 
-/// Calls `add` with each group, and its box, of the primitives with scene-wide indices in `range`
-/// that are not in `unseen`. A mesh forms pairs if `may_pair`, and if `unseen` has none of its
+/// Calls `add` with each group, and its box, of the primitives with indices in `range` that are not
+/// in `unseen`. The indices are scene-wide, those of instances as in [`sorted_count`]. A mesh forms pairs if `may_pair`, and if `unseen` has none of its
 /// triangles in `range`.
 #[inline(always)]
 pub fn each(
@@ -32,7 +47,8 @@ pub fn each(
     may_pair: bool,
     mut add: impl FnMut(Group, Bounds3),
 ) {
-    for (geom, ends) in geometry.bases().windows(2).enumerate() {
+    let own_geometries = geometry.spheres_id() as usize + 1;
+    for (geom, ends) in geometry.bases().windows(2).enumerate().take(own_geometries) {
         let own = range.start.max(ends[0])..range.end.min(ends[1]);
         if own.is_empty() || unseen.has_all(&own) {
             continue;
@@ -50,6 +66,14 @@ pub fn each(
                 let second = Group::second_half(index);
                 add(second, second.bounds(geometry));
             }
+        }
+    }
+    for index in range.start.max(geometry.own_count())..range.end {
+        let instance = geometry.instance_id((index - geometry.own_count()) as usize) as usize;
+        let triangles = geometry.bases()[instance]..geometry.bases()[instance + 1];
+        if !unseen.has_all(&triangles) {
+            let one = Group::one(index);
+            add(one, one.bounds(geometry));
         }
     }
 }

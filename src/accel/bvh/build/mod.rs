@@ -31,7 +31,8 @@ use crate::simd::{self, Isa};
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
-/// Builds the tree without the primitives of `unseen`, on the current rayon pool. Also returns the
+/// Builds the tree without the primitives of `unseen`, on the current rayon pool. The meshes of
+/// instances have trees of their own. Also returns the
 /// most bytes that the build held at a time.
 ///
 /// # Errors
@@ -50,7 +51,7 @@ pub fn build(
         _ => Ok(bytes),
     };
     let count = groups::count(geometry, unseen);
-    let most = geometry.count().max(count as u64);
+    let most = groups::sorted_count(geometry).max(count as u64);
     if most >= MAX_REFERENCES {
         let message = format!("found {most} primitives, expected fewer than 2^30");
         return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
@@ -88,7 +89,7 @@ pub fn build(
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64
         + (spheres.len() * size_of::<SphereLeaf>()) as u64;
-    let peak = within(splitting.max(collapsing).max(filling))?;
+    let mut peak = within(splitting.max(collapsing).max(filling))?;
     let ids_of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &ids[leaf.range()]);
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
@@ -106,6 +107,12 @@ pub fn build(
     }));
     tree.bounds = bounds;
     tree.is_large = tree.bytes() > MAX_UNPREFETCHED_BYTES;
+    for shared in &geometry.shared {
+        let left = max_bytes.map(|limit| limit.saturating_sub(tree.bytes()));
+        let (below, below_peak) = build((shared, &Unseen::NONE), isa, left, monitor)?;
+        peak = peak.max(tree.bytes() + below_peak);
+        tree.shared.push(below);
+    }
     Ok((tree, peak))
 }
 

@@ -12,7 +12,8 @@ const PAIR: u32 = 1 << 30;
 pub struct Group(u32);
 
 impl Group {
-    /// A primitive by its scene-wide index, below 2^30.
+    /// A primitive by its scene-wide index, below 2^30; or an instance: see
+    /// [`super::groups::sorted_count`].
     #[inline(always)]
     pub fn one(index: u32) -> Self {
         Self(index)
@@ -97,14 +98,25 @@ impl Place {
         })
     }
 
-    #[inline(always)]
-    fn bounds(&self, geometry: &Geometry) -> Bounds3 {
-        match self.corners(geometry) {
-            Some(corners) => Bounds3::from_points(&corners),
+    /// Returns the box of a sphere or of an instance.
+    fn sphere_bounds(&self, geometry: &Geometry) -> Bounds3 {
+        match self.index.checked_sub(geometry.own_count()) {
             None => {
                 let (lower, upper) = geometry.spheres[self.prim as usize].bounds();
                 Bounds3::new(lower, upper)
             }
+            Some(instance) => {
+                let [lower, upper] = geometry.instances[instance as usize].bounds;
+                Bounds3::new(lower, upper)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn bounds(&self, geometry: &Geometry) -> Bounds3 {
+        match self.corners(geometry) {
+            Some(corners) => Bounds3::from_points(&corners),
+            None => self.sphere_bounds(geometry),
         }
     }
 }

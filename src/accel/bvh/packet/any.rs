@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
-use crate::accel::bvh::node::{Child, ChildKind, Node};
+use crate::accel::bvh::node::{Block, Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
@@ -14,8 +14,8 @@ const MAX_SINGLE_RAYS: u32 = 4;
 /// A child that is still to be visited, and the rays that enter its box, as bits.
 #[derive(Clone, Copy)]
 pub struct AnyEntry {
-    child: Child,
-    entering: u32,
+    pub(super) child: Child,
+    pub(super) entering: u32,
 }
 
 thread_local! {
@@ -68,7 +68,7 @@ impl<T: Tier> Packet<'_, T> {
     /// Returns the active rays that are not occluded so far, as bits. A ray whose `tfar` is below
     /// its `tnear` is not among them.
     #[inline(always)]
-    fn left(&self) -> u32 {
+    pub(super) fn left(&self) -> u32 {
         self.tier.at_most(&self.query.tnear, &self.tfar)
     }
 
@@ -96,7 +96,7 @@ impl<T: Tier> Packet<'_, T> {
     /// Pushes the children that at least one ray enters, from far to near in the order of the first
     /// ray's octant. So the nearest is popped first.
     #[inline(always)]
-    fn push_any(&self, node: &Node, stack: &mut Vec<AnyEntry>) {
+    pub(super) fn push_any(&self, node: &Node, stack: &mut Vec<AnyEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (near, far) = self.slabs_of_any_octant(node, slot);
@@ -111,7 +111,9 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, occluded: &mut [i32; LANES]) {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.any_in_block(index, entering, occluded),
+            ChildKind::Triangles(index) => {
+                self.any_in_block(&self.tree.blocks[index], entering, occluded);
+            }
             ChildKind::Spheres(index) => self.any_in_spheres(index, entering, occluded),
             ChildKind::Node(_) | ChildKind::Empty => {}
         }
@@ -120,21 +122,25 @@ impl<T: Tier> Packet<'_, T> {
 
     /// Sets `tfar` of the occluded rays to -inf, so that no later test includes them.
     #[inline(always)]
-    fn finish_rays(&mut self, occluded: &[i32; LANES]) {
+    pub(super) fn finish_rays(&mut self, occluded: &[i32; LANES]) {
         for i in 0..LANES {
             self.tfar[i] = if occluded[i] != 0 { f32::NEG_INFINITY } else { self.tfar[i] };
         }
     }
 
     #[inline(always)]
-    fn any_in_block(&mut self, index: usize, entering: u32, occluded: &mut [i32; LANES]) {
-        let block = &self.tree.blocks[index];
+    pub(super) fn any_in_block(
+        &mut self,
+        block: &Block,
+        entering: u32,
+        occluded: &mut [i32; LANES],
+    ) {
         let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth);
         // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
         // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
-                if self.single(i).any_in_block(index) {
+                if self.single(i).any_in_block(block) {
                     occluded[i] = -1;
                 }
             }

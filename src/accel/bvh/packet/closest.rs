@@ -5,7 +5,7 @@ use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
 use crate::accel::bvh::hits::ClosestHits;
-use crate::accel::bvh::node::{Child, ChildKind, Node};
+use crate::accel::bvh::node::{Block, Child, ChildKind, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::ClosestHit;
 use crate::ray::{LANES, NONE};
@@ -18,8 +18,16 @@ const MAX_SINGLE_RAYS: u32 = 3;
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct ClosestEntry {
-    near: [f32; LANES],
-    child: Child,
+    pub(super) near: [f32; LANES],
+    pub(super) child: Child,
+}
+
+impl ClosestEntry {
+    /// The root of a tree, which all rays enter.
+    #[inline(always)]
+    pub(super) fn root() -> Self {
+        Self { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) }
+    }
 }
 
 thread_local! {
@@ -41,9 +49,7 @@ impl<T: Tier> Packet<'_, T> {
     /// Updates the closest hits of the active rays with the whole tree. `stacks` must be empty.
     #[inline(always)]
     pub fn closest(mut self, stacks: &mut Stacks<ClosestEntry>, best: &mut ClosestHits) {
-        stacks
-            .packet
-            .push(ClosestEntry { near: [f32::NEG_INFINITY; LANES], child: Child::node(0) });
+        stacks.packet.push(ClosestEntry::root());
         // True if rays were tested against primitives since the frustum was last shortened: a hit
         // may have shortened a ray. The frustum is shortened only before another child is visited,
         // because often none is left.
@@ -81,7 +87,9 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut ClosestHits) {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.closest_in_block(index, entering, best),
+            ChildKind::Triangles(index) => {
+                self.closest_in_block(&self.tree.blocks[index], entering, best);
+            }
             ChildKind::Spheres(index) => self.closest_in_spheres(index, entering, best),
             ChildKind::Node(_) | ChildKind::Empty => {}
         }
@@ -91,7 +99,7 @@ impl<T: Tier> Packet<'_, T> {
     /// new hit. An old hit stays as it is in `best`, because [`ClosestHit::from_lane`] left out its
     /// weights.
     #[inline(always)]
-    fn store_if_new(&mut self, i: usize, traced: &ClosestHit, best: &mut ClosestHits) {
+    pub(super) fn store_if_new(&mut self, i: usize, traced: &ClosestHit, best: &mut ClosestHits) {
         if traced.t != best.t[i] || traced.primitive != best.primitive[i] {
             self.tfar[i] = traced.tfar;
             traced.store(best, i);
@@ -123,7 +131,7 @@ impl<T: Tier> Packet<'_, T> {
     /// Pushes the children that at least one ray enters, from far to near in the order of the
     /// octant. So the nearest is popped first.
     #[inline(always)]
-    fn push(&self, node: &Node, stack: &mut Vec<ClosestEntry>) {
+    pub(super) fn push(&self, node: &Node, stack: &mut Vec<ClosestEntry>) {
         for place in Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth)) {
             let slot = node.ordered(self.frustum.octant, place);
             let (mut near, far) = self.slabs(node, slot);
@@ -140,15 +148,19 @@ impl<T: Tier> Packet<'_, T> {
     }
 
     #[inline(always)]
-    fn closest_in_block(&mut self, index: usize, entering: u32, best: &mut ClosestHits) {
-        let block = &self.tree.blocks[index];
+    pub(super) fn closest_in_block(
+        &mut self,
+        block: &Block,
+        entering: u32,
+        best: &mut ClosestHits,
+    ) {
         let triangles = self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth);
         // Each ray is tested against 16 triangles, or each triangle against 16 rays: the fewer
         // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
                 let mut traced = ClosestHit::from_lane(best, i, self.tfar[i]);
-                self.single(i).closest_in_block(index, &mut traced);
+                self.single(i).closest_in_block(block, &mut traced);
                 self.store_if_new(i, &traced, best);
             }
             return;

@@ -6,6 +6,7 @@
 
 mod any;
 mod closest;
+mod instance;
 mod reach;
 mod spheres;
 mod triangle;

@@ -1,6 +1,7 @@
-//! Tests a leaf of spheres against a packet. The tests are separate kernels, because most scenes
-//! have no spheres.
+//! Tests a leaf of spheres, or of an instance, against a packet. The tests are separate kernels,
+//! because most scenes have no spheres.
 
+use super::instance::{AnyInInstance, ClosestInInstance};
 use super::{Bits, Packet};
 use crate::accel::bvh::hits::ClosestHits;
 use crate::accel::bvh::simd::Tier;
@@ -93,6 +94,10 @@ impl<T: Tier> Kernel for Closest<'_, '_, T> {
     fn run(self) {
         let Self { packet, index, entering, best } = self;
         for id in packet.tree.spheres[index].0 {
+            if let Some(instance) = packet.geometry.instance_in_leaf(id) {
+                ClosestInInstance { packet, instance, entering, best }.run();
+                continue;
+            }
             let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
             for i in 0..LANES {
@@ -126,6 +131,10 @@ impl<T: Tier> Kernel for Any<'_, '_, T> {
     fn run(self) {
         let Self { packet, index, entering, occluded } = self;
         for id in packet.tree.spheres[index].0 {
+            if let Some(instance) = packet.geometry.instance_in_leaf(id) {
+                AnyInInstance { packet, instance, entering, occluded }.run();
+                continue;
+            }
             let Some((sphere, primitive, maybe)) = packet.candidate(id, entering) else { continue };
             let mut tfar = [0.0; LANES];
             for i in 0..LANES {

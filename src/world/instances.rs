@@ -1,0 +1,125 @@
+//! Places the meshes that instances share: as instances of the geometry, or as copies.
+
+use glam::{DAffine3, DVec3};
+
+use super::gather::{too_many, with_unseen};
+use super::place::PlacedMesh;
+use crate::error::Result;
+use crate::geometry::{Geometry, Instance, Placement, TriangleMesh};
+use crate::scene::{Scene, ShapeKind};
+use crate::shading::{Owner, Shape, Shapes};
+
+/// The meshes of a scene that instances share, each relative to an origin of its own.
+#[derive(Default)]
+pub struct SharedMeshes(Vec<SharedMesh>);
+
+struct SharedMesh {
+    /// Index of the shape with the mesh, which is also its first instance.
+    shape: usize,
+    origin: DVec3,
+    /// Box of the used vertices, relative to `origin`.
+    bounds: [DVec3; 2],
+    mesh: TriangleMesh,
+}
+
+impl SharedMeshes {
+    /// Adds the mesh of the shape with this index. Moves the data of its vertices to `shape`.
+    ///
+    /// # Errors
+    /// As [`PlacedMesh::into_triangles`].
+    pub fn add(&mut self, index: usize, mesh: PlacedMesh, shape: &mut Shape) -> Result<()> {
+        let placed = mesh.bounds();
+        let origin = placed.origin();
+        let mut bounds = [placed.min - origin, placed.max - origin];
+        // Vertices are rounded to f32 by at most half an ulp.
+        let size = bounds[0].abs().max(bounds[1].abs()) * f64::from(f32::EPSILON);
+        bounds = [bounds[0] - size, bounds[1] + size];
+        let mesh = mesh.into_triangles(origin, shape)?;
+        self.0.push(SharedMesh { shape: index, origin, bounds, mesh });
+        Ok(())
+    }
+
+    /// The meshes, in the order of their shapes.
+    pub fn meshes(&self) -> impl Iterator<Item = &TriangleMesh> {
+        self.0.iter().map(|shared| &shared.mesh)
+    }
+
+    /// Completes geometry and shapes: adds all instances, or a mesh for each if `copy`. Then sets
+    /// which primitives each kind of ray passes through.
+    ///
+    /// # Errors
+    /// Too many primitives.
+    pub fn place(
+        self,
+        scene: &Scene,
+        mut geometry: Geometry,
+        mut shapes: Shapes,
+        copy: bool,
+    ) -> Result<(Geometry, Shapes)> {
+        let origin = geometry.origin;
+        let (mut meshes, mut instances) = (Vec::new(), Vec::new());
+        let (mut copies, mut copy_owners, mut owners) = (Vec::new(), Vec::new(), Vec::new());
+        for shared in self.0 {
+            let (mesh, like) = (meshes.len(), shared.shape as u32);
+            for (shape, transform) in placements(scene, shared.shape) {
+                let placement = shared.placement(transform, origin);
+                if copy {
+                    copies.push(shared.mesh.placed(&placement));
+                    copy_owners.push(Owner::One(shape as u32));
+                    // The first instance is also the original of the others: it comes last.
+                    if shape != shared.shape {
+                        shapes.shapes[shape] = copied(&shapes.shapes[shared.shape], &placement);
+                    }
+                } else {
+                    instances.push(Instance::new(mesh, placement, shared.bounds));
+                    owners.push(Owner::Instance { shape: shape as u32, like });
+                }
+            }
+            if copy {
+                if let Some((_, first)) = placements(scene, shared.shape).next() {
+                    let placement = shared.placement(first, origin);
+                    let original = &mut shapes.shapes[shared.shape];
+                    *original = copied(original, &placement);
+                }
+            } else {
+                let mesh = Geometry::new(shared.origin, vec![shared.mesh], vec![], vec![]);
+                meshes.push(mesh.map_err(too_many)?);
+            }
+        }
+        if !copies.is_empty() {
+            let first = geometry.meshes.len();
+            shapes.owners.splice(first..first, copy_owners);
+            let Geometry { meshes: mut all, quads, spheres, .. } = geometry;
+            let count = copies.len();
+            all.extend(copies);
+            geometry = Geometry::new(origin, all, quads, spheres).map_err(too_many)?;
+            geometry.copies = count;
+        }
+        shapes.owners.extend(owners);
+        let geometry = geometry.with_instances(meshes, instances).map_err(too_many)?;
+        Ok((with_unseen(geometry, scene, &shapes.owners), shapes))
+    }
+}
+
+impl SharedMesh {
+    /// From the coordinates of the mesh to those relative to `origin`.
+    fn placement(&self, transform: &DAffine3, origin: DVec3) -> Placement {
+        Placement::new(transform.matrix3, transform.transform_point3(self.origin) - origin)
+    }
+}
+
+/// The instances of the mesh of a shape: the index of each instance's shape, and its transform.
+fn placements(scene: &Scene, mesh: usize) -> impl Iterator<Item = (usize, &DAffine3)> {
+    scene.shapes.iter().enumerate().filter_map(move |(index, shape)| match &shape.kind {
+        ShapeKind::Trimesh(spec) if index == mesh => Some((index, spec.transform.as_deref()?)),
+        ShapeKind::Instance { of, transform } if *of == mesh => Some((index, &**transform)),
+        _ => None,
+    })
+}
+
+/// The data of vertices and faces of a placed copy.
+fn copied(shape: &Shape, placement: &Placement) -> Shape {
+    let normals = shape.normals.as_ref();
+    let normals = normals.map(|normals| normals.mapped(|normal| placement.normal(normal)));
+    Shape { normals, ..shape.clone() }
+}
