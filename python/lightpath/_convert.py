@@ -74,6 +74,18 @@ def mesh(vertices, faces):
     return vertices, _native(faces, np.dtype(kept))
 
 
+def trimesh_arrays(source):
+    """Return the vertices and faces of a `trimesh.Trimesh`."""
+    return source.vertices.view(np.ndarray), source.faces.view(np.ndarray)
+
+
+def open3d_arrays(source):
+    """Return the vertices and faces of an Open3D triangle mesh, legacy or tensor-based."""
+    if hasattr(source, "triangles"):
+        return np.asarray(source.vertices), np.asarray(source.triangles)
+    return source.vertex.positions.numpy(), source.triangle.indices.numpy()
+
+
 def threads(value):
     """Return a number of threads, or None for all processors."""
     if value is None:

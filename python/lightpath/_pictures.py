@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from . import _convert, _lightpath
-from ._rays import RayScene
 
 
 class Picture(dict):
@@ -180,17 +179,23 @@ def _subject(scene, meshes):
         if len(scene) != 2:
             raise ValueError(f"scene: found {len(scene)} values, expected (vertices, faces)")
         return _convert.mesh(*scene)
-    if not isinstance(scene, RayScene):
-        is_trimesh = hasattr(scene, "vertices") and hasattr(scene, "faces")
-        if not is_trimesh and not hasattr(scene, "triangles") and not hasattr(scene, "triangle"):
-            raise TypeError(f"scene: found {type(scene).__name__}, expected a file, dict or mesh")
-        scene = RayScene.from_trimesh(scene) if is_trimesh else RayScene.from_open3d(scene)
-    vertices, faces, first = [], [], 0
-    for mesh_vertices, mesh_faces in scene.meshes:
-        vertices.append(mesh_vertices)
-        faces.append(mesh_faces.astype(np.int64) + first)
-        first += len(mesh_vertices)
-    return _convert.mesh(np.concatenate(vertices), np.concatenate(faces))
+    return _convert.mesh(*_arrays(scene))
+
+
+def _arrays(scene):
+    """Return the vertices and faces of a RayScene, or of a mesh of trimesh or Open3D."""
+    if hasattr(scene, "meshes"):  # a RayScene, whose module imports this one
+        vertices, faces, first = [], [], 0
+        for mesh_vertices, mesh_faces in scene.meshes:
+            vertices.append(mesh_vertices)
+            faces.append(mesh_faces.astype(np.int64) + first)
+            first += len(mesh_vertices)
+        return np.concatenate(vertices), np.concatenate(faces)
+    if hasattr(scene, "vertices") and hasattr(scene, "faces"):
+        return _convert.trimesh_arrays(scene)
+    if hasattr(scene, "triangles") or hasattr(scene, "triangle"):
+        return _convert.open3d_arrays(scene)
+    raise TypeError(f"scene: found {type(scene).__name__}, expected a file, dict or mesh")
 
 
 def _plain(value):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import _convert
+from . import _convert, _pictures
 from ._lightpath import Scene, read_mesh
 
 
@@ -185,17 +185,14 @@ class RayScene:
     @classmethod
     def from_trimesh(cls, mesh, *, threads=None, backend="bvh", progress=None):
         """Make a scene of a `trimesh.Trimesh`."""
-        return cls(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray), threads=threads,
-                   backend=backend, progress=progress)
+        return cls(*_convert.trimesh_arrays(mesh), threads=threads, backend=backend,
+                   progress=progress)
 
     @classmethod
     def from_open3d(cls, mesh, *, threads=None, backend="bvh", progress=None):
         """Make a scene of an Open3D triangle mesh, legacy or tensor-based."""
-        if hasattr(mesh, "triangles"):
-            vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
-        else:
-            vertices, faces = mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy()
-        return cls(vertices, faces, threads=threads, backend=backend, progress=progress)
+        return cls(*_convert.open3d_arrays(mesh), threads=threads, backend=backend,
+                   progress=progress)
 
     def __reduce__(self):
         return _unpickle, (self._meshes, self._threads, self._backend)
@@ -206,9 +203,7 @@ class RayScene:
         return f"RayScene({meshes} mesh{plural[0]}, {faces} face{plural[1]})"
 
     def _repr_png_(self):
-        from ._pictures import thumbnail
-
-        return thumbnail(self)
+        return _pictures.thumbnail(self)
 
     @property
     def meshes(self):
