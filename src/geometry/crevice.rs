@@ -11,11 +11,7 @@
 use glam::DVec3;
 
 use super::primitives::{Geometry, doubles};
-
-/// Largest rounding near an edge, for two errors. The triangle test moves a corner by up to 8.5u of
-/// its distance; rounding moves a point by up to 5.2u of its coordinate (u = 2^-24). Both are
-/// rounded up.
-pub const REACH: f64 = 9.0 / (1u64 << 24) as f64;
+use super::triangle::REACH;
 
 /// Tolerance of weights at an edge: some thousand roundings of f64.
 const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
@@ -215,7 +211,7 @@ impl Triangle {
         if !(t >= 0.0 && u >= -slack && v >= -slack && u + v <= 1.0 + slack) {
             return None;
         }
-        let (u, v) = super::clamp_barycentrics(u, v);
+        let (u, v) = super::triangle::clamp_barycentrics(u, v);
         let (u, v) = if self.second_half { (1.0 - u, 1.0 - v) } else { (u, v) };
         Some(WallHit { t, primitive: self.primitive, u: u as f32, v: v as f32 })
     }

@@ -2,8 +2,12 @@
 
 use glam::DVec3;
 
-use super::crevice::REACH;
 use super::double_double::DoubleDouble3;
+
+/// Largest rounding near an edge, for two errors. The triangle test moves a corner by up to 8.5u of
+/// its distance; rounding moves a point by up to 5.2u of its coordinate (u = 2^-24). Both are
+/// rounded up.
+pub const REACH: f64 = 9.0 / (1u64 << 24) as f64;
 
 /// A point on a triangle.
 #[derive(Debug, Clone, Copy)]

@@ -10,15 +10,12 @@ mod pixel_layout;
 pub use self::faces::FaceCounts;
 pub use self::mattes::Mattes;
 pub use self::partial_sums::{BEAUTY, PartialSumsLayout, PixelState};
-pub use self::pixel_layout::{MatteLayout, NearestHit, PixelLayout, count};
+pub use self::pixel_layout::{MISS_DEPTH, MatteLayout, NearestHit, PixelLayout, count};
 
 use std::sync::Arc;
 
 use crate::film::{Channel, ChannelKind};
 use crate::scene::{Layer, Scene};
-
-/// Depth and distance of a camera ray that misses.
-pub const MISS_DEPTH: f32 = 1e30;
 
 /// The position of each layer among the words of a pixel: the index of its first channel.
 ///

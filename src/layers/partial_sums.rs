@@ -4,8 +4,7 @@ use std::ops::Range;
 
 use crate::film::{Channel, ChannelKind, Dropped, SampleSums, SumNode};
 
-use super::MISS_DEPTH;
-use super::pixel_layout::{NearestHit, PixelLayout, count};
+use super::pixel_layout::{MISS_DEPTH, NearestHit, PixelLayout, count};
 
 /// Number of beauty channels: R, G, B, A.
 pub const BEAUTY: usize = 4;

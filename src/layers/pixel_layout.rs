@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::film::{Channel, Dropped};
 
-use super::MISS_DEPTH;
 use super::mattes::rank;
+
+/// Depth and distance of a camera ray that misses.
+pub const MISS_DEPTH: f32 = 1e30;
 
 /// The nearest hit of all camera samples of a pixel. Of equally near hits, the hit of the lowest
 /// sample index wins, so every split of the samples gives the same hit.
