@@ -57,7 +57,7 @@ impl Mapped {
 }
 
 impl Distortion {
-    /// Distorts a point.
+    /// Returns the distorted point and the derivatives there.
     #[inline(always)]
     pub fn map(&self, [x, y]: [f64; 2]) -> Mapped {
         let ([a1, a2, a3, a4], [b1, b2, b3]) = (self.numerator, self.denominator);

@@ -5,7 +5,7 @@ use std::ops::Range;
 /// Primitives that one kind of ray cannot hit, by scene-wide index.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Unseen {
-    /// Ascending and disjoint.
+    /// Ranges of indices, ascending and disjoint.
     ranges: Vec<Range<u32>>,
 }
 

@@ -99,7 +99,7 @@ impl VertexFaces {
     }
 }
 
-/// Triangles in blocks.
+/// Triangles in blocks of at most [`BLOCK`] consecutive ones.
 struct Blocks<'a> {
     triangles: &'a [[u32; 3]],
     /// The range of vertices of each block.

@@ -93,7 +93,7 @@ impl<'b> Reader<'b> {
     }
 }
 
-/// Reads `cameras.bin`.
+/// Reads the cameras of a `cameras.bin`, by id.
 pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
     let all = bytes(path)?;
     let mut file = Reader::new(path, &all);
@@ -125,7 +125,7 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
     Ok(sensors)
 }
 
-/// Reads `images.bin`.
+/// Reads the pictures of an `images.bin`, in the order of the file.
 pub fn images(path: &Path) -> Result<Vec<Image>> {
     let all = bytes(path)?;
     let mut file = Reader::new(path, &all);

@@ -9,7 +9,7 @@ use crate::mesh::{Mesh, Positions};
 /// Largest magnitude of a coordinate.
 const MAX_COORDINATE: f64 = 1e18;
 
-/// Vertex positions.
+/// The caller's array of vertex positions.
 #[derive(Debug, Clone, Copy)]
 pub enum Vertices<'a> {
     /// Single precision.
@@ -19,7 +19,7 @@ pub enum Vertices<'a> {
 }
 
 impl Vertices<'_> {
-    /// Number of vertices.
+    /// Returns the number of vertices.
     pub fn len(&self) -> usize {
         match self {
             Self::F32(all) => all.len(),
@@ -56,7 +56,7 @@ pub enum Faces<'a> {
 }
 
 impl Faces<'_> {
-    /// Number of triangles.
+    /// Returns the number of triangles.
     pub fn len(&self) -> usize {
         match self {
             Self::U32(all) => all.len(),

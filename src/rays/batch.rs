@@ -97,7 +97,7 @@ impl<'a> RayBatch<'a> {
         Ok(Self { tnear, tfar, ..self })
     }
 
-    /// Number of rays.
+    /// Returns the number of rays.
     pub fn len(&self) -> usize {
         self.origins.len()
     }

@@ -24,7 +24,7 @@ use crate::simd::Kernel;
 /// A crossing of a ray with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// Ray parameter.
+    /// Ray parameter of the crossing.
     pub t: f64,
     /// Scene-wide primitive index of the triangle.
     pub primitive: u32,

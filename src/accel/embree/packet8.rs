@@ -3,7 +3,7 @@
 
 use crate::ray::{Hits, LANES, Mask, RayPacket, Rays};
 
-/// Number of rays.
+/// Number of rays in a packet.
 const WIDTH: usize = 8;
 
 /// First lane of each half of a packet of 16.
@@ -38,7 +38,7 @@ pub struct Hits8 {
     pub instance_prim: [u32; WIDTH],
 }
 
-/// `RTCRayHit8`.
+/// Embree's `RTCRayHit8`: eight rays and their hits.
 #[repr(C, align(32))]
 pub struct RayPacket8 {
     pub rays: Rays8,

@@ -25,7 +25,7 @@ pub(super) struct Attributes {
     pub(super) colors: Option<Colors>,
     pub(super) alpha: Option<Scalars>,
     pub(super) scalars: Option<Scalars>,
-    /// Indices of textures.
+    /// For each triangle, the index of its texture.
     pub(super) textures: Option<Vec<u16>>,
 }
 

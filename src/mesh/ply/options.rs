@@ -9,7 +9,7 @@ pub enum ColorSource<'a> {
     /// Colours of the vertices, or else of the faces, if the file has any.
     #[default]
     Any,
-    /// No colours.
+    /// No colours, even if the file has some.
     Nothing,
     /// Colours of the vertices. A file without them is an error.
     Vertices,

@@ -20,7 +20,7 @@ use crate::simd::{self, Isa, Kernel};
 /// Cells along each axis, as a power of two.
 const BITS: u32 = 5;
 
-/// Number of cells.
+/// Number of cells of the grid.
 const CELLS: usize = 1 << (3 * BITS);
 
 /// Fewer primitives are neither sorted into cells nor paired. Their build is short, and rays are 2

@@ -46,13 +46,13 @@ impl Group {
         self.0 & !(SECOND_HALF | PAIR)
     }
 
-    /// Number of primitives.
+    /// Returns the number of primitives: 1, or 2 for a pair.
     #[inline(always)]
     pub fn len(self) -> u32 {
         1 + u32::from(self.0 & PAIR != 0)
     }
 
-    /// Returns the primitives.
+    /// Iterates over the primitives and their places in the geometry.
     #[inline(always)]
     pub fn places(self, geometry: &Geometry) -> impl Iterator<Item = Place> + Clone + use<> {
         let (geom, prim) = geometry.place(self.first());
@@ -75,7 +75,7 @@ impl Group {
 /// A primitive of a geometry.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// Scene-wide index.
+    /// Scene-wide index of the primitive.
     pub index: u32,
     /// Id of the geometry.
     pub geom: u32,
