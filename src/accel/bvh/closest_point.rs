@@ -52,7 +52,8 @@ impl<F: FnMut(u32) -> f64> Kernel for Nearest<'_, F> {
                     for i in 0..WIDTH {
                         if block.present >> i & 1 != 0 && distances[i] <= best {
                             // Rounded up, so that equally near triangles are visited too.
-                            best = visit(block.primitives[i]) as f32 * (1.0 + 2.0 * f32::EPSILON);
+                            let primitive = bvh.tree.indices().of(block, i);
+                            best = visit(primitive) as f32 * (1.0 + 2.0 * f32::EPSILON);
                         }
                     }
                 }

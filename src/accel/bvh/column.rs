@@ -70,7 +70,7 @@ impl Kernel for Column<'_> {
                     let block = &bvh.tree.blocks[index];
                     let mut left = triangles_in_box(block, axes, &bounds);
                     while left != 0 {
-                        found.push(block.primitives[left.trailing_zeros() as usize % WIDTH]);
+                        found.push(bvh.tree.indices().of(block, left.trailing_zeros() as usize));
                         left &= left - 1;
                     }
                 }

@@ -13,7 +13,7 @@
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
 use super::exact::{Ray64, ShearedTriangle};
-use super::node::{Block, ChildKind};
+use super::node::{Block, ChildKind, WIDTH};
 use super::query::{Lane, Query};
 use super::simd::{self, Path, Tier};
 use super::single::Single;
@@ -104,7 +104,7 @@ impl<T: Tier> Single<'_, T> {
         while left != 0 {
             let i = left.trailing_zeros();
             left &= left - 1;
-            let slot = i as usize % block.primitives.len();
+            let slot = i as usize % WIDTH;
             if (candidates.sure >> i) & 1 == 0 && !is_crossed(&self.lane, block, slot) {
                 continue;
             }
@@ -112,7 +112,8 @@ impl<T: Tier> Single<'_, T> {
             let t = seen.t(&ray, block.triangle(slot));
             if self.is_within(&seen, &ray, t, block.triangle(slot)) {
                 let lane = (self.lane.i % LANES) as u32;
-                found.push(Crossing { t, primitive: block.primitives[slot], lane });
+                let primitive = self.tree.indices().of(block, slot);
+                found.push(Crossing { t, primitive, lane });
             }
         }
     }

@@ -6,7 +6,7 @@
 //! mesh. An instance is watertight for the same reason, and no test depends on its transform.
 
 use super::build::Tree;
-use super::node::{Block, Child, ChildKind};
+use super::node::{Block, Child, ChildKind, Indices};
 use super::query::Query;
 use super::simd::{Path, Stack, Tier};
 use super::single::{ClosestHit, Single};
@@ -69,10 +69,13 @@ impl<'a> LocalRays<'a> {
     pub fn block(&self, index: usize) -> Block {
         let mut block = self.tree.blocks[index].clone();
         block.vertices = self.instance.placement.place_lanes(block.vertices);
-        for primitive in &mut block.primitives {
-            *primitive = if *primitive == NONE { NONE } else { self.first + *primitive };
-        }
         block
+    }
+
+    /// Returns what finds the scene-wide indices of the triangles in leaves.
+    #[inline(always)]
+    pub fn indices(&self) -> Indices<'_> {
+        Indices { first: self.first, ..self.tree.indices() }
     }
 
     /// Returns the end of ray `i` for tests of boxes: at its closest hit so far, if it has one.
@@ -104,7 +107,7 @@ impl<T: Tier> Single<'_, T> {
                     }
                 }
                 ChildKind::Triangles(index) => {
-                    self.closest_in_block(&local.block(index), best);
+                    self.closest_in_block(&local.block(index), local.indices(), best);
                     tfar = local.tfar(i, best.t, best.primitive);
                 }
                 ChildKind::Spheres(_) | ChildKind::Empty => {}
@@ -141,7 +144,9 @@ impl<T: Tier> Single<'_, T> {
                     index = below;
                     left = self.tier.hit_children(&tree.nodes[index], &lane, tfar);
                 }
-                ChildKind::Triangles(block) if self.any_in_block(&local.block(block)) => {
+                ChildKind::Triangles(block)
+                    if self.any_in_block(&local.block(block), local.indices()) =>
+                {
                     return true;
                 }
                 _ => {}

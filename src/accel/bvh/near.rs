@@ -4,7 +4,6 @@ use super::build::Tree;
 use super::node::{Child, ChildKind, WIDTH};
 use super::tree::Bvh;
 use crate::geometry::{Nearby, doubles};
-use crate::ray::NONE;
 
 impl Bvh<'_> {
     /// Calls `found` for all triangles of the leaves that `nearby` overlaps: see
@@ -48,9 +47,9 @@ fn near_in(tree: &Tree, nearby: &Nearby, found: &mut dyn FnMut(u32)) -> Vec<u32>
                 stack.extend((0..WIDTH).filter(|&i| reached[i]).map(|i| node.children[i]));
             }
             ChildKind::Triangles(index) => {
-                let primitives = tree.blocks[index].primitives;
-                let all = primitives.into_iter().filter(|&primitive| primitive != NONE);
-                all.for_each(&mut *found);
+                let block = &tree.blocks[index];
+                let present = (0..WIDTH).filter(|i| block.present >> i & 1 != 0);
+                present.for_each(|i| found(tree.indices().of(block, i)));
             }
             ChildKind::Spheres(index) => spheres.extend(tree.spheres[index].0),
             ChildKind::Empty => {}

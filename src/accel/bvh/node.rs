@@ -122,37 +122,51 @@ impl Node {
 
 /// A leaf of up to 16 triangles over up to 16 shared vertices.
 ///
-/// Each shared vertex is sheared once per ray. A leaf of a scanned mesh takes 28 bytes per
-/// triangle. It would take 40 if every triangle held its own corners.
+/// Each shared vertex is sheared once per ray. A leaf of a scanned mesh takes 22 bytes per triangle.
+/// It would take 40 if every triangle held its own corners.
 #[derive(Debug, Clone)]
 #[repr(C, align(64))]
 pub struct Block {
     /// x, y, z of the vertices.
     pub vertices: [[f32; WIDTH]; 3],
-    /// Scene-wide primitive index of each triangle; [`NONE`] in an unused slot.
-    pub primitives: [u32; WIDTH],
-    /// Vertex indices of the first, second and third corner of each triangle. Bit 7 of the first
-    /// corner marks the second half of a quad.
-    pub corners: [[u8; WIDTH]; 3],
+    /// For each triangle, its primitive index minus `base`. See [`Indices::of`].
+    pub offsets: [u16; WIDTH],
+    /// Vertex indices of the first, second and third corner of each triangle, of 4 bits: slots 0 to
+    /// 7 in the low bits of the bytes, slots 8 to 15 in the high bits.
+    pub corners: [[u8; WIDTH / 2]; 3],
+    /// A primitive index; or, with the bit [`WIDE`], an index into [`super::build::Tree::wide`].
+    pub base: u32,
     /// Bit i is set if slot i holds a triangle.
     pub present: u16,
+    /// Bit i is set if slot i holds the second half `v2 v3 v1` of a quad.
+    pub second_halves: u16,
 }
 
-/// Bit in [`Block::corners`] that marks the second half `v2 v3 v1` of a quad.
-pub const SECOND_HALF: u8 = 0x80;
+/// Bit of [`Block::base`] in a leaf whose primitive indices are too far apart for
+/// [`Block::offsets`].
+pub const WIDE: u32 = 1 << 31;
 
 impl Block {
     pub const EMPTY: Self = Self {
         vertices: [[0.0; WIDTH]; 3],
-        primitives: [NONE; WIDTH],
-        corners: [[0; WIDTH]; 3],
+        offsets: [0; WIDTH],
+        corners: [[0; WIDTH / 2]; 3],
+        base: 0,
         present: 0,
+        second_halves: 0,
     };
 
     /// Returns the vertex index of corner `k` of triangle `i`.
     #[inline(always)]
     pub fn corner(&self, k: usize, i: usize) -> usize {
-        usize::from(self.corners[k][i % WIDTH]) % WIDTH
+        let pair = self.corners[k][i % (WIDTH / 2)];
+        usize::from(pair >> (4 * (i / (WIDTH / 2) % 2))) % WIDTH
+    }
+
+    /// Sets the vertex index of corner `k` of triangle `i`, which was 0.
+    #[inline(always)]
+    pub fn set_corner(&mut self, k: usize, i: usize, vertex: u8) {
+        self.corners[k][i % (WIDTH / 2)] |= vertex << (4 * (i / (WIDTH / 2) % 2));
     }
 
     /// Returns the corners of triangle `i`.
@@ -167,7 +181,29 @@ impl Block {
     /// Whether triangle `i` is the second half of a quad.
     #[inline(always)]
     pub fn is_second_half(&self, i: usize) -> bool {
-        self.corners[0][i % WIDTH] & SECOND_HALF != 0
+        (self.second_halves >> (i % WIDTH)) & 1 != 0
+    }
+}
+
+/// Finds the scene-wide primitive indices of the triangles in leaves.
+#[derive(Debug, Clone, Copy)]
+pub struct Indices<'a> {
+    /// The primitive indices of leaves with the bit [`WIDE`].
+    pub wide: &'a [[u32; WIDTH]],
+    /// Added to all indices: that of the first triangle of an instance, else 0.
+    pub first: u32,
+}
+
+impl Indices<'_> {
+    /// Returns the scene-wide primitive index of triangle `i`, which must be present.
+    #[inline(always)]
+    pub fn of(self, block: &Block, i: usize) -> u32 {
+        let i = i % WIDTH;
+        let own = match block.base & WIDE {
+            0 => block.base + u32::from(block.offsets[i]),
+            _ => self.wide[(block.base & !WIDE) as usize][i],
+        };
+        self.first + own
     }
 }
 
@@ -191,7 +227,19 @@ mod tests {
     }
 
     #[test]
+    fn corners_keep_their_vertex() {
+        let mut block = Block::EMPTY;
+        let vertex = |k: usize, i: usize| (7 * i + 5 * k + 3) % WIDTH;
+        for k in 0..3 {
+            (0..WIDTH).for_each(|i| block.set_corner(k, i, vertex(k, i) as u8));
+        }
+        for k in 0..3 {
+            (0..WIDTH).for_each(|i| assert_eq!(block.corner(k, i), vertex(k, i)));
+        }
+    }
+
+    #[test]
     fn sizes_are_whole_cache_lines() {
-        assert_eq!((size_of::<Node>(), size_of::<Block>()), (512, 320));
+        assert_eq!((size_of::<Node>(), size_of::<Block>()), (512, 256));
     }
 }

@@ -57,9 +57,9 @@ impl<T: Tier> Kernel for AnyNear<'_, '_, T> {
                     let block = &bvh.tree.blocks[block];
                     let mut slots = u32::from(block.present);
                     while slots != 0 {
-                        let slot = slots.trailing_zeros() as usize % block.primitives.len();
+                        let slot = slots.trailing_zeros() as usize;
                         slots &= slots - 1;
-                        if hits(block.primitives[slot]) {
+                        if hits(bvh.tree.indices().of(block, slot)) {
                             return true;
                         }
                     }

@@ -68,7 +68,7 @@ impl<T: Tier> Kernel for MayHit<'_, T> {
                     left = rest;
                     let segments = segments.get_or_insert_with(|| Segments::new(shaft));
                     for slot in Bits(triangles) {
-                        if segments.may_hit(block, slot) {
+                        if segments.may_hit(block, slot, tree.indices().of(block, slot)) {
                             return true;
                         }
                     }
@@ -142,15 +142,16 @@ impl<'a> Segments<'a> {
         lanes
     }
 
-    /// Returns false only if no shadow ray of any lane hits the triangle in `slot`.
+    /// Returns false only if no shadow ray of any lane hits the triangle in `slot`, whose scene-wide
+    /// index is `primitive`.
     ///
     /// A ray misses if two of its edge functions have different signs. The functions are linear in
     /// the direction, so their values at the corners of the light bound them. A ray also misses if
     /// its parameter at the triangle's plane is negative.
     #[inline(always)]
-    fn may_hit(&self, block: &Block, slot: usize) -> bool {
+    fn may_hit(&self, block: &Block, slot: usize, primitive: u32) -> bool {
         let [p, q, r] = block.triangle(slot);
-        let lanes = self.maybe_crossing([p, q, r], block.primitives[slot]);
+        let lanes = self.maybe_crossing([p, q, r], primitive);
         if lanes == [0; LANES] {
             return false;
         }

@@ -4,7 +4,7 @@ use super::build::Tree;
 use super::exact::{Ray64, ShearedTriangle, depth_range};
 use super::hits::ClosestHits;
 use super::instance::LocalRays;
-use super::node::{Block, Child, ChildKind};
+use super::node::{Block, Child, ChildKind, Indices, WIDTH};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};
 use crate::geometry::Geometry;
@@ -176,7 +176,9 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn closest_in_leaf(&self, leaf: Child, best: &mut ClosestHit) {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.closest_in_block(&self.tree.blocks[index], best),
+            ChildKind::Triangles(index) => {
+                self.closest_in_block(&self.tree.blocks[index], self.tree.indices(), best);
+            }
             ChildKind::Spheres(index) => self.closest_in_spheres(index, best),
             ChildKind::Node(_) | ChildKind::Empty => {}
         }
@@ -186,7 +188,9 @@ impl<'a, T: Tier> Single<'a, T> {
     #[inline(always)]
     pub fn any_in_leaf(&self, leaf: Child) -> bool {
         match leaf.kind() {
-            ChildKind::Triangles(index) => self.any_in_block(&self.tree.blocks[index]),
+            ChildKind::Triangles(index) => {
+                self.any_in_block(&self.tree.blocks[index], self.tree.indices())
+            }
             ChildKind::Spheres(index) => self.any_in_spheres(index),
             ChildKind::Node(_) | ChildKind::Empty => false,
         }
@@ -194,14 +198,14 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Updates the closest hit with a leaf of triangles.
     #[inline(always)]
-    pub fn closest_in_block(&self, block: &Block, best: &mut ClosestHit) {
+    pub fn closest_in_block(&self, block: &Block, indices: Indices, best: &mut ClosestHit) {
         let found = self.tier.candidates(block, &self.lane, best.tfar);
         let mut left = found.maybe;
         while left != 0 {
             let i = left.trailing_zeros();
             left &= left - 1;
-            let slot = i as usize % block.primitives.len();
-            let primitive = block.primitives[slot];
+            let slot = i as usize % WIDTH;
+            let primitive = indices.of(block, slot);
             if primitive == self.leaving {
                 continue;
             }
@@ -222,14 +226,14 @@ impl<'a, T: Tier> Single<'a, T> {
 
     /// Returns whether the ray hits any triangle of a leaf.
     #[inline(always)]
-    pub fn any_in_block(&self, block: &Block) -> bool {
+    pub fn any_in_block(&self, block: &Block, indices: Indices) -> bool {
         let found = self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
         let mut left = found.maybe;
         while left != 0 {
             let i = left.trailing_zeros();
             left &= left - 1;
-            let slot = i as usize % block.primitives.len();
-            if block.primitives[slot] == self.leaving {
+            let slot = i as usize % WIDTH;
+            if indices.of(block, slot) == self.leaving {
                 continue;
             }
             let sure = (found.sure >> i) & 1 != 0;

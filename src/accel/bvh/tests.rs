@@ -47,6 +47,25 @@ fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
     pool.install(|| Bvh::build(geometry, isa, &options, &Monitor::default())).expect("a tree")
 }
 
+/// Neighbours of a strip whose indices are far apart: their leaves hold whole indices.
+#[test]
+fn triangles_in_no_order_have_wide_leaves() {
+    let (far, strip) = (70_000u32, 64);
+    let vertices = (0..=strip).flat_map(|x| [[x as f32, 0.0, 0.0], [x as f32, 1.0, 0.0]]);
+    let mut vertices: Vec<[f32; 3]> = vertices.collect();
+    let faraway = vertices.len() as u32;
+    vertices.extend([[1e3, 0.0, 0.0], [1e3, 1.0, 0.0], [1e3, 0.0, 1.0]]);
+    let triangle = |i: u32| match (i / far, i % far) {
+        (half, x) if x < strip => [0, 1, 2].map(|k| 2 * x + half + k),
+        _ => [0, 1, 2].map(|k| faraway + k),
+    };
+    let mesh = TriangleMesh::new(vertices, (0..2 * far).map(triangle).collect(), false);
+    let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
+    let bvh = build(&geometry, Isa::detect(), 2);
+    assert_eq!(bvh.validate().map(|stats| stats.triangles), Ok(2 * far as usize));
+    assert!(!bvh.tree.wide.is_empty() && bvh.tree.wide.len() < 100);
+}
+
 /// Returns every bit of a tree that a query reads.
 fn bits(tree: &Tree) -> Vec<u64> {
     let mut bits = Vec::new();
@@ -57,10 +76,12 @@ fn bits(tree: &Tree) -> Vec<u64> {
     }
     for block in &tree.blocks {
         bits.extend(block.vertices.as_flattened().iter().map(|x| u64::from(x.to_bits())));
-        bits.extend(block.primitives.map(u64::from));
+        bits.extend(block.offsets.map(u64::from));
+        bits.extend([block.base, block.second_halves.into()].map(u64::from));
         bits.extend(block.corners.as_flattened().iter().map(|&corner| u64::from(corner)));
         bits.push(block.present.into());
     }
+    bits.extend(tree.wide.iter().flatten().map(|&index| u64::from(index)));
     bits.extend(tree.spheres.iter().flat_map(|leaf| leaf.0.map(u64::from)));
     bits
 }
@@ -167,19 +188,17 @@ fn validate_detects_every_kind_of_damage() {
             let slot = inner(t).0;
             t.nodes[0].children[slot] = Child::node(100_000);
         }),
-        ("but primitive", |t| t.blocks[3].present ^= 2),
-        ("but primitive", |t| t.blocks[3].primitives[0] = NONE),
-        ("has corners", |t| t.blocks[0].corners[2][0] = 16),
+        ("is not in the tree", |t| t.blocks[3].present &= !2),
+        ("has no primitive indices", |t| t.blocks[3].base = super::node::WIDE),
         ("primitive", |t| t.blocks[0].corners[1][0] ^= 1),
         ("primitive", |t| t.blocks[0].vertices[2][0] += 1.0),
         ("second half: true", |t| {
-            let of_mesh = t.blocks.iter_mut().find(|block| block.primitives[0] < 3200);
-            of_mesh.expect("a leaf of the mesh").corners[0][0] |= super::node::SECOND_HALF;
+            let of_mesh = t.blocks.iter_mut().find(|block| block.base < 3200);
+            of_mesh.expect("a leaf of the mesh").second_halves |= 1;
         }),
-        ("there is no primitive", |t| t.blocks[0].primitives[0] = 1 << 20),
+        ("there is no primitive", |t| t.blocks[0].base = 1 << 20),
         ("is empty", |t| {
             t.blocks[0].present = 0;
-            t.blocks[0].primitives = [NONE; 16];
         }),
         ("is in the tree twice", |t| t.spheres[0].0[0] = t.spheres[1].0[0]),
         ("there is no sphere", |t| t.spheres[0].0[0] = 1000),

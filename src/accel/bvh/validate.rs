@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::bounds::Bounds3;
-use super::node::{Child, ChildKind, Node, SECOND_HALF, WIDTH};
+use super::node::{Child, ChildKind, Node, WIDE, WIDTH};
 use super::simd::MAX_DEPTH;
 use super::tree::Bvh;
 use crate::geometry::{Geometry, GeometryKind, quad_halves};
@@ -141,21 +141,13 @@ impl Validator<'_> {
         let block = tree.blocks.get(index).ok_or_else(|| place("does not exist".into()))?;
         let mut bounds = Bounds3::EMPTY;
         for i in 0..WIDTH {
-            let primitive = block.primitives[i];
-            let present = (block.present >> i) & 1 != 0;
-            if present != (primitive != NONE) {
-                return Err(place(format!(
-                    "slot {i}: present {present}, but primitive {primitive}"
-                )));
-            }
-            if !present {
+            if (block.present >> i) & 1 == 0 {
                 continue;
             }
-            let corners =
-                [block.corners[0][i] & !SECOND_HALF, block.corners[1][i], block.corners[2][i]];
-            if corners.iter().any(|&corner| usize::from(corner) >= WIDTH) {
-                return Err(place(format!("slot {i} has corners {corners:?}")));
+            if block.base & WIDE != 0 && (block.base & !WIDE) as usize >= tree.wide.len() {
+                return Err(place("has no primitive indices".into()));
             }
+            let primitive = tree.indices().of(block, i);
             let second = block.is_second_half(i);
             let source = triangle(geometry, primitive, second).map_err(place)?;
             let kept = block.triangle(i);

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::node::{Child, ChildKind};
+use super::node::{Child, ChildKind, WIDTH};
 use super::tree::Bvh;
 
 /// Distance of a node or leaf, in units of its radius, beyond which it counts as a dipole.
@@ -49,8 +49,9 @@ impl Bvh<'_> {
             blocks: vec![Dipole::default(); self.tree.blocks.len()],
         };
         for (dipole, block) in dipoles.blocks.iter_mut().zip(&self.tree.blocks) {
-            let used = (0..block.primitives.len()).filter(|i| block.present >> i & 1 != 0);
-            let all: Vec<_> = used.filter_map(|i| corners(block.primitives[i])).collect();
+            let used = (0..WIDTH).filter(|i| block.present >> i & 1 != 0);
+            let indices = self.tree.indices();
+            let all: Vec<_> = used.filter_map(|i| corners(indices.of(block, i))).collect();
             *dipole = Dipole::of_triangles(&all);
         }
         self.dipole_of(Child::node(0), &mut dipoles);
@@ -94,9 +95,10 @@ impl Bvh<'_> {
                 ChildKind::Node(index) => stack.extend(self.tree.nodes[index].children),
                 ChildKind::Triangles(index) => {
                     let block = &self.tree.blocks[index];
-                    let used = (0..block.primitives.len()).filter(|i| block.present >> i & 1 != 0);
+                    let used = (0..WIDTH).filter(|i| block.present >> i & 1 != 0);
+                    let indices = self.tree.indices();
                     sum += used
-                        .filter_map(|i| corners(block.primitives[i]))
+                        .filter_map(|i| corners(indices.of(block, i)))
                         .map(|corners| solid_angle(corners, point))
                         .sum::<f64>();
                 }

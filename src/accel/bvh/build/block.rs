@@ -1,6 +1,6 @@
 //! Triangles -> a leaf over their shared vertices.
 
-use super::super::node::{Block, SECOND_HALF, WIDTH};
+use super::super::node::{Block, WIDTH};
 use super::reference::{Group, Place};
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
@@ -125,7 +125,35 @@ pub fn fits(geometry: &Geometry, places: impl Iterator<Item = Place> + Clone) ->
     true
 }
 
-/// Makes the leaf of triangles that [`fits`] accepts. Unused vertices repeat the last one.
+/// Returns the lowest and the highest primitive index of a leaf.
+#[inline(always)]
+fn index_range(triangles: &[Group]) -> [u32; 2] {
+    let (mut low, mut high) = (u32::MAX, 0);
+    for group in triangles {
+        low = low.min(group.first());
+        high = high.max(group.first() + group.len() - 1);
+    }
+    [low, high]
+}
+
+/// Whether the primitive indices of a leaf are too far apart for [`Block::offsets`].
+#[inline(always)]
+pub fn is_wide(triangles: &[Group]) -> bool {
+    let [low, high] = index_range(triangles);
+    high - low > u32::from(u16::MAX)
+}
+
+/// Returns the primitive indices of a leaf; 0 in unused slots.
+pub fn indices(geometry: &Geometry, triangles: &[Group]) -> [u32; WIDTH] {
+    let mut indices = [0; WIDTH];
+    let places = triangles.iter().flat_map(|group| group.places(geometry));
+    for (index, place) in indices.iter_mut().zip(places) {
+        *index = place.index;
+    }
+    indices
+}
+
+/// Makes the leaf of triangles that [`fits`] accepts. [`Block::base`] of a wide leaf is to be set. Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
     /// The triangles of the leaf.
@@ -149,17 +177,16 @@ impl Kernel for MakeBlock<'_> {
 #[inline(always)]
 fn block(geometry: &Geometry, triangles: &[Group]) -> Block {
     let mut vertices = Vertices::EMPTY;
-    let mut block = Block::EMPTY;
+    let mut block = Block { base: index_range(triangles)[0], ..Block::EMPTY };
     let places = triangles.iter().flat_map(|group| group.places(geometry));
     for (i, place) in places.take(WIDTH).enumerate() {
         let Some(corners) = vertices.triangle(geometry, place) else { continue };
         for k in 0..3 {
-            block.corners[k][i] = corners[k];
+            block.set_corner(k, i, corners[k]);
         }
-        if place.second_half {
-            block.corners[0][i] |= SECOND_HALF;
-        }
-        block.primitives[i] = place.index;
+        block.second_halves |= u16::from(place.second_half) << i;
+        // Meaningless in a wide leaf.
+        block.offsets[i] = (place.index - block.base) as u16;
         block.present |= 1 << i;
     }
     for i in 0..WIDTH {

@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
-use super::super::node::{Block, Child, ChildKind, Node, SphereLeaf, WIDTH};
+use super::super::node::{Block, Child, ChildKind, Indices, Node, SphereLeaf, WIDTH};
 use super::binary::BinaryTree;
 use super::binary_node::{BinaryNode, Slot};
 use crate::error::Result;
@@ -20,6 +20,8 @@ pub struct Tree {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
     pub spheres: Vec<SphereLeaf>,
+    /// Primitive indices of the leaves in which they are far apart: see [`Indices`].
+    pub wide: Vec<[u32; WIDTH]>,
     /// The trees of the meshes of instances: see [`Geometry::shared`](crate::geometry::Geometry).
     pub shared: Vec<Tree>,
     /// Box of the whole scene.
@@ -44,11 +46,18 @@ impl Tree {
         }
     }
 
+    /// Returns what finds the primitive indices of the leaves of triangles.
+    #[inline(always)]
+    pub fn indices(&self) -> Indices<'_> {
+        Indices { wide: &self.wide, first: 0 }
+    }
+
     /// Returns the size of the arrays in bytes.
     pub fn bytes(&self) -> u64 {
         let own = size_of_val(&self.nodes[..])
             + size_of_val(&self.blocks[..])
-            + size_of_val(&self.spheres[..]);
+            + size_of_val(&self.spheres[..])
+            + size_of_val(&self.wide[..]);
         own as u64 + self.shared.iter().map(Tree::bytes).sum::<u64>()
     }
 }
@@ -77,6 +86,7 @@ pub fn collapse(tree: &BinaryTree) -> Result<Tree> {
         nodes,
         blocks: Vec::new(),
         spheres: Vec::new(),
+        wide: Vec::new(),
         shared: Vec::new(),
         bounds: Bounds3::EMPTY,
         depth,

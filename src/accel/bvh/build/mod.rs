@@ -19,7 +19,7 @@ use self::binary_node::{BinaryNode, Leaf, Slot};
 use self::block::MakeBlock;
 use self::reference::Reference;
 use super::bounds::Bounds3;
-use super::node::{Block, SphereLeaf};
+use super::node::{Block, SphereLeaf, WIDE, WIDTH};
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, Kind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
@@ -89,14 +89,23 @@ pub fn build(
         + tree.bytes()
         + (triangles.len() * size_of::<Block>() + leaves.len() * size_of::<&Leaf>()) as u64
         + (spheres.len() * size_of::<SphereLeaf>()) as u64;
-    let mut peak = within(splitting.max(collapsing).max(filling))?;
     let ids_of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &ids[leaf.range()]);
+    let wide = (0..triangles.len()).into_par_iter().filter(|&i| block::is_wide(ids_of(i)));
+    let wide: Vec<usize> = wide.collect();
+    let filling = filling + (wide.len() * (size_of::<usize>() + size_of::<[u32; WIDTH]>())) as u64;
+    let mut peak = within(splitting.max(collapsing).max(filling))?;
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
         let next = [ids_of(i + 1), ids_of(i + 2)];
         simd::dispatch(isa, MakeBlock { geometry, triangles: ids_of(i), next })
     };
     (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
+    reserve::exact(&mut tree.wide, wide.len(), "bvh")?;
+    let indices = wide.par_iter().map(|&i| block::indices(geometry, ids_of(i)));
+    indices.collect_into_vec(&mut tree.wide);
+    for (base, &i) in (0..).zip(&wide) {
+        tree.blocks[i].base = base | WIDE;
+    }
     reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
     tree.spheres.extend(spheres.iter().map(|leaf| {
         let mut prims = [NONE; super::node::SPHERES];

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
-use crate::accel::bvh::node::{Block, Child, ChildKind, Node};
+use crate::accel::bvh::node::{Block, Child, ChildKind, Indices, Node};
 use crate::accel::bvh::simd::{Path, Tier};
 use crate::ray::LANES;
 
@@ -112,7 +112,8 @@ impl<T: Tier> Packet<'_, T> {
     pub fn any_in_leaf(&mut self, leaf: Child, entering: u32, occluded: &mut [i32; LANES]) {
         match leaf.kind() {
             ChildKind::Triangles(index) => {
-                self.any_in_block(&self.tree.blocks[index], entering, occluded);
+                let tree = self.tree;
+                self.any_in_block((&tree.blocks[index], tree.indices()), entering, occluded);
             }
             ChildKind::Spheres(index) => self.any_in_spheres(index, entering, occluded),
             ChildKind::Node(_) | ChildKind::Empty => {}
@@ -131,7 +132,7 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub(super) fn any_in_block(
         &mut self,
-        block: &Block,
+        (block, indices): (&Block, Indices),
         entering: u32,
         occluded: &mut [i32; LANES],
     ) {
@@ -140,7 +141,7 @@ impl<T: Tier> Packet<'_, T> {
         // tests.
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
-                if self.single(i).any_in_block(block) {
+                if self.single(i).any_in_block(block, indices) {
                     occluded[i] = -1;
                 }
             }
@@ -148,7 +149,8 @@ impl<T: Tier> Packet<'_, T> {
         }
         let entering = lanes_from_bits(entering);
         for slot in Bits(triangles) {
-            let Some(mut edges) = self.edges(block, slot, &entering) else { continue };
+            let triangle = (slot, indices.of(block, slot));
+            let Some(mut edges) = self.edges(block, triangle, &entering) else { continue };
             let mut rest = 0;
             for i in 0..LANES {
                 // The depth of the hit lies between those of the corners. If all of these lie

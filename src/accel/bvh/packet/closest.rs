@@ -5,7 +5,7 @@ use std::thread::LocalKey;
 
 use super::{Bits, Packet, StackEntry, Stacks, lanes_from_bits};
 use crate::accel::bvh::hits::ClosestHits;
-use crate::accel::bvh::node::{Block, Child, ChildKind, Node};
+use crate::accel::bvh::node::{Block, Child, ChildKind, Indices, Node};
 use crate::accel::bvh::simd::{Stack, Tier};
 use crate::accel::bvh::single::ClosestHit;
 use crate::ray::{LANES, NONE};
@@ -88,7 +88,8 @@ impl<T: Tier> Packet<'_, T> {
     pub fn closest_in_leaf(&mut self, leaf: Child, entering: u32, best: &mut ClosestHits) {
         match leaf.kind() {
             ChildKind::Triangles(index) => {
-                self.closest_in_block(&self.tree.blocks[index], entering, best);
+                let tree = self.tree;
+                self.closest_in_block((&tree.blocks[index], tree.indices()), entering, best);
             }
             ChildKind::Spheres(index) => self.closest_in_spheres(index, entering, best),
             ChildKind::Node(_) | ChildKind::Empty => {}
@@ -150,7 +151,7 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     pub(super) fn closest_in_block(
         &mut self,
-        block: &Block,
+        (block, indices): (&Block, Indices),
         entering: u32,
         best: &mut ClosestHits,
     ) {
@@ -160,16 +161,16 @@ impl<T: Tier> Packet<'_, T> {
         if entering.count_ones() <= triangles.count_ones() {
             for i in Bits(entering) {
                 let mut traced = ClosestHit::from_lane(best, i, self.tfar[i]);
-                self.single(i).closest_in_block(block, &mut traced);
+                self.single(i).closest_in_block(block, indices, &mut traced);
                 self.store_if_new(i, &traced, best);
             }
             return;
         }
         let entering = lanes_from_bits(entering);
         for slot in Bits(triangles) {
-            let Some(edges) = self.edges(block, slot, &entering) else { continue };
+            let primitive = indices.of(block, slot);
+            let Some(edges) = self.edges(block, (slot, primitive), &entering) else { continue };
             let test = self.test(block, slot, edges);
-            let primitive = block.primitives[slot];
             let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {
                 let t = test.t[i];

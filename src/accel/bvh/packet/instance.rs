@@ -123,7 +123,7 @@ impl<T: Tier> Packet<'_, T> {
                     boxes.push(&local.tree.nodes[index], stack);
                 }
                 ChildKind::Triangles(index) => {
-                    self.closest_in_block(&local.block(index), entering, best);
+                    self.closest_in_block((&local.block(index), local.indices()), entering, best);
                     boxes.end_at_hits(local, best);
                     may_have_shortened = true;
                 }
@@ -150,7 +150,7 @@ impl<T: Tier> Packet<'_, T> {
                 _ if entering == 0 => {}
                 ChildKind::Node(index) => boxes.push_any(&local.tree.nodes[index], stack),
                 ChildKind::Triangles(index) => {
-                    self.any_in_block(&local.block(index), entering, occluded);
+                    self.any_in_block((&local.block(index), local.indices()), entering, occluded);
                     self.finish_rays(occluded);
                     boxes.finish_rays(occluded);
                     left = boxes.left();

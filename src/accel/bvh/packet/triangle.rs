@@ -36,11 +36,16 @@ pub struct Test {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Tests the lines of the rays in `entering` against a triangle of a leaf. Returns `None` if no
+    /// Tests the lines of the rays in `entering` against a triangle of a leaf, which has this
+    /// scene-wide index. Returns `None` if no
     /// ray may hit the triangle.
     #[inline(always)]
-    pub fn edges(&self, block: &Block, slot: usize, entering: &[i32; LANES]) -> Option<Edges> {
-        let primitive = block.primitives[slot];
+    pub fn edges(
+        &self,
+        block: &Block,
+        (slot, primitive): (usize, u32),
+        entering: &[i32; LANES],
+    ) -> Option<Edges> {
         let (mut maybe, mut any) = ([0i32; LANES], 0);
         for i in 0..LANES {
             let leaving = self.rays.leaving[i] == primitive;

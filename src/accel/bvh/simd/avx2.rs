@@ -213,6 +213,20 @@ unsafe fn coordinate(block: &Block, axis: usize, half: usize) -> __m256 {
     }
 }
 
+/// Returns 16 numbers of 4 bits as bytes.
+///
+/// # Safety
+/// The processor must support AVX2.
+#[inline(always)]
+unsafe fn unpacked(row: &[u8; HALF]) -> __m128i {
+    // SAFETY: reads the 8 bytes of the row; the caller guarantees the rest.
+    unsafe {
+        let low = _mm_loadl_epi64(row.as_ptr().cast());
+        let both = _mm_unpacklo_epi64(low, _mm_srli_epi64::<4>(low));
+        _mm_and_si128(both, _mm_set1_epi8(15))
+    }
+}
+
 /// Returns the triangles whose three corners have no common flag, as bits. Each flag marks the
 /// vertices outside one plane.
 ///
@@ -220,15 +234,13 @@ unsafe fn coordinate(block: &Block, axis: usize, half: usize) -> __m256 {
 /// The processor must support AVX2.
 #[inline(always)]
 unsafe fn astride(block: &Block, flags: Pair) -> u32 {
-    // SAFETY: reads rows of 16 aligned bytes; the caller guarantees the rest.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let flags = bytes(flags);
         let [a, b, c] = &block.corners;
-        // Bit 7 of the first corner is not part of the index.
-        let a = _mm_and_si128(_mm_load_si128(a.as_ptr().cast()), _mm_set1_epi8(15));
-        let a = _mm_shuffle_epi8(flags, a);
-        let b = _mm_shuffle_epi8(flags, _mm_load_si128(b.as_ptr().cast()));
-        let c = _mm_shuffle_epi8(flags, _mm_load_si128(c.as_ptr().cast()));
+        let a = _mm_shuffle_epi8(flags, unpacked(a));
+        let b = _mm_shuffle_epi8(flags, unpacked(b));
+        let c = _mm_shuffle_epi8(flags, unpacked(c));
         let common = _mm_and_si128(_mm_and_si128(a, b), c);
         let none = _mm_cmpeq_epi8(common, _mm_setzero_si128());
         _mm_movemask_epi8(none) as u32 & u32::from(block.present)
@@ -357,8 +369,10 @@ unsafe fn sheared(block: &Block, lane: &Lane, end: f32, half: usize) -> ([__m256
 unsafe fn corner(block: &Block, (k, half): (usize, usize), x: Pair, y: Pair) -> (__m256, __m256) {
     // SAFETY: reads 8 bytes; the caller guarantees the rest.
     unsafe {
-        let row: *const u8 = block.corners.as_ptr().add(k).cast();
-        let index = _mm256_cvtepu8_epi32(_mm_loadl_epi64(row.add(HALF * half).cast()));
+        let both = _mm_loadl_epi64(block.corners.as_ptr().add(k).cast());
+        let own = if half == 0 { both } else { _mm_srli_epi64::<4>(both) };
+        // The higher bits of an index do not matter.
+        let index = _mm256_cvtepu8_epi32(own);
         (pick(x, index), pick(y, index))
     }
 }

@@ -55,20 +55,29 @@ unsafe fn coordinate(block: &Block, axis: usize) -> __m512 {
     unsafe { _mm512_load_ps(block.vertices.as_ptr().add(axis).cast()) }
 }
 
-/// Returns the vertex indices of the corners of a leaf's triangles.
+/// Returns the vertex indices of the corners of a leaf's triangles, with meaningless higher bits.
 ///
 /// # Safety
 /// The processor must support AVX-512 F.
 #[inline(always)]
 unsafe fn corners(block: &Block) -> [__m512i; 3] {
-    // SAFETY: reads rows of 16 aligned bytes; the caller guarantees the rest.
+    // SAFETY: guaranteed by the caller.
     unsafe {
         let [a, b, c] = &block.corners;
-        [
-            _mm512_cvtepu8_epi32(_mm_load_si128(a.as_ptr().cast())),
-            _mm512_cvtepu8_epi32(_mm_load_si128(b.as_ptr().cast())),
-            _mm512_cvtepu8_epi32(_mm_load_si128(c.as_ptr().cast())),
-        ]
+        [unpacked(a), unpacked(b), unpacked(c)]
+    }
+}
+
+/// Returns 16 numbers of 4 bits, with meaningless higher bits.
+///
+/// # Safety
+/// The processor must support AVX-512 F.
+#[inline(always)]
+unsafe fn unpacked(row: &[u8; WIDTH / 2]) -> __m512i {
+    // SAFETY: reads the 8 bytes of the row; the caller guarantees the rest.
+    unsafe {
+        let low = _mm_loadl_epi64(row.as_ptr().cast());
+        _mm512_cvtepu8_epi32(_mm_unpacklo_epi64(low, _mm_srli_epi64::<4>(low)))
     }
 }
 

@@ -147,7 +147,7 @@ impl Tier for Portable {
         let end = lane.depth(tfar);
         let (mut maybe, mut sure) = (0, 0);
         for i in 0..WIDTH {
-            let [a, b, c] = [0, 1, 2].map(|k| usize::from(block.corners[k][i]) % WIDTH);
+            let (a, b, c) = (block.corner(0, i), block.corner(1, i), block.corner(2, i));
             let (q0, q1, q2) = (y[c] * x[b], y[a] * x[c], y[b] * x[a]);
             let (u, v, w) = (x[c] * y[b] - q0, x[a] * y[c] - q1, x[b] * y[a] - q2);
             let slack = q0.abs().max(q1.abs()).max(q2.abs()) * EDGE_SLACK + EDGE_FLOOR;

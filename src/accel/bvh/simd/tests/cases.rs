@@ -1,7 +1,7 @@
 //! Random nodes, leaves and rays, many of them degenerate.
 
 use crate::accel::bvh::bounds::Bounds3;
-use crate::accel::bvh::node::{Block, Child, Node, SECOND_HALF, WIDTH};
+use crate::accel::bvh::node::{Block, Child, Node, WIDTH};
 use crate::accel::bvh::query::Query;
 use crate::ray::{LANES, Rays};
 
@@ -49,12 +49,12 @@ fn block(random: &mut Random, points: &[[f32; 3]]) -> Block {
     }
     for i in 0..1 + random.below(WIDTH) {
         for k in 0..3 {
-            block.corners[k][i] = random.below(WIDTH) as u8;
+            block.set_corner(k, i, random.below(WIDTH) as u8);
         }
         if random.below(3) == 0 {
-            block.corners[0][i] |= SECOND_HALF;
+            block.second_halves |= 1 << i;
         }
-        block.primitives[i] = i as u32;
+        block.offsets[i] = i as u16;
         block.present |= 1 << i;
     }
     block
