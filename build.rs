@@ -90,7 +90,8 @@ fn git_commit(root: &Path) -> Option<String> {
             println!("cargo::rerun-if-changed={path}");
         }
     }
-    let hash = git(&["rev-parse", "--short", "HEAD"])?;
+    // A fixed length: git's own choice depends on how many objects this clone has.
+    let hash = git(&["rev-parse", "--short=10", "HEAD"])?;
     let changed = git(&[&["status", "--porcelain", "--"][..], &BUILT_FROM[..]].concat())?;
     Some(if changed.is_empty() { hash } else { format!("{hash}-dirty") })
 }
@@ -142,17 +143,20 @@ fn embree(root: &Path) {
     println!("cargo::rustc-env=LIGHTPATH_EMBREE_FILE={file}");
 
     if variable("CARGO_CFG_TARGET_OS") == "linux" {
-        // In this order: installed; target/release/lightpath; target/release/deps/<test>; doctests,
-        // which run anywhere. The vendor folder is listed even if it does not exist yet, so `make
+        // In this order: installed; target/release/lightpath; target/release/deps/<test>; the same
+        // with `--target`. The vendor folder is listed even if it does not exist yet, so `make
         // setup` needs no rebuild.
         let mut folders: Vec<PathBuf> = explicit.into_iter().collect();
         folders.push("$ORIGIN/../lib/lightpath".into());
-        folders.push("$ORIGIN/../../vendor/embree".into());
-        folders.push("$ORIGIN/../../../vendor/embree".into());
-        // Packages that must not depend on where they were built set this
+        for up in ["../..", "../../..", "../../../.."] {
+            folders.push(format!("$ORIGIN/{up}/vendor/embree").into());
+        }
+        // A program from a target folder elsewhere needs the absolute path. All others have the
+        // same bytes wherever they are built, as all have with SOURCE_DATE_EPOCH
         // (reproducible-builds.org).
         println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
-        if env::var_os("SOURCE_DATE_EPOCH").is_none() {
+        let inside = Path::new(&variable("OUT_DIR")).starts_with(root);
+        if !inside && env::var_os("SOURCE_DATE_EPOCH").is_none() {
             folders.push(vendor);
         }
         let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();

@@ -8,7 +8,8 @@
 #       a folder that runs anywhere, with Embree if that is in vendor/
 #
 # With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made
-# with `make install`; the same program gives the same bytes. Needs dpkg-deb and xz.
+# with `make install`. The same commit gives the same bytes: scripts/reproducible.sh. Needs dpkg-deb
+# and xz.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -28,6 +29,8 @@ say() { printf 'dist: %s\n' "$*"; }
 install_to() {
     make --no-print-directory install DESTDIR="$1" PREFIX="$2" EMBREE="${EMBREE:-vendor/embree}" >/dev/null
 }
+# KiB of all files, each rounded up. `du` also counts folders, whose sizes depend on the file system.
+installed_size() { find "$1" -type f -printf '%s\n' | awk '{ sum += int(($1 + 1023) / 1024) } END { print sum }'; }
 same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
 # --------------------------------------------------------------------------------------------------
@@ -62,7 +65,7 @@ Section: graphics
 Priority: optional
 Architecture: $architecture
 Maintainer: lightpath <lightpath@localhost>
-Installed-Size: $(du -k -s --apparent-size "$deb/usr" | cut -f 1)
+Installed-Size: $(installed_size "$deb/usr")
 Depends: $depends
 Description: CPU ray tracer for big scanned meshes
  Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with its own tree or Intel Embree 4,

@@ -14,8 +14,8 @@ trap 'rm -rf "$stage"' EXIT
 umask 022
 mkdir -p "$dist"
 make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
-find "$stage/$name" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
-tar -C "$stage" --sort=name --owner=0 --group=0 --numeric-owner -cf - "$name" | xz -6 >"$dist/$name.tar.xz"
+tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -cf - "$name" |
+    xz -6 -T1 >"$dist/$name.tar.xz"
 
 # The newest version of the C library that a symbol of the program needs.
 glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
