@@ -17,7 +17,7 @@ use crate::{
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
     scene::{Filter, Scene, ShapeKind, Smooth},
-    shading::{EnvironmentMap, Texture, TextureSize},
+    shading::{EnvironmentMap, Texture, WHOLE_TEXELS},
     world::{color_request, own_images},
 };
 
@@ -214,8 +214,8 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
         *areas |= texture.filter == Filter::Trilinear;
     }
     let images = keys.into_iter().filter_map(|((path, _), areas)| {
-        let size = Texture::size(path).ok()?;
-        Some((size, if areas { mip_map_bytes(&size) } else { 0 }))
+        let size = Texture::size_in_tiles(path, WHOLE_TEXELS).ok()?;
+        Some((size, if areas { size.mip_map } else { 0 }))
     });
     let maps: HashSet<_> = scene.maps().map(|map| map.path.as_path()).collect();
     let maps = maps.into_iter().filter_map(|path| Some((EnvironmentMap::size(path).ok()?, 0)));
@@ -229,19 +229,14 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
 
 /// Adds the images that a mesh names. They are loaded for each shape, and looked up over areas.
 fn own_textures(mesh: &Path, sum: &mut Prediction) {
-    for size in own_images(mesh).iter().filter_map(|path| Texture::size(path).ok()) {
-        let stored = size.stored.saturating_add(mip_map_bytes(&size));
+    let size = |path| Texture::size_in_tiles(path, WHOLE_TEXELS).ok();
+    for size in own_images(mesh).iter().filter_map(|path| size(path)) {
+        let stored = size.stored.saturating_add(size.mip_map);
         sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
         let beside = size.decoding.saturating_sub(size.stored);
         sum.own_decoding_bytes = sum.own_decoding_bytes.max(beside);
         sum.decoding_bytes = sum.decoding_bytes.max(beside);
     }
-}
-
-/// Returns an upper bound of the bytes of an image's mip map. It has a third of the texels. Where
-/// the image has 8 bits a channel, its levels have 16, so they take two thirds.
-fn mip_map_bytes(image: &TextureSize) -> u64 {
-    image.stored - image.stored / 3
 }
 
 impl Prediction {

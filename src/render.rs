@@ -26,7 +26,7 @@ use crate::world::World;
 /// next frame.
 ///
 /// # Errors
-/// `Interrupted` after a signal; the film is then unfinished.
+/// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
 pub fn render(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -42,7 +42,7 @@ pub fn render(
 /// must be the planes of the plan.
 ///
 /// # Errors
-/// `Interrupted` after a signal; the film is then unfinished.
+/// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
 pub fn render_layers(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -63,7 +63,7 @@ pub fn render_layers(
 /// bits of the whole render. The film's pixels become the mean of these samples.
 ///
 /// # Errors
-/// `Interrupted` after a signal; the film is then unfinished.
+/// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
 pub fn render_samples(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -117,5 +117,6 @@ fn render_with<R: Record>(
         });
     film.dropped = dropped;
     monitor.check()?;
+    world.shapes.check_textures()?;
     Ok(counts)
 }

@@ -90,7 +90,7 @@ struct Job<'a> {
 /// Renders the film's window, and the layers of a plan, with as many samples as each pixel needs.
 ///
 /// # Errors
-/// `Interrupted` after a signal; the film is then unfinished.
+/// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
 pub fn render_adaptive(
     world: &World,
     accelerator: &dyn Accelerator,
@@ -118,6 +118,7 @@ pub fn render_adaptive(
         job.render(film, || Layers::new(plan, None, world.spp))
     };
     monitor.check()?;
+    world.shapes.check_textures()?;
     Ok((counts + rays, taken))
 }
 

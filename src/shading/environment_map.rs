@@ -89,10 +89,10 @@ impl EnvironmentMap {
     /// # Errors
     /// The errors of [`Texture::load`] that concern the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        let ((width, height), TextureSize { stored, decoding }) = image_file::size(path)?;
+        let ((width, height), size) = image_file::size(path, u64::MAX)?;
         let table = u64::from(width) * u64::from(height) * size_of::<f32>() as u64;
-        let stored = stored.saturating_add(table);
-        Ok(TextureSize { stored, decoding: decoding.max(stored) })
+        let stored = size.stored.saturating_add(table);
+        Ok(TextureSize { stored, decoding: size.decoding.max(stored), mip_map: 0 })
     }
 
     /// The image of the map.

@@ -213,14 +213,20 @@ impl Shapes {
         let mut left = limit.map(|limit| limit.less(self.texture_bytes()));
         for (texture, _) in self.textures.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted) {
             let held = texture.bytes();
-            // Some 2/3 of the texture: 6 bytes for every fourth, 16th... of its 3-byte texels.
-            // Floats take half of that.
             let what = "smaller copies of a texture";
-            left.map_or(Ok(()), |left| left.check(held - held / 3, what))?;
+            left.map_or(Ok(()), |left| left.check(texture.max_mip_map_bytes(), what))?;
             texture.make_mip_map(what)?;
             left = left.map(|left| left.less(texture.bytes() - held));
         }
         Ok(())
+    }
+
+    /// Returns an error if texels of a texture could not be read while they were looked up.
+    ///
+    /// # Errors
+    /// `Retry`: the disk failed.
+    pub fn check_textures(&self) -> Result<()> {
+        self.textures.iter().try_for_each(Texture::check)
     }
 
     /// Shape of a primitive, as an index in file order.

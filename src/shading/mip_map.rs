@@ -1,11 +1,15 @@
 //! Smaller copies of a texture (a mip map: Williams 1983, "Pyramidal Parametrics", SIGGRAPH), and
 //! lookups of an area instead of a point.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use super::texel_filter::bilinear;
-use super::texel_image::TexelImage;
+use super::texel_image::{TexelImage, linear_rgb};
+use super::tiles::{self, Band, SIDE, TileWriter, Tiles};
 use crate::error::Result;
 use crate::reserve;
 use crate::scene::Wrap;
@@ -31,6 +35,8 @@ struct Level {
 enum LevelTexels {
     /// 1 is 65535: finer than 8 bits of sRGB, and half the memory of floats.
     Words(Vec<[u16; 3]>),
+    /// Words in a temporary file.
+    Tiles(Arc<Tiles>),
     Floats(Vec<[f32; 3]>),
 }
 
@@ -45,77 +51,198 @@ impl Level {
     fn texel(&self, x: usize, y: usize) -> Vec3 {
         let at = y * self.width as usize + x;
         match &self.texels {
-            LevelTexels::Words(words) => {
-                Vec3::from(words[at].map(f32::from)) * (1.0 / f32::from(u16::MAX))
-            }
+            LevelTexels::Words(words) => from_words(words[at]),
+            LevelTexels::Tiles(tiles) => tiles.with(|cache| from_bytes(cache.texel(tiles, x, y))),
             LevelTexels::Floats(floats) => Vec3::from(floats[at]),
+        }
+    }
+
+    fn bilinear(&self, uv: DVec2, wrap: [Wrap; 2]) -> Vec3 {
+        let size = (self.width, self.height);
+        match &self.texels {
+            LevelTexels::Tiles(tiles) => tiles.with(|cache| {
+                bilinear(size, uv, wrap, |x, y| from_bytes(cache.texel(tiles, x, y)))
+            }),
+            _ => bilinear(size, uv, wrap, |x, y| self.texel(x, y)),
         }
     }
 
     /// Means over the texels of a larger image. `words`: all values are in [0, 1].
     fn halve(
-        (width, height): (u32, u32),
+        size: (u32, u32),
         texel: impl Fn(usize, usize) -> Vec3 + Sync,
         words: bool,
         what: &str,
     ) -> Result<Self> {
-        let half = |side: u32| (side / 2).max(1);
-        let (w, h) = (half(width), half(height));
-        let mean = |x: u32, y: u32| {
-            let mut sum = Vec3::ZERO;
-            for (row, down) in overlaps(y, height, h) {
-                for (column, across) in overlaps(x, width, w) {
-                    sum += texel(column, row) * (down * across);
-                }
-            }
-            sum
-        };
-        let count = w as usize * h as usize;
-        let place = |i: usize| (i as u32 % w, i as u32 / w);
+        let (width, height) = half(size);
+        let count = width as usize * height as usize;
         let texels = if words {
             let mut all = reserve::filled([0u16; 3], count, what)?;
-            all.par_iter_mut().enumerate().for_each(|(i, texel)| {
-                let (x, y) = place(i);
-                let value = (mean(x, y) * f32::from(u16::MAX)).round();
-                *texel = value.to_array().map(|value| value as u16);
-            });
+            means(size, texel, 0, to_words, &mut all);
             LevelTexels::Words(all)
         } else {
             let mut all = reserve::filled([0f32; 3], count, what)?;
-            all.par_iter_mut().enumerate().for_each(|(i, texel)| {
-                let (x, y) = place(i);
-                *texel = mean(x, y).to_array();
-            });
+            means(size, texel, 0, |mean| mean.to_array(), &mut all);
             LevelTexels::Floats(all)
         };
-        Ok(Self { width: w, height: h, texels })
+        Ok(Self { width, height, texels })
     }
+
+    /// Means over the texels of a larger image in a temporary file, whose values are in [0, 1]. At
+    /// most `whole` texels are held in memory.
+    fn halve_tiles(
+        tiles: &Tiles,
+        texel: impl Fn(&[u8]) -> Vec3 + Sync,
+        whole: u64,
+        what: &str,
+    ) -> Result<Self> {
+        let (width, height) = half(tiles.size());
+        let file =
+            (!is_whole((width, height), whole)).then(|| Tiles::new((width, height), WORD_BYTES));
+        let mut writer = file.flatten().map(|file| TileWriter::new(file, what)).transpose()?;
+        let mut all = Vec::new();
+        if writer.is_none() {
+            reserve::exact(&mut all, width as usize * height as usize, what)?;
+        }
+        let mut rows = Vec::new();
+        let mut band = Band::default();
+        for first in (0..height).step_by(SIDE) {
+            let last = (first + SIDE as u32).min(height) - 1;
+            let ends = [first, last].map(|row| overlapped(row, tiles.size().1, height));
+            band.read(tiles, ends[0].start as usize..ends[1].end as usize, what)?;
+            rows.resize((last + 1 - first) as usize * width as usize, [0; WORD_BYTES]);
+            let texel = |x, y| texel(band.texel(tiles, x, y));
+            means(tiles.size(), texel, first, |mean| to_bytes(to_words(mean)), &mut rows);
+            match &mut writer {
+                Some(writer) => {
+                    let mut rows = rows.chunks_exact(width as usize);
+                    rows.try_for_each(|row| writer.push(row.as_flattened()))?;
+                }
+                None => all.extend(rows.iter().map(|bytes| read_words(bytes))),
+            }
+        }
+        let texels = match writer {
+            Some(writer) => LevelTexels::Tiles(Arc::new(writer.finish()?)),
+            None => LevelTexels::Words(all),
+        };
+        Ok(Self { width, height, texels })
+    }
+}
+
+/// Bytes of a texel of [`LevelTexels::Words`].
+const WORD_BYTES: usize = size_of::<[u16; 3]>();
+
+fn to_words(mean: Vec3) -> [u16; 3] {
+    (mean * f32::from(u16::MAX)).round().to_array().map(|value| value as u16)
+}
+
+#[inline(always)]
+fn from_words(words: [u16; 3]) -> Vec3 {
+    Vec3::from(words.map(f32::from)) * (1.0 / f32::from(u16::MAX))
+}
+
+fn to_bytes(words: [u16; 3]) -> [u8; WORD_BYTES] {
+    let [[a, b], [c, d], [e, f]] = words.map(u16::to_le_bytes);
+    [a, b, c, d, e, f]
+}
+
+#[inline(always)]
+fn read_words(bytes: &[u8]) -> [u16; 3] {
+    let word = |i: usize| u16::from_le_bytes([bytes[i], bytes[i + 1]]);
+    [word(0), word(2), word(4)]
+}
+
+#[inline(always)]
+fn from_bytes(bytes: &[u8]) -> Vec3 {
+    from_words(read_words(bytes))
+}
+
+/// Size of the next smaller copy.
+fn half((width, height): (u32, u32)) -> (u32, u32) {
+    let half = |side: u32| (side / 2).max(1);
+    (half(width), half(height))
+}
+
+/// Whether a copy of this size is held in memory, beside an image in a temporary file. `whole` is
+/// the most texels of an image that is held in memory.
+fn is_whole((width, height): (u32, u32), whole: u64) -> bool {
+    u64::from(width) * u64::from(height) <= whole / 4
+}
+
+/// Upper bound of the memory of all smaller copies of an image in a temporary file, in bytes.
+pub fn max_bytes(mut size: (u32, u32), whole: u64) -> u64 {
+    let mut bytes = 0;
+    while size != (1, 1) {
+        size = half(size);
+        bytes += match is_whole(size, whole) {
+            true => u64::from(size.0) * u64::from(size.1) * WORD_BYTES as u64,
+            false => tiles::max_bytes(size, WORD_BYTES),
+        };
+    }
+    bytes
+}
+
+/// Computes the rows from `first` of an image of half `size`: means of the larger image's texels.
+fn means<T: Send>(
+    (width, height): (u32, u32),
+    texel: impl Fn(usize, usize) -> Vec3 + Sync,
+    first: u32,
+    convert: impl Fn(Vec3) -> T + Sync,
+    out: &mut [T],
+) {
+    let (w, h) = half((width, height));
+    let mean = |x: u32, y: u32| {
+        let mut sum = Vec3::ZERO;
+        for (row, down) in overlaps(y, height, h) {
+            for (column, across) in overlaps(x, width, w) {
+                sum += texel(column, row) * (down * across);
+            }
+        }
+        sum
+    };
+    out.par_iter_mut().enumerate().for_each(|(i, out)| {
+        let i = i as u32;
+        *out = convert(mean(i % w, first + i / w));
+    });
+}
+
+/// The texels of a side of `large` between the ends of texel `i` of a side of `small`.
+fn overlapped(i: u32, large: u32, small: u32) -> Range<u32> {
+    let ratio = f64::from(large) / f64::from(small);
+    let (start, end) = (f64::from(i) * ratio, f64::from(i + 1) * ratio);
+    start as u32..(end.ceil() as u32).min(large)
 }
 
 /// The texels of a side of `large` that texel `i` of a side of `small` overlaps, with their shares.
 fn overlaps(i: u32, large: u32, small: u32) -> impl Iterator<Item = (usize, f32)> {
     let ratio = f64::from(large) / f64::from(small);
     let (start, end) = (f64::from(i) * ratio, f64::from(i + 1) * ratio);
-    let texels = start as u32..(end.ceil() as u32).min(large);
-    texels.filter_map(move |texel| {
+    overlapped(i, large, small).filter_map(move |texel| {
         let part = end.min(f64::from(texel + 1)) - start.max(f64::from(texel));
         (part > 1e-9).then_some((texel as usize, (part / ratio) as f32))
     })
 }
 
 impl MipMap {
-    /// The smaller copies of an image, on the threads of the current rayon pool.
+    /// The smaller copies of an image, on the threads of the current rayon pool. Beside an image
+    /// in a temporary file, copies of more than `whole` / 4 texels are in such files, too.
     ///
     /// # Errors
     /// `Retry` if the system refuses the memory.
-    pub fn new(image: &TexelImage, what: &str) -> Result<Self> {
+    pub fn new(image: &TexelImage, whole: u64, what: &str) -> Result<Self> {
         let words = image.is_stored_as_bytes();
         let mut levels: Vec<Level> = Vec::new();
         let mut size = image.size();
         while size != (1, 1) {
-            let next = match levels.last() {
-                None => Level::halve(size, |x, y| image.texel(x, y), words, what),
-                Some(level) => Level::halve(size, |x, y| level.texel(x, y), words, what),
+            let next = match (levels.last(), image.tiles()) {
+                (None, Some((tiles, linear))) => {
+                    Level::halve_tiles(tiles, |rgb| linear_rgb(rgb, linear), whole, what)
+                }
+                (None, None) => Level::halve(size, |x, y| image.texel(x, y), words, what),
+                (Some(Level { texels: LevelTexels::Tiles(tiles), .. }), _) => {
+                    Level::halve_tiles(tiles, from_bytes, whole, what)
+                }
+                (Some(level), _) => Level::halve(size, |x, y| level.texel(x, y), words, what),
             }?;
             size = (next.width, next.height);
             levels.push(next);
@@ -126,10 +253,19 @@ impl MipMap {
     /// Memory of the smaller copies, in bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = self.levels.iter().map(|level| match &level.texels {
-            LevelTexels::Words(words) => size_of_val(&words[..]),
-            LevelTexels::Floats(floats) => size_of_val(&floats[..]),
+            LevelTexels::Words(words) => size_of_val(&words[..]) as u64,
+            LevelTexels::Tiles(tiles) => tiles.bytes(),
+            LevelTexels::Floats(floats) => size_of_val(&floats[..]) as u64,
         });
-        bytes.sum::<usize>() as u64
+        bytes.sum()
+    }
+
+    /// The temporary files.
+    pub fn tiles(&self) -> impl Iterator<Item = &Tiles> {
+        self.levels.iter().filter_map(|level| match &level.texels {
+            LevelTexels::Tiles(tiles) => Some(&**tiles),
+            _ => None,
+        })
     }
 
     /// Mean colour of `image` over an area around `uv`.
@@ -172,9 +308,7 @@ impl MipMap {
 
     fn level(&self, image: &TexelImage, uv: DVec2, level: usize, wrap: [Wrap; 2]) -> Vec3 {
         match level.checked_sub(1).and_then(|below| self.levels.get(below)) {
-            Some(level) => {
-                bilinear((level.width, level.height), uv, wrap, |x, y| level.texel(x, y))
-            }
+            Some(level) => level.bilinear(uv, wrap),
             None => image.bilinear(uv, wrap),
         }
     }
@@ -197,7 +331,7 @@ mod tests {
     fn every_level_has_the_mean_of_the_image() {
         for (width, height) in [(64, 64), (37, 23), (5, 1), (1, 7), (100, 3)] {
             let image = floats(width, height);
-            let map = MipMap::new(&image, "test").unwrap();
+            let map = MipMap::new(&image, u64::MAX, "test").unwrap();
             let mut mean = Vec3::ZERO;
             for (x, y) in (0..width).flat_map(|x| (0..height).map(move |y| (x, y))) {
                 mean += image.texel(x as usize, y as usize) / (width * height) as f32;
@@ -217,7 +351,7 @@ mod tests {
     #[test]
     fn the_area_of_the_whole_image_has_its_mean() {
         let image = floats(64, 64);
-        let map = MipMap::new(&image, "test").unwrap();
+        let map = MipMap::new(&image, u64::MAX, "test").unwrap();
         let mean = map.levels.last().unwrap().texel(0, 0);
         for sides in [[DVec2::X, DVec2::Y], [DVec2::X * 9.0, DVec2::Y * 1e3]] {
             let found = map.lookup(&image, DVec2::new(0.3, 0.7), &Footprint { sides }, REPEAT);
@@ -228,7 +362,7 @@ mod tests {
     #[test]
     fn a_point_is_looked_up_as_without_a_map() {
         let image = floats(37, 23);
-        let map = MipMap::new(&image, "test").unwrap();
+        let map = MipMap::new(&image, u64::MAX, "test").unwrap();
         let point = Footprint { sides: [DVec2::X * 1e-3, DVec2::ZERO] };
         for i in 0..100 {
             let uv = DVec2::new(0.013 * f64::from(i), 0.029 * f64::from(i));
@@ -243,7 +377,7 @@ mod tests {
         let texels = (0..64 * 64).flat_map(|i| [if i % 64 / 4 % 2 == 0 { 0 } else { 255 }; 3]);
         let linear = std::array::from_fn(|byte| byte as f32 / 255.0);
         let image = TexelImage::from_bytes((64, 64), texels.collect(), Box::new(linear));
-        let map = MipMap::new(&image, "test").unwrap();
+        let map = MipMap::new(&image, u64::MAX, "test").unwrap();
         let area = Footprint { sides: [DVec2::Y * 0.2, DVec2::X / 64.0] };
         let black = map.lookup(&image, DVec2::new(2.0 / 64.0, 0.5), &area, REPEAT);
         let white = map.lookup(&image, DVec2::new(6.0 / 64.0, 0.5), &area, REPEAT);

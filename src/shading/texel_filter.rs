@@ -24,7 +24,7 @@ pub(super) fn bilinear(
     (width, height): (u32, u32),
     uv: DVec2,
     [wrap_u, wrap_v]: [Wrap; 2],
-    texel: impl Fn(usize, usize) -> Vec3,
+    mut texel: impl FnMut(usize, usize) -> Vec3,
 ) -> Vec3 {
     let (x, y) = (uv.x * f64::from(width) - 0.5, uv.y * f64::from(height) - 0.5);
     let (column, row) = (x.floor(), y.floor());

@@ -1,10 +1,13 @@
 //! The stored texels of an image, in linear RGB.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec2, Vec3};
 
 use super::texel_filter;
+use super::tiles::{TileCache, TileWriter, Tiles};
+use crate::error::Result;
 use crate::scene::Wrap;
 
 /// An image in linear RGB; rows from the top.
@@ -29,6 +32,8 @@ pub struct Negative {
 enum Texels {
     /// RGB bytes, and a table of the linear value of each byte.
     Bytes(Vec<u8>, Box<[f32; 256]>),
+    /// The same in a temporary file.
+    Tiles(Arc<Tiles>, Box<[f32; 256]>),
     /// Linear RGB of every texel.
     Floats(Vec<f32>),
     /// Linear RGB of a part of the image; the rest is black.
@@ -65,6 +70,37 @@ impl TexelImage {
         Self { width, height, texels: Texels::Bytes(bytes, linear) }
     }
 
+    /// An image of RGB bytes in a temporary file.
+    pub fn from_tiles(tiles: Tiles, linear: Box<[f32; 256]>) -> Self {
+        let (width, height) = tiles.size();
+        Self { width, height, texels: Texels::Tiles(Arc::new(tiles), linear) }
+    }
+
+    /// Moves RGB bytes into a temporary file. An image of floats stays in memory.
+    ///
+    /// # Errors
+    /// Errors of the disk.
+    pub fn into_tiles(self, mut writer: TileWriter) -> Result<Self> {
+        match self.texels {
+            Texels::Bytes(bytes, linear) => {
+                for row in bytes.chunks_exact(3 * self.width as usize) {
+                    writer.push(row)?;
+                }
+                Ok(Self::from_tiles(writer.finish()?, linear))
+            }
+            texels => Ok(Self { texels, ..self }),
+        }
+    }
+
+    /// The temporary file of the texels, and the linear value of each byte. `None` for an image in
+    /// memory.
+    pub fn tiles(&self) -> Option<(&Tiles, &[f32; 256])> {
+        match &self.texels {
+            Texels::Tiles(tiles, linear) => Some((tiles, linear)),
+            _ => None,
+        }
+    }
+
     /// An image of linear RGB floats.
     pub fn from_floats((width, height): (u32, u32), floats: Vec<f32>) -> Self {
         Self { width, height, texels: Texels::Floats(floats) }
@@ -94,6 +130,7 @@ impl TexelImage {
     pub fn bytes(&self) -> u64 {
         let bytes = match &self.texels {
             Texels::Bytes(bytes, table) => bytes.len() + size_of_val(&**table),
+            Texels::Tiles(tiles, table) => tiles.bytes() as usize + size_of_val(&**table),
             Texels::Floats(floats) => size_of_val(&**floats),
             Texels::Part(part) => size_of_val(&part.texels[..]),
         };
@@ -102,7 +139,7 @@ impl TexelImage {
 
     /// Whether the texels are stored as bytes. Then every value is in [0, 1].
     pub fn is_stored_as_bytes(&self) -> bool {
-        matches!(self.texels, Texels::Bytes(..))
+        matches!(self.texels, Texels::Bytes(..) | Texels::Tiles(..))
     }
 
     /// The texel in column `x` of row `y`, both inside the image.
@@ -110,9 +147,9 @@ impl TexelImage {
     pub fn texel(&self, x: usize, y: usize) -> Vec3 {
         let at = 3 * (y * self.width as usize + x);
         match &self.texels {
-            Texels::Bytes(bytes, table) => {
-                let rgb = &bytes[at..at + 3];
-                Vec3::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
+            Texels::Bytes(bytes, table) => linear_rgb(&bytes[at..at + 3], table),
+            Texels::Tiles(tiles, table) => {
+                tiles.with(|cache| linear_rgb(cache.texel(tiles, x, y), table))
             }
             Texels::Floats(floats) => Vec3::from_slice(&floats[at..at + 3]),
             Texels::Part(part) => part.texel(x, y),
@@ -129,7 +166,10 @@ impl TexelImage {
     /// Interpolates between the four texels around `uv`. Any u, v are safe.
     #[inline(always)]
     pub fn bilinear(&self, uv: DVec2, wrap: [Wrap; 2]) -> Vec3 {
-        texel_filter::bilinear(self.size(), uv, wrap, |x, y| self.texel(x, y))
+        match &self.texels {
+            Texels::Tiles(tiles, table) => bilinear_in_tiles(tiles, table, uv, wrap),
+            _ => texel_filter::bilinear(self.size(), uv, wrap, |x, y| self.texel(x, y)),
+        }
     }
 
     /// Column and row of the first texel with a value that is NaN or infinite.
@@ -152,7 +192,7 @@ impl TexelImage {
     /// columns. `None` for bytes.
     fn floats(&self) -> Option<(&[f32], [u32; 2], u32)> {
         match &self.texels {
-            Texels::Bytes(..) => None,
+            Texels::Bytes(..) | Texels::Tiles(..) => None,
             Texels::Floats(floats) => Some((floats, [0; 2], self.width)),
             Texels::Part(part) => {
                 let first = [part.columns.start, part.rows.start];
@@ -160,6 +200,20 @@ impl TexelImage {
             }
         }
     }
+}
+
+/// The linear value of RGB bytes.
+#[inline(always)]
+pub(super) fn linear_rgb(rgb: &[u8], table: &[f32; 256]) -> Vec3 {
+    Vec3::new(table[rgb[0] as usize], table[rgb[1] as usize], table[rgb[2] as usize])
+}
+
+#[inline(never)]
+fn bilinear_in_tiles(tiles: &Tiles, table: &[f32; 256], uv: DVec2, wrap: [Wrap; 2]) -> Vec3 {
+    tiles.with(|cache: &mut TileCache| {
+        let texel = |x, y| linear_rgb(cache.texel(tiles, x, y), table);
+        texel_filter::bilinear(tiles.size(), uv, wrap, texel)
+    })
 }
 
 /// Column and row of the texel with index `texel`, in rows of `width` that begin at (`left`,

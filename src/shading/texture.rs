@@ -7,8 +7,9 @@ use std::path::Path;
 use glam::{DVec2, Vec3};
 
 use super::image_file::{self, DEFAULT_MAX_BYTES, DecodedImage, TextureSize};
-use super::mip_map::{Footprint, MipMap};
+use super::mip_map::{self, Footprint, MipMap};
 use super::texel_image::{Negative, TexelImage};
+use super::tiles::Tiles;
 use crate::error::Result;
 use crate::files::Stamp;
 use crate::scene::{ColorSpace, Filter, Wrap};
@@ -21,6 +22,7 @@ pub struct Texture {
     negative: Option<Negative>,
     stamp: Option<Stamp>,
     mip_map: Option<Box<MipMap>>,
+    whole: u64,
 }
 
 impl Texture {
@@ -36,7 +38,12 @@ impl Texture {
     /// # Errors
     /// The errors of [`Texture::load`] that concern the header.
     pub fn size(path: &Path) -> Result<TextureSize> {
-        Ok(image_file::size(path)?.1)
+        Self::size_in_tiles(path, u64::MAX)
+    }
+
+    /// The same for [`Texture::load_in_tiles`].
+    pub fn size_in_tiles(path: &Path, whole: u64) -> Result<TextureSize> {
+        Ok(image_file::size(path, whole)?.1)
     }
 
     /// Reads an image that needs at most `max_bytes` while it is decoded.
@@ -45,10 +52,22 @@ impl Texture {
         color_space: Option<ColorSpace>,
         max_bytes: u64,
     ) -> Result<Self> {
+        Self::load_in_tiles(path, color_space, max_bytes, u64::MAX)
+    }
+
+    /// [`Texture::load_within`] for an image of a surface. One of more than `whole` texels of 8 bits
+    /// a channel is kept in a temporary file, if there is space on a disk. Memory is taken only
+    /// for the texels that threads looked at last.
+    pub fn load_in_tiles(
+        path: &Path,
+        color_space: Option<ColorSpace>,
+        max_bytes: u64,
+        whole: u64,
+    ) -> Result<Self> {
         let DecodedImage { image, had_alpha, stamp } =
-            image_file::read(path, color_space, max_bytes)?;
+            image_file::read(path, color_space, max_bytes, whole)?;
         let negative = image.negative();
-        Ok(Self { image, had_alpha, negative, stamp, mip_map: None })
+        Ok(Self { image, had_alpha, negative, stamp, mip_map: None, whole })
     }
 
     /// Width in texels, >= 1.
@@ -108,9 +127,29 @@ impl Texture {
     /// `Retry` if the system refuses the memory.
     pub fn make_mip_map(&mut self, what: &str) -> Result<()> {
         if self.mip_map.is_none() {
-            self.mip_map = Some(Box::new(MipMap::new(&self.image, what)?));
+            self.mip_map = Some(Box::new(MipMap::new(&self.image, self.whole, what)?));
         }
         Ok(())
+    }
+
+    /// Upper bound of the memory of the smaller copies, in bytes.
+    pub fn max_mip_map_bytes(&self) -> u64 {
+        match self.image.tiles() {
+            Some((tiles, _)) => mip_map::max_bytes(tiles.size(), self.whole),
+            // 6 bytes for every fourth, 16th... of the 3-byte texels. Floats take half of that.
+            None => self.image.bytes() - self.image.bytes() / 3,
+        }
+    }
+
+    /// Returns the error of the first lookup that could not read its texels.
+    pub fn check(&self) -> Result<()> {
+        let copies = self.mip_map.iter().flat_map(|map| map.tiles());
+        self.image
+            .tiles()
+            .map(|(tiles, _)| tiles)
+            .into_iter()
+            .chain(copies)
+            .try_for_each(Tiles::check)
     }
 
     /// The texel in column `x` of row `y`, both inside the image.
@@ -237,6 +276,51 @@ mod tests {
         for i in 0..50 {
             let (u, v) = (f64::from(i) * 0.0371, f64::from(i) * 0.0713);
             assert_eq!(t.lookup(u, v, B, R, C), expected);
+        }
+    }
+
+    /// The same image held whole, and in tiles with all but the smallest copies.
+    fn whole_and_tiles(width: u32, height: u32) -> [Texture; 2] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.png");
+        let hash = |x: u32, y: u32| {
+            (x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77)).wrapping_mul(0xc2b2_ae3d)
+        };
+        let rgb = |x, y| image::Rgb([(hash(x, y) >> 24) as u8, (x + y) as u8, x as u8]);
+        image::RgbImage::from_fn(width, height, rgb).save(&path).unwrap();
+        [u64::MAX, 300].map(|whole| {
+            let mut texture = Texture::load_in_tiles(&path, None, 1 << 30, whole).unwrap();
+            let bound = texture.max_mip_map_bytes();
+            let held = texture.bytes();
+            texture.make_mip_map("test").unwrap();
+            assert!(texture.bytes() - held <= bound || whole > 300, "{width} x {height}");
+            texture
+        })
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(24))]
+        #[test]
+        fn tiles_make_no_difference(
+            (width, height) in (64u32..900, 64u32..400),
+            lookups in proptest::collection::vec(
+                ((-1.5..2.5f64, -1.5..2.5f64), (-9.0..1.0f64, -9.0..1.0f64), 0.0..6.3f64), 60),
+        ) {
+            let textures = whole_and_tiles(width, height);
+            for ((u, v), (long, short), turn) in lookups {
+                let (long, short) = (DVec2::from_angle(turn) * long.exp(), short.exp());
+                let sides = [long, long.perp().normalize() * short];
+                for wrap in [[R, R], [C, R], [C, C]] {
+                    let [whole, tiles] = [&textures[0], &textures[1]].map(|texture| [
+                        texture.lookup(u, v, N, wrap[0], wrap[1]),
+                        texture.lookup(u, v, B, wrap[0], wrap[1]),
+                        texture.lookup_area(DVec2::new(u, v), &Footprint { sides }, wrap),
+                    ]);
+                    assert_eq!(whole.map(|c| c.to_array().map(f32::to_bits)),
+                               tiles.map(|c| c.to_array().map(f32::to_bits)));
+                }
+            }
+            assert_eq!(textures[1].check(), Ok(()));
         }
     }
 }

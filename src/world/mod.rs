@@ -32,7 +32,7 @@ use crate::shading::{Light, LightTree, Shapes};
 use self::gather::gather;
 use self::lights::{occlusion, recentre, visible_environments};
 use self::place::{MAX_COORDINATE, PlacedMesh};
-use self::textures::MeshMaterial;
+use self::textures::{MeshMaterial, TextureLimits};
 
 pub use self::bounds::Bounds;
 pub use self::colors::color_request;
@@ -63,6 +63,9 @@ pub struct LoadOptions {
     /// Make a copy of the mesh for each instance, for backends that trace no instances. Copies are
     /// also made if the scene's own backend needs them.
     pub copy_instances: bool,
+    /// Most texels of an image that is held in memory whole. `None`: 8192 x 8192. Larger images of
+    /// surfaces, of 8 bits a channel, are in temporary files.
+    pub whole_texels: Option<u64>,
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
     pub resolutions: bool,
@@ -168,7 +171,8 @@ impl World {
         let maps = failures.keep(Maps::load(scene, budget, (&mut read, &mut warnings)));
         let maps = maps.unwrap_or_default();
         let left = budget.map(|budget| budget.less(maps.bytes()));
-        let looks = failures.keep(textures::load(scene, left, &mut read, &mut warnings));
+        let limits = TextureLimits::new(left, options.whole_texels);
+        let looks = failures.keep(textures::load(scene, limits, &mut read, &mut warnings));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut mesh_images = Vec::new();
@@ -213,7 +217,8 @@ impl World {
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
         let log = (&mut read, &mut warnings);
-        let mesh_materials = textures::load_mesh_images(mesh_images, scene, left, &mut looks, log)?;
+        let mesh_materials =
+            textures::load_mesh_images(mesh_images, scene, limits, &mut looks, log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);

@@ -8,22 +8,44 @@ use crate::error::{Failures, Problem, Result};
 use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
-use crate::shading::{DEFAULT_MAX_BYTES, FaceTextures, Material, Negative, Texture, TextureChoice};
+use crate::shading::{
+    DEFAULT_MAX_BYTES, FaceTextures, Material, Negative, Texture, TextureChoice, WHOLE_TEXELS,
+};
 
 use super::sources::{ReadFiles, beside};
 
-/// Loads the textures of the materials that shapes use, within `budget`. Also returns all materials
+/// Memory that textures may take.
+#[derive(Debug, Clone, Copy)]
+pub struct TextureLimits {
+    /// Memory of all textures, decoding included.
+    pub budget: Option<MemoryLimit>,
+    /// Most texels of an image that is held whole.
+    pub whole: u64,
+}
+
+impl TextureLimits {
+    /// `whole` is [`WHOLE_TEXELS`] if it is `None`.
+    pub fn new(budget: Option<MemoryLimit>, whole: Option<u64>) -> Self {
+        Self { budget, whole: whole.unwrap_or(WHOLE_TEXELS) }
+    }
+
+    fn less(self, bytes: u64) -> Self {
+        Self { budget: self.budget.map(|budget| budget.less(bytes)), ..self }
+    }
+}
+
+/// Loads the textures of the materials that shapes use, within `limits`. Also returns all materials
 /// of the scene.
 ///
 /// # Errors
 /// All images that cannot be read or do not fit.
 pub fn load(
     scene: &Scene,
-    budget: Option<MemoryLimit>,
+    limits: TextureLimits,
     read: &mut ReadFiles,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
-    let mut left = budget;
+    let mut left = limits;
     let mut used = vec![false; scene.materials.len()];
     for shape in &scene.shapes {
         used[shape.material] = true;
@@ -41,7 +63,7 @@ pub fn load(
                 let slot = *loaded.entry(key).or_insert_with(|| {
                     let texture = one(&spec.path, spec.color_space, left);
                     let texture = failures.keep(texture)?;
-                    left = left.map(|left| left.less(texture.bytes()));
+                    left = left.less(texture.bytes());
                     read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
@@ -71,21 +93,21 @@ pub fn load(
 }
 
 /// Loads one image within the memory that is left.
-fn one(path: &Path, space: Option<ColorSpace>, left: Option<MemoryLimit>) -> Result<Texture> {
-    let most = match left {
-        Some(left) if left.set_by_user => left.bytes.min(DEFAULT_MAX_BYTES),
+fn one(path: &Path, space: Option<ColorSpace>, left: TextureLimits) -> Result<Texture> {
+    let most = match left.budget {
+        Some(budget) if budget.set_by_user => budget.bytes.min(DEFAULT_MAX_BYTES),
         // The limit is the free memory of this machine. The image may fit on another machine, so
         // this error is retryable. An image above the fixed limit fails below.
-        Some(left) if left.bytes < DEFAULT_MAX_BYTES => {
-            let needed = Texture::size(path)?.decoding;
+        Some(budget) if budget.bytes < DEFAULT_MAX_BYTES => {
+            let needed = Texture::size_in_tiles(path, left.whole)?.decoding;
             if needed <= DEFAULT_MAX_BYTES {
-                left.check(needed, &path.display().to_string())?;
+                budget.check(needed, &path.display().to_string())?;
             }
             DEFAULT_MAX_BYTES
         }
         _ => DEFAULT_MAX_BYTES,
     };
-    Texture::load_within(path, space, most)
+    Texture::load_in_tiles(path, space, most, left.whole)
 }
 
 /// The images that a mesh file names, for a shape whose material has no texture.
@@ -154,11 +176,11 @@ pub fn mesh_images(
 }
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.
-/// All textures together take at most `budget` bytes.
+/// All textures together stay within `limits`.
 pub fn load_mesh_images(
     mesh_images: Vec<MeshImages>,
     scene: &Scene,
-    budget: Option<MemoryLimit>,
+    limits: TextureLimits,
     looks: &mut (Vec<Texture>, Vec<Material>),
     (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
 ) -> Result<Vec<MeshMaterial>> {
@@ -178,7 +200,7 @@ pub fn load_mesh_images(
                 Some(slot) => *slot,
                 None => {
                     let taken: u64 = textures.iter().map(Texture::bytes).sum();
-                    let texture = one(&path, None, budget.map(|budget| budget.less(taken)));
+                    let texture = one(&path, None, limits.less(taken));
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
                         warn_of_negative(&place, &path, &texture, warnings);

@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{BufReader, ErrorKind},
+    io::{BufRead, BufReader, ErrorKind},
     path::Path,
 };
 
@@ -10,6 +10,7 @@ use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::Layout;
 use super::pnm;
+use crate::shading::{mip_map, tiles};
 use crate::{
     error::{Error, Kind, Problem, Result},
     files::Stamp,
@@ -17,9 +18,15 @@ use crate::{
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
+/// Offset of the byte of a PNG that is not 0 if the image is interlaced.
+const PNG_INTERLACING: usize = 28;
+
 /// Limit of [`Texture::load`](crate::shading::Texture::load) on the memory of one texture while it
 /// is decoded: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
+
+/// Most texels of a surface's image that is held in memory whole: 8192 x 8192.
+pub const WHOLE_TEXELS: u64 = 1 << 26;
 
 /// Memory that an image needs, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,21 +35,42 @@ pub struct TextureSize {
     pub stored: u64,
     /// Peak memory while the image is decoded, including the texture.
     pub decoding: u64,
+    /// Upper bound of the memory of the smaller copies, for a texture that has them.
+    pub mip_map: u64,
 }
 
 impl TextureSize {
+    /// Memory of an image that is held whole.
     pub(super) fn of(source: &Source) -> Self {
-        match source {
+        let (stored, decoding) = match source {
             // Decoded directly into the texture.
             Source::Exr(layout, _) => {
                 let stored = layout.pixels().saturating_mul(12);
-                Self { stored, decoding: stored }
+                (stored, stored)
             }
             Source::Image(_, decoder, _) => Self::of_image(decoder),
-        }
+        };
+        // The copies have a third of the texels. Where the image has 8 bits a channel, they have
+        // 16, so they take two thirds.
+        Self { stored, decoding, mip_map: stored - stored / 3 }
     }
 
-    fn of_image(decoder: &impl ImageDecoder) -> Self {
+    /// Memory of an image in tiles; `whole` is the most texels of a copy that is held whole, times
+    /// 4.
+    pub(super) fn in_tiles(source: &Source, interlaced: bool, whole: u64) -> Self {
+        let size = source.dimensions();
+        let stored = tiles::max_bytes(size, 3) + size_of::<[f32; 256]>() as u64;
+        let decoding = match source {
+            Source::Image(ImageFormat::Png, ..) if !interlaced => {
+                // Twice a row of tiles, and a row of up to 4 channels.
+                stored.max(u64::from(size.0) * (2 * 3 * tiles::SIDE as u64 + 4))
+            }
+            _ => Self::of(source).decoding,
+        };
+        Self { stored, decoding, mip_map: mip_map::max_bytes(size, whole) }
+    }
+
+    fn of_image(decoder: &impl ImageDecoder) -> (u64, u64) {
         let (width, height) = decoder.dimensions();
         let color = decoder.color_type();
         let file = u64::from(color.bytes_per_pixel());
@@ -53,15 +81,13 @@ impl TextureSize {
             _ => (12, file + 12, 0),
         };
         let pixels = u64::from(width) * u64::from(height);
-        Self {
-            stored: pixels.saturating_mul(stored).saturating_add(table as u64),
-            decoding: pixels.saturating_mul(decoding),
-        }
+        let stored = pixels.saturating_mul(stored).saturating_add(table as u64);
+        (stored, pixels.saturating_mul(decoding))
     }
 }
 
 /// Opens a regular file that is not empty.
-fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
+pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     let failed = |e| Error::io(path, "read the texture", &e);
     let file = File::open(path).map_err(failed)?;
     let data = file.metadata().map_err(failed)?;
@@ -79,6 +105,21 @@ fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
 pub(super) struct Opened {
     pub(super) source: Source,
     pub(super) stamp: Option<Stamp>,
+    /// Whether the rows of a PNG are not in order.
+    pub(super) interlaced: bool,
+}
+
+impl Opened {
+    /// Whether an image of more than `whole` texels is kept in tiles: if it has 8 bits a channel.
+    /// Narrow images would fill tiles in part. Rows of tiles of wide images need much memory.
+    pub(super) fn is_for_tiles(&self, whole: u64) -> bool {
+        let Source::Image(_, decoder, _) = &self.source else { return false };
+        let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
+        color.bytes_per_pixel() == color.channel_count()
+            && u64::from(width) * u64::from(height) > whole
+            && width.min(height) >= tiles::SIDE as u32
+            && width <= 1 << 16
+    }
 }
 
 /// Decoder of the image's pixels.
@@ -99,7 +140,9 @@ impl Source {
 
 /// Reads the header of an image file and selects the decoder.
 pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
-    let (file, stamp) = open(path)?;
+    let (mut file, stamp) = open(path)?;
+    let failed = |e| Error::io(path, "read the texture", &e);
+    let interlaced = file.fill_buf().map_err(failed)?.get(PNG_INTERLACING).is_some_and(|&b| b != 0);
     let mut reader = ImageReader::new(file)
         .with_guessed_format()
         .map_err(|e| Error::io(path, "read the texture", &e))?;
@@ -112,16 +155,17 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
         let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
         decoder.set_limits(limits(max_bytes)).map_err(failed)?;
         let source = Source::Image(format, Box::new(decoder), white);
-        return Ok(Opened { source, stamp });
+        return Ok(Opened { source, stamp, interlaced });
     }
     if format == ImageFormat::OpenExr {
         let mut file = reader.into_inner();
         let source = Source::Exr(Layout::read_header(&mut file, path)?, file);
-        return Ok(Opened { source, stamp });
+        return Ok(Opened { source, stamp, interlaced });
     }
     reader.limits(limits(max_bytes));
     let decoder = reader.into_decoder().map_err(failed)?;
-    Ok(Opened { source: Source::Image(format, Box::new(decoder), None), stamp })
+    let source = Source::Image(format, Box::new(decoder), None);
+    Ok(Opened { source, stamp, interlaced })
 }
 
 /// Limits on what the decoders allocate themselves. [`check_size`] limits the rest.
@@ -133,6 +177,16 @@ fn limits(max_bytes: u64) -> Limits {
 
 /// Compares the memory that the header announces with the limit. Returns the peak memory in bytes.
 pub(super) fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result<u64> {
+    check_needed(path, source, TextureSize::of(source).decoding, max_bytes)
+}
+
+/// The same for an image that needs `needed` bytes.
+pub(super) fn check_needed(
+    path: &Path,
+    source: &Source,
+    needed: u64,
+    max_bytes: u64,
+) -> Result<u64> {
     let (width, height) = source.dimensions();
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 {
@@ -141,7 +195,6 @@ pub(super) fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result
             format!("the image is {width} x {height} pixels; both must be at least 1"),
         ));
     }
-    let needed = TextureSize::of(source).decoding;
     if needed > max_bytes {
         let more = if needed == u64::MAX { "at least " } else { "" };
         let message = format!(

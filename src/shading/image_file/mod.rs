@@ -17,6 +17,7 @@
 
 mod exr;
 mod header;
+mod png_rows;
 mod pnm;
 #[cfg(test)]
 mod tests;
@@ -27,14 +28,15 @@ use image::{DynamicImage, ImageDecoder, ImageFormat};
 
 use super::srgb::linear_from_srgb;
 use super::texel_image::TexelImage;
+use super::tiles::{TileWriter, Tiles};
 use crate::error::{Error, Result};
 use crate::files::Stamp;
 use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::Layout;
-use header::{Opened, Source, check_jpeg_end, check_size, explain, name, source};
+use header::{Opened, Source, check_jpeg_end, check_needed, check_size, explain, name, source};
 
-pub use header::{DEFAULT_MAX_BYTES, TextureSize};
+pub use header::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
 
 /// An image file in memory.
 #[derive(Debug)]
@@ -48,20 +50,73 @@ pub struct DecodedImage {
 }
 
 /// Width and height of the image at `path`, and the memory that it needs, from its header alone.
+/// `whole` is that of [`read`].
 ///
 /// # Errors
 /// The errors of [`read`] that concern the header.
-pub fn size(path: &Path) -> Result<((u32, u32), TextureSize)> {
-    let source = source(path, u64::MAX)?.source;
-    Ok((source.dimensions(), TextureSize::of(&source)))
+pub fn size(path: &Path, whole: u64) -> Result<((u32, u32), TextureSize)> {
+    let opened = source(path, u64::MAX)?;
+    let size = match opened.is_for_tiles(whole) {
+        true => TextureSize::in_tiles(&opened.source, opened.interlaced, whole),
+        false => TextureSize::of(&opened.source),
+    };
+    Ok((opened.source.dimensions(), size))
 }
 
-/// Reads an image that needs at most `max_bytes` while it is decoded.
+/// Reads an image that needs at most `max_bytes` while it is decoded. One of more than `whole`
+/// texels of 8 bits a channel is kept in tiles, if there is space on a disk.
 ///
 /// A `color_space` of `None` is sRGB for integer images and linear for float images.
-pub fn read(path: &Path, color_space: Option<ColorSpace>, max_bytes: u64) -> Result<DecodedImage> {
-    let Opened { source, stamp } = source(path, max_bytes)?;
-    let needed = check_size(path, &source, max_bytes)?;
+pub fn read(
+    path: &Path,
+    color_space: Option<ColorSpace>,
+    max_bytes: u64,
+    whole: u64,
+) -> Result<DecodedImage> {
+    let opened = source(path, max_bytes)?;
+    if opened.is_for_tiles(whole) {
+        return read_in_tiles(path, opened, color_space, max_bytes, whole);
+    }
+    let needed = check_size(path, &opened.source, max_bytes)?;
+    read_whole(path, opened, color_space, needed)
+}
+
+/// [`read`] for an image of many texels.
+fn read_in_tiles(
+    path: &Path,
+    opened: Opened,
+    color_space: Option<ColorSpace>,
+    max_bytes: u64,
+    whole: u64,
+) -> Result<DecodedImage> {
+    let Opened { source, interlaced, .. } = &opened;
+    // A small file can declare an image that fills a disk.
+    check_size(path, source, max_bytes.max(DEFAULT_MAX_BYTES))?;
+    let needed = TextureSize::in_tiles(source, *interlaced, whole).decoding;
+    check_needed(path, source, needed, max_bytes)?;
+    let Some(tiles) = Tiles::new(source.dimensions(), 3) else {
+        let needed = check_size(path, source, max_bytes)?;
+        return read_whole(path, opened, color_space, needed);
+    };
+    reserve::probe(needed, &name(path))?;
+    if let (Source::Image(ImageFormat::Png, decoder, _), false) = (source, *interlaced) {
+        let had_alpha = decoder.color_type().has_alpha();
+        let (tiles, stamp) = png_rows::read(path, tiles, max_bytes)?;
+        let linear = byte_table(color_space, 255);
+        return Ok(DecodedImage { image: TexelImage::from_tiles(tiles, linear), had_alpha, stamp });
+    }
+    let decoded = read_whole(path, opened, color_space, needed)?;
+    let image = decoded.image.into_tiles(TileWriter::new(tiles, &name(path))?)?;
+    Ok(DecodedImage { image, ..decoded })
+}
+
+/// Reads an image into memory. Decoding takes `needed` bytes.
+fn read_whole(
+    path: &Path,
+    Opened { source, stamp, .. }: Opened,
+    color_space: Option<ColorSpace>,
+    needed: u64,
+) -> Result<DecodedImage> {
     let (had_alpha, image) = match source {
         Source::Exr(layout, mut file) => {
             let floats = layout.read(&mut file, path)?;
@@ -111,10 +166,7 @@ fn decode(
     let bytes_per_value = color.bytes_per_pixel() / color.channel_count();
     let is_float = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let default = if is_float { ColorSpace::Linear } else { ColorSpace::Srgb };
-    let linear = |stored: f64| match color_space.unwrap_or(default) {
-        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
-        ColorSpace::Linear => stored as f32,
-    };
+    let linear = |stored: f64| linear(stored, color_space.unwrap_or(default));
     let beyond = |at: Option<usize>| at.map_or(Ok(()), |at| Err(at as u64 / 3));
     if is_float {
         let mut floats = image.into_rgb32f().into_raw();
@@ -128,8 +180,7 @@ fn decode(
         if white < 255 {
             beyond(bytes.iter().position(|&byte| u16::from(byte) > white))?;
         }
-        let table = std::array::from_fn(|byte| linear(byte as f64 / f64::from(white)));
-        Ok(TexelImage::from_bytes(size, bytes, Box::new(table)))
+        Ok(TexelImage::from_bytes(size, bytes, byte_table(color_space, white)))
     } else {
         let words = image.into_rgb16().into_raw();
         let white = white.unwrap_or(65535);
@@ -139,6 +190,20 @@ fn decode(
         let floats = words.iter().map(|&word| linear(f64::from(word) / f64::from(white)));
         Ok(TexelImage::from_floats(size, floats.collect()))
     }
+}
+
+/// The linear value of a stored value.
+fn linear(stored: f64, color_space: ColorSpace) -> f32 {
+    match color_space {
+        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
+        ColorSpace::Linear => stored as f32,
+    }
+}
+
+/// The linear value of each byte. `white` is 1.
+fn byte_table(color_space: Option<ColorSpace>, white: u16) -> Box<[f32; 256]> {
+    let space = color_space.unwrap_or(ColorSpace::Srgb);
+    Box::new(std::array::from_fn(|byte| linear(byte as f64 / f64::from(white), space)))
 }
 
 /// The image of an EXR: linear unless the scene sets another colour space.

@@ -13,6 +13,16 @@ use crate::scene::Wrap;
 const R: Wrap = Wrap::Repeat;
 const C: Wrap = Wrap::Clamp;
 
+/// Reads an image into memory.
+fn read(path: &Path, space: Option<ColorSpace>, max_bytes: u64) -> Result<DecodedImage> {
+    super::read(path, space, max_bytes, u64::MAX)
+}
+
+/// Reads an image into tiles.
+fn read_tiles(path: &Path, max_bytes: u64) -> Result<DecodedImage> {
+    super::read(path, None, max_bytes, 0)
+}
+
 /// Writes one file into a new folder.
 fn file(name: &str, data: &[u8]) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
@@ -225,7 +235,7 @@ fn an_exr_texture_is_its_display_window() {
         let image = Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
         let (_folder, path) = file("w.exr", b"");
         image.write().to_file(&path).unwrap();
-        let texture = super::read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+        let texture = super::read(&path, None, DEFAULT_MAX_BYTES, u64::MAX).unwrap();
         assert_eq!(texture.image.size(), (6, 5));
         let mut has = 0;
         for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
@@ -240,7 +250,7 @@ fn an_exr_texture_is_its_display_window() {
             has += u64::from(inside);
         }
         assert_eq!(texture.image.bytes(), 12 * has);
-        assert_eq!(super::size(&path).unwrap().1.decoding, 12 * has);
+        assert_eq!(super::size(&path, u64::MAX).unwrap().1.decoding, 12 * has);
     }
 }
 
@@ -324,4 +334,90 @@ fn flipped_bytes_never_panic() {
             }
         }
     }
+}
+
+/// Images of all kinds of pixels, larger than a tile.
+fn for_tiles() -> Vec<(TempDir, PathBuf)> {
+    let rgba = DynamicImage::ImageRgba8(RgbaImage::from_fn(150, 70, |x, y| {
+        Rgba([(x * y) as u8, (3 * x) as u8, (5 * y) as u8, (x + y) as u8])
+    }));
+    let rgb = DynamicImage::ImageRgb8(rgba.to_rgb8());
+    vec![
+        saved("rgba.png", &rgba),
+        saved("rgb.png", &rgb),
+        saved("grey.png", &DynamicImage::ImageLuma8(rgba.to_luma8())),
+        saved("grey-alpha.png", &DynamicImage::ImageLumaA8(rgba.to_luma_alpha8())),
+        saved("rgb.jpg", &rgb),
+        saved("grey.jpg", &DynamicImage::ImageLuma8(rgba.to_luma8())),
+        saved("rgb.ppm", &rgb),
+        palette(),
+        saved("deep.png", &DynamicImage::ImageRgb16(rgba.to_rgb16())),
+        saved("float.exr", &DynamicImage::ImageRgb32F(rgba.to_rgb32f())),
+    ]
+}
+
+/// A PNG of 4-bit indices.
+fn palette() -> (TempDir, PathBuf) {
+    let (folder, path) = file("palette.png", b"");
+    let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 130, 66);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Four);
+    encoder.set_palette((0..48).map(|i| 5 * i).collect::<Vec<u8>>());
+    let indices: Vec<u8> = (0..65 * 66).map(|i| (i * 7) as u8).collect();
+    encoder.write_header().unwrap().write_image_data(&indices).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn tiles_have_the_texels_of_the_whole_image() {
+    for (_folder, path) in for_tiles() {
+        let (whole, tiles) = (
+            read(&path, None, DEFAULT_MAX_BYTES).unwrap(),
+            read_tiles(&path, DEFAULT_MAX_BYTES).unwrap(),
+        );
+        assert_eq!((whole.had_alpha, whole.stamp), (tiles.had_alpha, tiles.stamp));
+        let eight_bits = whole.image.is_stored_as_bytes();
+        assert!(tiles.image.tiles().is_none() || eight_bits);
+        let (width, height) = whole.image.size();
+        assert_eq!(tiles.image.size(), (width, height));
+        for (x, y) in (0..height as usize).flat_map(|y| (0..width as usize).map(move |x| (x, y))) {
+            assert_eq!(tiles.image.texel(x, y), whole.image.texel(x, y), "{path:?} {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn damaged_files_have_the_same_errors_in_tiles() {
+    let message = |result: Result<DecodedImage>| result.err().map(|error| error.to_string());
+    for (_folder, path) in for_tiles() {
+        let data = std::fs::read(&path).unwrap();
+        let same = |damaged: &[u8]| {
+            std::fs::write(&path, damaged).unwrap();
+            let whole = read(&path, None, DEFAULT_MAX_BYTES);
+            let tiles = read_tiles(&path, DEFAULT_MAX_BYTES);
+            assert_eq!(message(whole), message(tiles), "{path:?}");
+        };
+        for length in (0..data.len()).step_by(data.len() / 50).chain(data.len() - 20..data.len()) {
+            same(&data[..length]);
+        }
+        for at in (0..data.len()).step_by(data.len() / 90) {
+            let mut damaged = data.clone();
+            damaged[at] ^= 0x11;
+            same(&damaged);
+        }
+    }
+}
+
+#[test]
+fn an_image_in_tiles_may_be_larger_than_the_memory() {
+    let flat = DynamicImage::new_rgb8(2048, 2048);
+    let (_folder, path) = saved("flat.png", &flat);
+    let size = super::size(&path, 0).unwrap().1;
+    assert!(2 * size.decoding < 6 * 2048 * 2048 + 4096, "{size:?}");
+    // Without a disk for temporary files, the image must fit.
+    if let Ok(decoded) = read_tiles(&path, size.decoding) {
+        assert!(decoded.image.tiles().is_some());
+        assert_eq!(decoded.image.bytes(), size.stored);
+    }
+    assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, Kind::Limit);
 }

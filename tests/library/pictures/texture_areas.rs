@@ -201,3 +201,38 @@ fn a_texture_seen_from_near_is_the_same_with_either_filter() {
         ["bilinear", "trilinear"].map(|filter| render(shape, filter, &path, 4, &[]));
     assert_eq!(bilinear, trilinear);
 }
+
+/// The picture of a texture in tiles has the bytes of the picture of a texture in memory.
+#[test]
+fn a_texture_in_tiles_gives_the_same_picture() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    for (filter, (kind, mut shape)) in
+        ["nearest", "bilinear", "trilinear"].into_iter().zip(shapes())
+    {
+        shape["material"] = json!({ "kd": 0, "ka": 1, "tPath": image, "filter": filter });
+        let scene = json!({
+            "spp": 4,
+            "camera": { "type": "pinhole", "width": SIDE, "height": SIDE, "fov": 40,
+                        "position": [0, 1, 6], "target": [0, 0, 0], "up": [0, 1, 0] },
+            "scene": { "ambient": [1, 1, 1], "shapes": [shape] }
+        });
+        folder.write("s.json", &scene.to_string());
+        let scene = scene::load(Source::File(&folder.path("s.json")), &[]).unwrap().scene;
+        let render = |whole_texels| {
+            let options = LoadOptions { whole_texels, ..LoadOptions::default() };
+            let (world, _) = World::load(&scene, options, &Monitor::default()).unwrap();
+            let accelerator = backends::build(&world.geometry, scene.backend);
+            let [x1, y1] = world.frame_end();
+            let mut film = Film::new(world.frame, Window { x0: 0, y0: 0, x1, y1 }).unwrap();
+            let isa = Isa::detect();
+            lightpath::render::render(&world, &*accelerator, isa, &mut film, &Monitor::default())
+                .unwrap();
+            (film.pixels.to_vec(), world.texture_bytes())
+        };
+        let ((whole, bytes), (tiles, tile_bytes)) = (render(None), render(Some(10_000)));
+        assert!(whole.iter().any(|pixel| pixel[0] > 0.0));
+        assert!(whole == tiles, "{kind} {filter}");
+        assert_ne!(bytes, tile_bytes, "no disk for temporary files");
+    }
+}

@@ -205,3 +205,45 @@ fn a_texture_is_not_decoded_beyond_the_budget() {
     assert_eq!(error.kind, Kind::Limit);
     assert!(error.to_string().contains("large.png: 3000 x 2000 pixels need"), "{error}");
 }
+
+/// Whether temporary files are on a disk.
+#[cfg(target_os = "linux")]
+fn has_disk() -> bool {
+    let temporary = std::env::temp_dir();
+    let folders = [temporary.as_os_str(), "/var/tmp".as_ref()];
+    let done = std::process::Command::new("stat").args(["-f", "-c", "%T"]).args(folders).output();
+    let done = String::from_utf8(done.unwrap().stdout).unwrap();
+    done.lines().any(|kind| kind != "tmpfs")
+}
+
+/// A texture of more than 8192 x 8192 texels is in a temporary file, so it takes less memory than
+/// its texels.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_large_texture_takes_the_memory_of_the_texels_in_view() {
+    if !has_disk() {
+        return;
+    }
+    let scratch = Scratch::new();
+    let (width, height) = (16384, 4200);
+    let texels = image::RgbImage::from_fn(width, height, |x, y| {
+        image::Rgb([(x / 32) as u8, (y / 16) as u8, ((x ^ y) / 64) as u8])
+    });
+    texels.save(scratch.path("large.png")).unwrap();
+    let material = json!({ "tPath": "large.png", "filter": "trilinear" });
+    scratch.write("s.json", &with_shapes(json!([ball(0.0, material)])));
+    let [predicted, found] = predicted_and_found(&scratch, Backend::default());
+    assert_eq!(predicted["texture_bytes"], found["texture_bytes"]);
+    let [predicted, found] = [predicted, found].map(|all| all["peak_bytes"].as_u64().unwrap());
+    assert!(found <= predicted, "{predicted} {found}");
+    let whole = 3 * u64::from(width) * u64::from(height);
+    assert!(found < whole, "{found} {whole}");
+    let limit = (predicted + (1 << 20)).to_string();
+    let done = scratch.run(&["render", "s.json", "-o", "whole", "--max-memory", &limit]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let data = fs::read(scratch.path("large.png")).unwrap();
+    fs::write(scratch.path("large.png"), &data[..data.len() / 2]).unwrap();
+    let done = scratch.run(&["render", "s.json", "-o", "cut"]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("large.png: the image ends too early"), "{}", done.stderr());
+}
