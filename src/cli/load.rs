@@ -34,7 +34,8 @@ impl SceneJob {
         [input.to_owned()].into_iter().chain(named).collect()
     }
 
-    /// Loads the world, with copies of instanced meshes if `copy_instances`. Calls `note` with each warning of the scene and of its files.
+    /// Loads the world, with copies of instanced meshes if `copy_instances`. Calls `note` with each
+    /// warning of the scene and of its files.
     ///
     /// # Errors
     /// As for [`World::load`].

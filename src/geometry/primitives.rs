@@ -222,8 +222,8 @@ impl Geometry {
         (geom as u32, primitive - self.bases[geom])
     }
 
-    /// Returns the number of a primitive in the layers of a picture, from 1. Instances have the last
-    /// numbers, also where they are copies.
+    /// Returns the number of a primitive in the layers of a picture, from 1. Instances have the
+    /// last numbers, also where they are copies.
     pub fn number(&self, primitive: u32) -> u32 {
         let meshes = self.meshes.len();
         let [first, end] = [meshes - self.copies, meshes].map(|geom| self.bases[geom]);

@@ -142,8 +142,8 @@ impl<'a> Segments<'a> {
         lanes
     }
 
-    /// Returns false only if no shadow ray of any lane hits the triangle in `slot`, whose scene-wide
-    /// index is `primitive`.
+    /// Returns false only if no shadow ray of any lane hits the triangle in `slot`, whose
+    /// scene-wide index is `primitive`.
     ///
     /// A ray misses if two of its edge functions have different signs. The functions are linear in
     /// the direction, so their values at the corners of the light bound them. A ray also misses if

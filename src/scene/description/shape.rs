@@ -227,8 +227,8 @@ pub struct TriMesh {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
     pub points: Option<f64>,
-    /// Places copies of the mesh that share its memory: for each, the rows of a 4 x 4 matrix that is
-    /// applied after `fit`, `rotate`, `size` and `center`.
+    /// Places copies of the mesh that share its memory: for each, the rows of a 4 x 4 matrix that
+    /// is applied after `fit`, `rotate`, `size` and `center`.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     pub instances: Option<Vec<Matrix>>,

@@ -153,7 +153,8 @@ pub fn indices(geometry: &Geometry, triangles: &[Group]) -> [u32; WIDTH] {
     indices
 }
 
-/// Makes the leaf of triangles that [`fits`] accepts. [`Block::base`] of a wide leaf is to be set. Unused vertices repeat the last one.
+/// Makes the leaf of triangles that [`fits`] accepts, except for [`Block::base`] of a wide leaf.
+/// Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
     /// The triangles of the leaf.

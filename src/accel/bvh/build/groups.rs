@@ -38,8 +38,8 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
 }
 
 /// Calls `add` with each group, and its box, of the primitives with indices in `range` that are not
-/// in `unseen`. The indices are scene-wide, those of instances as in [`sorted_count`]. A mesh forms pairs if `may_pair`, and if `unseen` has none of its
-/// triangles in `range`.
+/// in `unseen`. The indices are scene-wide, those of instances as in [`sorted_count`]. A mesh forms
+/// pairs if `may_pair`, and if `unseen` has none of its triangles in `range`.
 #[inline(always)]
 pub fn each(
     (geometry, unseen): (&Geometry, &Unseen),
