@@ -10,7 +10,7 @@ use std::{
 use serde::Serialize;
 
 use crate::{
-    accel::Footprint,
+    accel::{MemoryFootprint, memory_footprint},
     error::{Error, Kind, Problem, Result},
     film::Window,
     layers::LayerPlan,
@@ -241,7 +241,7 @@ fn own_textures(mesh: &Path, sum: &mut Prediction) {
 
 impl Prediction {
     /// Returns the prediction with an accelerator of this footprint.
-    pub fn with(self, footprint: &Footprint) -> Self {
+    pub fn with(self, footprint: &MemoryFootprint) -> Self {
         Self {
             accelerator_bytes: Some(footprint.built_bytes(self.accelerated)),
             accelerator_peak_bytes: Some(footprint.peak_bytes(self.accelerated)),
@@ -315,7 +315,7 @@ impl Budget {
     ) -> Result<Self> {
         let prediction = predict_words(scene, window, words)?.with_film_bytes(other_bytes);
         prediction.check(limit)?;
-        Self::new(limit, prediction.with(&Footprint::of(scene.backend, threads)?))
+        Self::new(limit, prediction.with(&memory_footprint(scene.backend, threads)?))
     }
 
     /// Checks that a prediction fits into the limit.

@@ -8,6 +8,9 @@ pub use ray_query::{Hit, Ray};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
+use self::ray_query::{closest_of_packet, occlusion_of_packet};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm, Window};
@@ -17,6 +20,7 @@ use crate::monitor::Monitor;
 use crate::output::Outputs;
 use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
+use crate::ray::LANES;
 use crate::render;
 use crate::scene::{self, Loaded, Overrides, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
 use crate::studio::{self, Studio, Subject, Template};
@@ -296,6 +300,23 @@ impl Renderer<'_> {
         let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
         render::render_layers(world, accelerator, isa, &mut film, plan, monitor)?;
         Ok(film)
+    }
+
+    /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
+    /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
+    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let (accelerator, world) = (self.accelerator.as_ref(), &self.loaded.world);
+        let packets = rays.par_chunks(LANES);
+        packets.flat_map_iter(|rays| closest_of_packet(accelerator, world, rays)).collect()
+    }
+
+    /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that
+    /// cast no shadow (`visible`) do not count.
+    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        let (accelerator, geometry) = (self.accelerator.as_ref(), &self.loaded.world.geometry);
+        let occlusion = |rays| occlusion_of_packet(accelerator, geometry, rays);
+        let packets = rays.par_chunks(LANES);
+        packets.flat_map_iter(|rays| occlusion(rays).into_iter().take(rays.len())).collect()
     }
 
     /// Writes a film to `PREFIX.exr` and `PREFIX.png` and returns these paths. Neither file ever

@@ -1,24 +1,10 @@
-//! Predicts how much memory an accelerator will need.
-//!
-//! Embree's figures are measured: two small generated meshes are built, and Embree's memory monitor
-//! returns the bytes of each. A line through the two gives the bytes for any number of triangles.
-//! Bytes per triangle vary little from mesh to mesh: 65 to 71 for bunny, spot and generated meshes
-//! of 16 thousand to 18 million triangles.
+//! How much memory an accelerator needs, as a function of the number of primitives.
 
-use super::accelerator::{BuildInfo, BuildOptions};
-use crate::error::Result;
-use crate::geometry::{Geometry, TriangleMesh};
-use crate::monitor::Monitor;
-use crate::scene::Backend;
-
-/// Rows of the two generated meshes. A mesh of n rows has 4 n^2 triangles.
-///
-/// Both are built in some 20 ms. They are large compared with the blocks in which Embree allocates.
-const ROWS: [u32; 2] = [64, 128];
+use super::accelerator::BuildInfo;
 
 /// Bytes that an accelerator needs, as a function of the number of primitives.
 #[derive(Debug, Clone, Copy)]
-pub struct Footprint {
+pub struct MemoryFootprint {
     built: Line,
     peak: Line,
 }
@@ -30,33 +16,28 @@ struct Line {
     per_primitive: f64,
 }
 
-impl Footprint {
-    /// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the
-    /// caller's rayon pool.
-    ///
-    /// # Errors
-    /// Those of [`super::build`] if Embree is measured; else none.
-    pub fn of(backend: Backend, threads: usize) -> Result<Self> {
-        match backend {
-            Backend::Embree(_) => {
-                let options = BuildOptions { threads, max_bytes: None };
-                let build = |geometry: &Geometry| {
-                    let built = super::build(geometry, backend, &options, &Monitor::default())?;
-                    Ok(built.info())
-                };
-                measure(build)
-            }
-            // The maxima over the scans of docs/notebook/bvh.md, rounded up.
-            Backend::Bvh(_) => Ok(Self::constant(35.0, 43.0)),
-            // Measured on scans, rounded up.
-            Backend::Coursework => Ok(Self::constant(136.0, 300.0)),
-            Backend::Brute => Ok(Self::constant(6.0, 80.0)),
+impl MemoryFootprint {
+    /// `bvh`: the maxima over the scans of docs/notebook/bvh.md, rounded up.
+    pub const BVH: Self = Self::constant(35.0, 43.0);
+    /// `coursework`: measured on scans, rounded up.
+    pub const COURSEWORK: Self = Self::constant(136.0, 300.0);
+    /// `brute`: measured on scans, rounded up.
+    pub const BRUTE: Self = Self::constant(6.0, 80.0);
+
+    const fn constant(built: f64, peak: f64) -> Self {
+        Self {
+            built: Line { fixed: 0.0, per_primitive: built },
+            peak: Line { fixed: 0.0, per_primitive: peak },
         }
     }
 
-    fn constant(built: f64, peak: f64) -> Self {
-        let line = |per_primitive| Line { fixed: 0.0, per_primitive };
-        Self { built: line(built), peak: line(peak) }
+    /// Returns the lines through two builds, each with its number of triangles.
+    pub fn through(builds: [(f64, BuildInfo); 2]) -> Self {
+        let [(n, a), (m, b)] = builds;
+        Self {
+            built: Line::through([(n, a.bytes), (m, b.bytes)]),
+            peak: Line::through([(n, a.peak_bytes), (m, b.peak_bytes)]),
+        }
     }
 
     /// Returns the bytes that the accelerator holds after the build.
@@ -82,60 +63,5 @@ impl Line {
             // `as` saturates. A line through measured points may start a little below zero.
             n => (self.fixed.max(0.0) + n as f64 * self.per_primitive) as u64,
         }
-    }
-}
-
-fn measure(build: impl Fn(&Geometry) -> Result<BuildInfo>) -> Result<Footprint> {
-    let mut built = [(0.0, 0); 2];
-    let mut peak = built;
-    for (i, rows) in ROWS.into_iter().enumerate() {
-        let geometry = bumpy_sphere(rows);
-        let info = build(&geometry)?;
-        let triangles = geometry.meshes[0].triangles().len() as f64;
-        built[i] = (triangles, info.bytes);
-        peak[i] = (triangles, info.peak_bytes);
-    }
-    Ok(Footprint { built: Line::through(built), peak: Line::through(peak) })
-}
-
-/// Returns a bumpy sphere without symmetry, of `4 rows^2` triangles, with holes at the poles.
-fn bumpy_sphere(rows: u32) -> Geometry {
-    let columns = 2 * rows;
-    let vertex = |row: u32, column: u32| {
-        let latitude = (f64::from(row) + 0.5) / f64::from(rows + 1) * std::f64::consts::PI;
-        let longitude = f64::from(column) / f64::from(columns) * std::f64::consts::TAU;
-        let radius = 1.0 + 0.1 * (7.0 * longitude).sin() * (9.0 * latitude + longitude).sin();
-        let ((s, c), (x, z)) = (latitude.sin_cos(), longitude.sin_cos());
-        [radius * s * x, radius * c, radius * s * z].map(|v| v as f32)
-    };
-    let vertices = (0..=rows).flat_map(|r| (0..columns).map(move |c| vertex(r, c))).collect();
-    let quads = (0..rows).flat_map(|row| {
-        (0..columns).map(move |column| {
-            let next = (column + 1) % columns;
-            let at = |row: u32, column: u32| row * columns + column;
-            [at(row, column), at(row + 1, column), at(row, next), at(row + 1, next)]
-        })
-    });
-    let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [c, b, d]]).collect();
-    let mesh = TriangleMesh::new(vertices, triangles, false);
-    // Cannot fail: the limit is 2^32 - 2 primitives.
-    Geometry::new(glam::DVec3::ZERO, vec![mesh], Vec::new(), Vec::new()).unwrap_or_default()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_linear_footprint_is_recovered_from_two_builds() {
-        let build = |geometry: &Geometry| {
-            let n = geometry.meshes[0].triangles().len() as u64;
-            Ok(BuildInfo { bytes: 1000 + 64 * n, peak_bytes: 2000 + 100 * n, ..Default::default() })
-        };
-        let footprint = measure(build).unwrap();
-        assert_eq!(footprint.built_bytes(1_000_000), 64_001_000);
-        assert_eq!(footprint.peak_bytes(10), 3000);
-        assert_eq!(footprint.peak_bytes(0), 0);
-        assert_eq!(footprint.peak_bytes(u64::MAX), u64::MAX);
     }
 }

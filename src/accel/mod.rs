@@ -12,11 +12,13 @@ mod footprint;
 mod geometry_ref;
 pub mod lane;
 mod part;
+mod predict;
 mod shaft;
 
 pub use accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
-pub use footprint::Footprint;
+pub use footprint::MemoryFootprint;
 pub use geometry_ref::GeometryRef;
+pub use predict::memory_footprint;
 pub use shaft::Shaft;
 
 use std::sync::Arc;

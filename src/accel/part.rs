@@ -3,7 +3,7 @@
 use super::accelerator::{Accelerator, BuildOptions};
 #[cfg(feature = "embree")]
 use super::embree;
-use super::footprint::Footprint;
+use super::footprint::MemoryFootprint;
 use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
 use crate::error::{Error, Kind, Problem, Result};
@@ -26,11 +26,10 @@ pub fn build_part<'g>(
         let help = "load the scene with copies in place of instances, or use bvh";
         return Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)));
     }
-    if let Backend::Coursework | Backend::Brute = backend {
-        // These backends allocate in many pieces, so the predicted sum is checked once.
-        let peak = Footprint::of(backend, options.threads)?;
-        reserve::probe(peak.peak_bytes(geometry.count()), backend.name())?;
-    }
+    // Backends that allocate in many pieces: the predicted sum is checked once.
+    let probe = |footprint: MemoryFootprint| {
+        reserve::probe(footprint.peak_bytes(geometry.count()), backend.name())
+    };
     match backend {
         Backend::Embree(mode) => {
             build_embree((GeometryRef::Borrowed(geometry), unseen), mode, options, monitor)
@@ -39,10 +38,12 @@ pub fn build_part<'g>(
             Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
         }
         Backend::Coursework => {
+            probe(MemoryFootprint::COURSEWORK)?;
             let part = (geometry, unseen);
             Ok(Box::new(coursework::Coursework::build_part(part, options, monitor)?))
         }
         Backend::Brute => {
+            probe(MemoryFootprint::BRUTE)?;
             Ok(Box::new(brute::Brute::build_part((geometry, unseen), options, monitor)?))
         }
     }

@@ -17,7 +17,7 @@ use std::{
 use rayon::ThreadPool;
 
 use crate::{
-    accel::Footprint,
+    accel::{MemoryFootprint, memory_footprint},
     error::{Error, Kind, Problem, Result},
     files::FileSet,
     memory::{self, Prediction},
@@ -105,7 +105,7 @@ pub struct Run<'a> {
     /// Memory that the process could still get when the run began.
     memory_limit: Option<MemoryLimit>,
     next: AtomicUsize,
-    footprints: Mutex<Vec<(Backend, Footprint)>>,
+    footprints: Mutex<Vec<(Backend, MemoryFootprint)>>,
     stop: AtomicBool,
     fatal: Mutex<Option<Error>>,
     failures: Mutex<Vec<(String, Error)>>,
@@ -237,7 +237,7 @@ impl Run<'_> {
         let footprint = match known {
             Some(footprint) => footprint,
             None => {
-                let measure = || Footprint::of(scene.backend, self.options.threads);
+                let measure = || memory_footprint(scene.backend, self.options.threads);
                 let footprint = self.loading.install(measure)?;
                 lock(&self.footprints).push((scene.backend, footprint));
                 footprint

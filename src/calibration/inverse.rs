@@ -1,6 +1,7 @@
 //! The inverse of a distortion over a frame: a table of first guesses, then Newton's method in f64.
 
-use super::{Calibration, Distortion};
+use super::distortion::Distortion;
+use super::intrinsics::Calibration;
 
 /// Cells of the table along each side of the frame.
 const CELLS: u32 = 64;

@@ -10,7 +10,7 @@ use std::{
 use clap::{Args, Subcommand, ValueHint};
 
 use crate::{
-    accel::Footprint,
+    accel::memory_footprint,
     batch::{self, Job, JournalRecord},
     error::{Error, Kind, Problem, Result},
     farm::{self, Chunks, Slurm},
@@ -227,7 +227,7 @@ impl Needs {
                 }
             };
             let threads = usize::from(args.cpus);
-            let footprint = Footprint::of(scene.backend, threads);
+            let footprint = memory_footprint(scene.backend, threads);
             // Embree may be missing here and present on the nodes. Its memory is then assumed to be
             // half of the predicted rest.
             let peak = match footprint {

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::primitives::{Geometry, GeometryKind, doubles, quad_halves};
+use super::doubles::doubles;
+use super::primitives::{Geometry, GeometryKind, quad_halves};
 use crate::ray::NONE;
 
 impl Geometry {

@@ -10,7 +10,8 @@
 
 use glam::DVec3;
 
-use super::primitives::{Geometry, doubles};
+use super::doubles::doubles;
+use super::primitives::Geometry;
 use super::triangle::REACH;
 
 /// Tolerance of weights at an edge: some thousand roundings of f64.

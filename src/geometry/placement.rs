@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::primitives::doubles;
+use super::doubles::doubles;
 use crate::math::{absolute, row_norm};
 
 /// An affine map from the coordinates of a mesh to those of the scene, with its inverse.

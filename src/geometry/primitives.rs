@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::doubles::doubles;
 use super::mesh::TriangleMesh;
 use super::placement::{Instance, Placement};
 use super::sphere::Sphere;
@@ -52,12 +53,6 @@ pub enum GeometryKind {
 #[inline(always)]
 pub fn quad_halves<T: Copy>([v0, v1, v2, v3]: [T; 4]) -> [[T; 3]; 2] {
     [[v0, v1, v3], [v2, v3, v1]]
-}
-
-/// Converts a point to f64.
-#[inline(always)]
-pub fn doubles(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 impl Geometry {

@@ -10,8 +10,9 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::doubles::doubles;
 use super::mesh::TriangleMesh;
-use super::primitives::{Geometry, doubles};
+use super::primitives::Geometry;
 use super::triangle::clamp_barycentrics;
 use crate::ray::{LANES, Mask, RayPacket, lane};
 

@@ -8,9 +8,10 @@
 use glam::DVec3;
 
 use super::ahead::is_after_start;
+use super::doubles::doubles;
 use super::gather::gather;
 use super::passing::passing;
-use super::primitives::{Geometry, GeometryKind, doubles};
+use super::primitives::{Geometry, GeometryKind};
 use super::sphere::Sphere;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
 use crate::ray::NONE;

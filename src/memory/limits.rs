@@ -2,7 +2,7 @@
 
 use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a_kill, kib};
 use super::freed::release_freed;
-use crate::accel::Footprint;
+use crate::accel::memory_footprint;
 use crate::error::Result;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
@@ -33,7 +33,7 @@ pub fn limit_before_kill() -> Option<MemoryLimit> {
 }
 
 /// Upper bound of the bytes per primitive of any accelerator, during the build and after it. It is
-/// above every [`Footprint`].
+/// above every [`crate::accel::MemoryFootprint`].
 const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 
 /// Checks that an accelerator fits into the memory that the machine still has. After the build
@@ -55,7 +55,7 @@ pub fn ensure_build_fits(
         release_freed();
     }
     let Some(limit) = short() else { return Ok(()) };
-    let footprint = Footprint::of(backend, threads)?;
+    let footprint = memory_footprint(backend, threads)?;
     let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
     limit.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
 }

@@ -16,6 +16,7 @@ pub mod preview;
 pub mod srgb;
 pub mod tonemap;
 mod value_counts;
+mod write_options;
 
 use std::path::{Path, PathBuf};
 
@@ -24,11 +25,11 @@ use crate::{
     film::Film,
     monitor::{Monitor, Phase},
     paths,
-    scene::Tonemap,
 };
 
 pub use finished::FINGERPRINT;
 pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};
+pub use write_options::WriteOptions;
 
 use atomic::PartFile;
 
@@ -38,25 +39,6 @@ pub struct Outputs {
     exr: PartFile,
     png: PartFile,
     further_files: Vec<PartFile>,
-}
-
-/// Options for writing a film to files.
-#[derive(Debug, Clone, Copy)]
-pub struct WriteOptions<'a> {
-    /// Tone mapping of the PNG.
-    pub tonemap: &'a Tonemap,
-    /// True if the PNG has an alpha channel.
-    pub transparent: bool,
-    /// Colours behind the PNG's pixels: one for each pixel of the film. The PNG then has no alpha.
-    pub over: Option<&'a [[f32; 3]]>,
-    /// Number of bits of the PNG's channels.
-    pub depth: tonemap::Depth,
-    /// Legend to draw into the PNG.
-    pub legend: Option<&'a legend::Legend>,
-    /// Fingerprint of the render's inputs: an attribute of the EXR and a text of the PNG.
-    pub fingerprint: Option<&'a str>,
-    /// Metadata and encoding of the EXR.
-    pub exr: exr::Options<'a>,
 }
 
 impl Outputs {

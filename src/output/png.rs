@@ -19,10 +19,10 @@ use crate::{
 };
 
 use super::{
-    WriteOptions,
     legend::Canvas,
     over,
     tonemap::{self, Depth, PixelFormat},
+    write_options::WriteOptions,
 };
 
 /// Writes the film's data window: over the plate if there is one, tone mapped, with the legend.

@@ -1,12 +1,12 @@
 //! Traces the rays of a library's user: packs 16 rays at a time, and returns hits in world space.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
-use super::Renderer;
+use crate::accel::Accelerator;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, lane};
 use crate::shading::Owner;
+use crate::world::World;
 
 /// A ray `origin + t direction`, with t in (`t_min`, `t_max`), in world space.
 ///
@@ -81,64 +81,53 @@ impl Hit {
     }
 }
 
-impl Renderer<'_> {
-    /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
-    /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
-    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        rays.par_chunks(LANES).flat_map_iter(|rays| self.closest_of_packet(rays)).collect()
-    }
+/// Traces at most 16 rays and returns for each whether it hits anything; false after the last.
+pub(super) fn occlusion_of_packet(
+    accelerator: &dyn Accelerator,
+    geometry: &Geometry,
+    rays: &[Ray],
+) -> [bool; LANES] {
+    let (active, mut packet) = pack(rays, geometry.origin);
+    accelerator.occluded(&active, &mut packet.rays, Coherence::Incoherent);
+    std::array::from_fn(|i| active.0[i] != 0 && packet.rays.tfar[i] == f32::NEG_INFINITY)
+}
 
-    /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that
-    /// cast no shadow (`visible`) do not count.
-    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        let packets = rays.par_chunks(LANES);
-        packets
-            .flat_map_iter(|rays| self.occlusion_of_packet(rays).into_iter().take(rays.len()))
-            .collect()
-    }
+/// Traces at most 16 rays and returns the closest hit of each.
+pub(super) fn closest_of_packet(
+    accelerator: &dyn Accelerator,
+    world: &World,
+    rays: &[Ray],
+) -> Vec<Option<Hit>> {
+    let geometry = &world.geometry;
+    let (active, mut packet) = pack(rays, geometry.origin);
+    accelerator.closest(&active, &mut packet, Coherence::Incoherent);
+    let hit = packet.hit(&active);
+    geometry.replace_stitch_hits(&hit, &mut packet);
+    let mut surfaces = Surfaces::EMPTY;
+    refine(geometry, &hit, &packet, &mut surfaces);
+    let hits =
+        (0..rays.len()).map(|i| (hit.0[i] != 0).then(|| hit_of_lane(world, &packet, &surfaces, i)));
+    hits.collect()
+}
 
-    fn occlusion_of_packet(&self, rays: &[Ray]) -> [bool; LANES] {
-        let (active, mut packet) = pack(rays, self.geometry().origin);
-        self.accelerator.occluded(&active, &mut packet.rays, Coherence::Incoherent);
-        std::array::from_fn(|i| active.0[i] != 0 && packet.rays.tfar[i] == f32::NEG_INFINITY)
-    }
-
-    fn closest_of_packet(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let geometry = self.geometry();
-        let (active, mut packet) = pack(rays, geometry.origin);
-        self.accelerator.closest(&active, &mut packet, Coherence::Incoherent);
-        let hit = packet.hit(&active);
-        geometry.replace_stitch_hits(&hit, &mut packet);
-        let mut surfaces = Surfaces::EMPTY;
-        refine(geometry, &hit, &packet, &mut surfaces);
-        let lanes =
-            (0..rays.len()).map(|i| (hit.0[i] != 0).then(|| self.hit(&packet, &surfaces, i)));
-        lanes.collect()
-    }
-
-    /// Returns the hit of lane `i`, which must have a hit.
-    fn hit(&self, packet: &RayPacket, surfaces: &Surfaces, i: usize) -> Hit {
-        let origin = self.geometry().origin;
-        let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let primitive = match self.loaded.world.shapes.owners[geom as usize] {
-            Owner::One(_) | Owner::Instance { .. } => prim as usize,
-            Owner::Each(_) => 0,
-        };
-        Hit {
-            t: surfaces.t[i].into(),
-            point: in_world(lane(&surfaces.position, i).to_array(), origin),
-            normal: lane(&surfaces.ng, i).as_dvec3().to_array(),
-            shape: self.loaded.world.shapes.shape(geom, prim) as usize,
-            primitive,
-            barycentric: [surfaces.u[i], surfaces.v[i]],
-            outside: lane(&surfaces.outside, i).to_array(),
-            scene_origin: origin.to_array(),
-            leaving: surfaces.primitive[i],
-        }
-    }
-
-    fn geometry(&self) -> &Geometry {
-        &self.loaded.world.geometry
+/// Returns the hit of lane `i`, which must have a hit.
+fn hit_of_lane(world: &World, packet: &RayPacket, surfaces: &Surfaces, i: usize) -> Hit {
+    let origin = world.geometry.origin;
+    let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+    let primitive = match world.shapes.owners[geom as usize] {
+        Owner::One(_) | Owner::Instance { .. } => prim as usize,
+        Owner::Each(_) => 0,
+    };
+    Hit {
+        t: surfaces.t[i].into(),
+        point: in_world(lane(&surfaces.position, i).to_array(), origin),
+        normal: lane(&surfaces.ng, i).as_dvec3().to_array(),
+        shape: world.shapes.shape(geom, prim) as usize,
+        primitive,
+        barycentric: [surfaces.u[i], surfaces.v[i]],
+        outside: lane(&surfaces.outside, i).to_array(),
+        scene_origin: origin.to_array(),
+        leaving: surfaces.primitive[i],
     }
 }
 
@@ -179,7 +168,7 @@ mod tests {
         let mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
         let scene = LoadedScene::of_mesh(mesh).unwrap();
         let renderer = scene.renderer().unwrap();
-        let origin = renderer.geometry().origin;
+        let origin = scene.world.geometry.origin;
         let down = |i: u32| {
             let [x, y, _] = at(f64::from(i % 20 + 1) / 23.0, f64::from(i / 20 + 1) / 23.0);
             Ray::new([x, y, 40.0], [0.0, 0.0, -1.0])

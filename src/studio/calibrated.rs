@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec3};
 
 use super::{
-    Subject,
     axes::{main_axis, turn},
     points::UsedVertices,
+    subject::Subject,
     template::trimesh,
 };
 use crate::{

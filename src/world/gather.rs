@@ -2,11 +2,10 @@
 
 use glam::DVec3;
 
-use super::instances::SharedMeshes;
+use super::instances::{SharedMeshes, too_many};
 use super::place::PlacedMesh;
-use crate::error::{Error, Kind, Problem, Result};
-use crate::geometry::{Geometry, Sphere, TriangleMesh, Unseen};
-use crate::ray::RayKind;
+use crate::error::Result;
+use crate::geometry::{Geometry, Sphere, TriangleMesh};
 use crate::reserve;
 use crate::scene::{Role, Scene, ShapeKind};
 use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
@@ -91,35 +90,6 @@ pub(super) fn gather(
     let (materials, textures) = (Vec::new(), Vec::new());
     let shapes = Shapes { owners, shapes, materials, textures, has_roles, has_areas: false };
     Ok((geometry, shapes, shared))
-}
-
-/// The error of a scene with at least `count` primitives.
-pub(super) fn too_many(count: u64) -> Error {
-    let message = format!("{count} primitives are more than the 4294967294 that fit");
-    Error::new(Kind::Limit, Problem::new("scene", message))
-}
-
-/// Sets which primitives each kind of ray passes through. `owners` are the shapes of each geometry.
-pub(super) fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
-    let unseen = RayKind::ALL.map(|kind| {
-        let mut unseen = Unseen::NONE;
-        let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
-        for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
-            match owner {
-                Owner::One(shape) | Owner::Instance { shape, .. } => {
-                    if passes(*shape) {
-                        unseen.push(ends[0]..ends[1]);
-                    }
-                }
-                Owner::Each(shapes) => {
-                    let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
-                    hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));
-                }
-            }
-        }
-        unseen
-    });
-    geometry.with_unseen(unseen)
 }
 
 /// Returns the texture coordinates of a plane or a triangle. Only textured shapes store a frame.

@@ -2,10 +2,10 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::gather::{too_many, with_unseen};
 use super::place::PlacedMesh;
-use crate::error::Result;
-use crate::geometry::{Geometry, Instance, Placement, TriangleMesh};
+use crate::error::{Error, Kind, Problem, Result};
+use crate::geometry::{Geometry, Instance, Placement, TriangleMesh, Unseen};
+use crate::ray::RayKind;
 use crate::scene::{Scene, ShapeKind};
 use crate::shading::{Owner, Shape, Shapes};
 
@@ -122,4 +122,33 @@ fn copied(shape: &Shape, placement: &Placement) -> Shape {
     let normals = shape.normals.as_ref();
     let normals = normals.map(|normals| normals.mapped(|normal| placement.normal(normal)));
     Shape { normals, ..shape.clone() }
+}
+
+/// The error of a scene with at least `count` primitives.
+pub(super) fn too_many(count: u64) -> Error {
+    let message = format!("{count} primitives are more than the 4294967294 that fit");
+    Error::new(Kind::Limit, Problem::new("scene", message))
+}
+
+/// Sets which primitives each kind of ray passes through. `owners` are the shapes of each geometry.
+fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry {
+    let unseen = RayKind::ALL.map(|kind| {
+        let mut unseen = Unseen::NONE;
+        let passes = |shape: u32| !scene.shapes[shape as usize].visible.kinds()[kind as usize];
+        for (owner, ends) in owners.iter().zip(geometry.bases().windows(2)) {
+            match owner {
+                Owner::One(shape) | Owner::Instance { shape, .. } => {
+                    if passes(*shape) {
+                        unseen.push(ends[0]..ends[1]);
+                    }
+                }
+                Owner::Each(shapes) => {
+                    let hidden = (ends[0]..).zip(shapes).filter(|(_, shape)| passes(**shape));
+                    hidden.for_each(|(primitive, _)| unseen.push(primitive..primitive + 1));
+                }
+            }
+        }
+        unseen
+    });
+    geometry.with_unseen(unseen)
 }

@@ -113,6 +113,17 @@ impl<'g> Brute<'g> {
         best.map(|candidate| candidate.hit)
     }
 
+    /// Returns all primitives that the line of the ray hits or nearly hits, at any t.
+    ///
+    /// The line nearly hits a primitive if a shift of the sheared corners can cause a hit. Each
+    /// corner may move by `factor` times the error bound of the test.
+    ///
+    /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
+    /// none. Returns `None` if there are more than `most` entries.
+    pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
+        near::near(self.geometry, &self.blocks, ray, factor, most)
+    }
+
     fn each_hit(&self, ray: &Ray, mut found: impl FnMut(ExactHit)) {
         self.blocks.each(ray, ROUNDING, [ray.tnear, ray.tfar], |primitive| {
             if let Some(candidate) = self.test(ray, primitive) {

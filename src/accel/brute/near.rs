@@ -8,8 +8,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Brute;
-use super::blocks::ROUNDING;
+use super::blocks::{Blocks, ROUNDING};
 use crate::accel::lane::Ray;
 use crate::geometry::{Geometry, GeometryKind, Sphere};
 
@@ -49,29 +48,27 @@ pub enum Outline {
     Sphere(bool),
 }
 
-impl Brute<'_> {
-    /// Returns all primitives that the line of the ray hits or nearly hits, at any t.
-    ///
-    /// The line nearly hits a primitive if a shift of the sheared corners can cause a hit. Each
-    /// corner may move by `factor` times the error bound of the test.
-    ///
-    /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
-    /// none. Returns `None` if there are more than `most` entries.
-    pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
-        let mut found = Vec::new();
-        let all = [f64::NEG_INFINITY, f64::INFINITY];
-        let plane = Plane::across(ray);
-        // A corner that moves by the error bound stays in a box widened by that bound.
-        self.blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
-            if found.len() <= most {
-                add_near(self.geometry, ray, &plane, primitive, factor, &mut found);
-            }
-        });
-        (found.len() <= most).then_some(found)
-    }
+/// Returns the entries of [`super::Brute::near`] from the oracle's boxes.
+pub(super) fn near(
+    geometry: &Geometry,
+    blocks: &Blocks,
+    ray: &Ray,
+    factor: f64,
+    most: usize,
+) -> Option<Vec<Near>> {
+    let mut found = Vec::new();
+    let all = [f64::NEG_INFINITY, f64::INFINITY];
+    let plane = Plane::across(ray);
+    // A corner that moves by the error bound stays in a box widened by that bound.
+    blocks.each(ray, factor * SHEAR * 1.001 + ROUNDING, all, |primitive| {
+        if found.len() <= most {
+            add_near(geometry, ray, &plane, primitive, factor, &mut found);
+        }
+    });
+    (found.len() <= most).then_some(found)
 }
 
-/// Returns the entries of [`Brute::near`] for one primitive, found without the oracle's boxes.
+/// Returns the entries of [`super::Brute::near`] for one primitive, found without the oracle's boxes.
 pub fn near_primitive(
     geometry: &Geometry,
     ray: &Ray,

@@ -36,6 +36,7 @@ mod hits;
 mod instance;
 #[doc(hidden)]
 pub mod kernels;
+mod local_rays;
 mod near;
 mod node;
 mod owned;

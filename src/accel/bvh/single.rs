@@ -3,7 +3,7 @@
 use super::build::Tree;
 use super::exact::{Ray64, ShearedTriangle, depth_range};
 use super::hits::ClosestHits;
-use super::instance::LocalRays;
+use super::local_rays::LocalRays;
 use super::node::{Block, Child, ChildKind, Indices, WIDTH};
 use super::query::Lane;
 use super::simd::{Path, Stack, Tier};

@@ -19,7 +19,7 @@ use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
 use serde_json::{Map, Value, json};
 
 use crate::{
-    accel::Footprint,
+    accel::memory_footprint,
     error::{Error, Problem, Result},
     film::Window,
     memory::{self, Prediction},
@@ -217,7 +217,7 @@ fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
     let window = Window::full(camera.width, camera.height);
     let prediction = memory::predict(&loaded.scene, window).ok()?;
     let backend = args.backend.map_or(loaded.scene.backend, Backend::from);
-    let footprint = Footprint::of(backend, rayon::current_num_threads());
+    let footprint = memory_footprint(backend, rayon::current_num_threads());
     Some(match footprint {
         Ok(footprint) => prediction.with(&footprint),
         Err(_) => prediction,

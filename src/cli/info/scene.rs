@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use crate::{
-    accel::Footprint,
+    accel::memory_footprint,
     cli::print,
     error::{Problem, Result},
     film::Window,
@@ -32,7 +32,7 @@ pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let backend = args.backend.map_or(scene.backend, Backend::from);
-    let footprint = Footprint::of(backend, rayon::current_num_threads());
+    let footprint = memory_footprint(backend, rayon::current_num_threads());
     facts.add("type", json!("scene"), "scene");
     let picture = format!(
         "{width} x {height} pixels, {} spp, {}, backend {}",

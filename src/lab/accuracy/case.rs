@@ -3,11 +3,12 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
+use super::backends::CaseBackends;
 use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Judge};
 use super::picture;
 use super::report::{BackendCounts, CaseResult, FailurePicture};
-use super::{AccuracySettings, Built};
+use super::settings::AccuracySettings;
 use crate::accel::BuildOptions;
 use crate::accel::brute::Brute;
 use crate::error::Result;
@@ -187,11 +188,11 @@ impl CaseRun<'_> {
     ///
     /// # Errors
     /// The errors of the builds.
-    pub(super) fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<Built<'g>> {
+    pub(super) fn build<'g>(&'g self, geometry: &'g Geometry) -> Result<CaseBackends<'g>> {
         let threads = if geometry.count() < 1000 { 1 } else { rayon::current_num_threads() };
         let tested = &self.settings.tested_backends;
         let accelerators = build_all(tested, geometry, threads, self.monitor)?;
-        Ok(Built { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })
+        Ok(CaseBackends { geometry, tested, accelerators, oracle: oracle(geometry, self.monitor)? })
     }
 
     /// Traces packets, created by `aim`, with every tested backend and judges the answers.
@@ -225,7 +226,7 @@ impl CaseRun<'_> {
         &mut self,
         geometry: &Geometry,
         packets: u64,
-        judge: impl Fn(&CaseRun, &Built, u64) -> Vec<CaseCounts> + Sync,
+        judge: impl Fn(&CaseRun, &CaseBackends, u64) -> Vec<CaseCounts> + Sync,
     ) -> Result<()> {
         let mut sums = vec![CaseCounts::default(); self.counts.len()];
         {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::Built;
+use super::backends::CaseBackends;
 use super::counts::{CaseCounts, WrongKind, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
@@ -74,7 +74,7 @@ impl AimedPacket {
 /// Traces packets with all tested backends and judges the answers.
 pub struct Judge<'a> {
     /// The backends and the oracle, built over one geometry.
-    pub built: &'a Built<'a>,
+    pub built: &'a CaseBackends<'a>,
 }
 
 impl Judge<'_> {

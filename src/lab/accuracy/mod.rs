@@ -6,6 +6,7 @@
 //! `map_coordinates` and `conservative` build the geometry and aim the rays. [`CaseRun`] traces the
 //! rays with every tested backend. `judge` counts wrong answers, unless a case counts them itself.
 
+mod backends;
 mod case;
 mod conservative;
 mod contact;
@@ -20,6 +21,7 @@ mod quads;
 mod rays;
 mod report;
 mod secondary;
+mod settings;
 mod shadow;
 mod spheres;
 #[cfg(test)]
@@ -31,63 +33,10 @@ pub use self::counts::{CaseCounts, WrongKind};
 pub use self::report::{
     AccuracyReport, BackendCounts, CaseResult, ColumnReport, FailurePicture, VERSION,
 };
+pub use self::settings::AccuracySettings;
 
-use super::backend::{BuiltBackend, TestedBackend};
-use crate::accel::Accelerator;
-use crate::accel::brute::Brute;
 use crate::error::Result;
-use crate::geometry::Geometry;
 use crate::monitor::Monitor;
-
-/// Backends, seed and number of rays of a run.
-#[derive(Debug, Clone)]
-pub struct AccuracySettings {
-    /// The backends under test, in the order of the table's columns.
-    pub tested_backends: Vec<TestedBackend>,
-    /// Seed of all random rays.
-    pub seed: u64,
-    /// Number of rays, in multiples of the quick run.
-    pub times: u64,
-    /// Whether to draw pictures of failures.
-    pub pictures: bool,
-}
-
-/// All tested backends and the oracle, built over one geometry.
-struct Built<'g> {
-    /// The geometry over which backends and oracle are built.
-    geometry: &'g Geometry,
-    /// The tested backends, in the order of the settings.
-    tested: &'g [TestedBackend],
-    /// The accelerator of each tested backend.
-    accelerators: Vec<Box<dyn Accelerator + 'g>>,
-    /// The oracle, which computes the exact answers.
-    oracle: Brute<'g>,
-}
-
-impl Built<'_> {
-    /// Iterates over the tested backends with their accelerators.
-    fn backends(&self) -> impl Iterator<Item = BuiltBackend<'_>> {
-        let built = self.tested.iter().zip(&self.accelerators);
-        built.map(|(tested, accelerator)| BuiltBackend { tested, accelerator: &**accelerator })
-    }
-
-    /// Calls `judge` for every tested backend and returns the counts of each. Slow backends
-    /// ([`TestedBackend::is_slow`]) are left out, with counts of 0, unless `with_slow`.
-    fn counts(
-        &self,
-        with_slow: bool,
-        mut judge: impl FnMut(BuiltBackend, &mut CaseCounts),
-    ) -> Vec<CaseCounts> {
-        let count = |backend: BuiltBackend| {
-            let mut counts = CaseCounts::default();
-            if with_slow || !backend.tested.is_slow() {
-                judge(backend, &mut counts);
-            }
-            counts
-        };
-        self.backends().map(count).collect()
-    }
-}
 
 /// All cases, in the order of the table.
 pub fn catalogue() -> Vec<Case> {

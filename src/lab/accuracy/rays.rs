@@ -3,7 +3,7 @@
 use crate::shading::{lane, set_lane};
 use glam::DVec3;
 
-use super::Built;
+use super::backends::CaseBackends;
 use super::case::{Amount, Case, CaseRun, PassCriterion};
 use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Expect};
@@ -107,7 +107,7 @@ fn quickly(run: &mut CaseRun) -> Result<()> {
     run.keep(&geometry, sums)
 }
 
-fn timed(built: &Built, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
+fn timed(built: &CaseBackends, sets: [&[Rays]; 2]) -> (Vec<CaseCounts>, String) {
     let mut worst: f64 = 0.0;
     let sums = built.counts(true, |backend, counts| {
         for way in backend.tested.coherences(Coherence::Coherent) {

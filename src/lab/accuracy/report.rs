@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::AccuracySettings;
 use super::counts::CaseCounts;
+use super::settings::AccuracySettings;
 use crate::error::Result;
 use crate::lab::backend::empty_geometry;
 use crate::lab::result::Machine;

@@ -5,7 +5,7 @@ use crate::shading::lane;
 use glam::DVec3;
 use num_bigint::BigInt;
 
-use super::Built;
+use super::backends::CaseBackends;
 use super::case::{Case, PassCriterion};
 use super::counts::{CaseCounts, WrongKind, ulp};
 use super::meshes::geometry;
@@ -126,7 +126,12 @@ fn case(
 }
 
 /// Traces one packet with every tested backend and judges it by the roots in integers.
-fn trace_packet(built: &Built, setup: &Setup, random: &mut Random, index: u64) -> Vec<CaseCounts> {
+fn trace_packet(
+    built: &CaseBackends,
+    setup: &Setup,
+    random: &mut Random,
+    index: u64,
+) -> Vec<CaseCounts> {
     let mut rays = Rays::EMPTY;
     let mut truths = [(None, false); LANES];
     for i in 0..LANES {

@@ -8,7 +8,7 @@ use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Expect, Judge};
 use super::meshes::{corners, icosphere, inside, scene};
-use super::{AccuracySettings, Built, catalogue};
+use super::{AccuracySettings, backends::CaseBackends, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{BackendFault, Faulty};
@@ -27,7 +27,7 @@ fn counts(fault: BackendFault, closed: bool) -> CaseCounts {
     let oracle = oracle(&geometry, &monitor).unwrap();
     let faulty: Box<dyn Accelerator> = Box::new(Faulty(&within, fault));
     let tested = std::slice::from_ref(&backend);
-    let built = Built { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
+    let built = CaseBackends { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
     let judge = Judge { built: &built };
     let mut sum = CaseCounts::default();
     for index in 0..64 {

@@ -2,7 +2,8 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use super::{Compared, layer::PictureLayer};
+use super::compared::Compared;
+use super::layer::PictureLayer;
 
 /// Names of mattes by id, for each kind of cryptomatte (`CryptoObject`).
 pub type Names = BTreeMap<String, BTreeMap<u32, String>>;

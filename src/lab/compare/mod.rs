@@ -1,5 +1,6 @@
 //! Compares two picture files layer by layer, for `lightpath compare`.
 
+mod compared;
 pub mod file;
 pub mod half;
 pub mod layer;
@@ -12,6 +13,8 @@ use crate::{
     output::tonemap,
     scene::{ToneOperator, Tonemap},
 };
+
+pub use compared::{Compared, NonFinite};
 
 use super::metrics::{self, Metric, MetricValues, flip};
 use file::{FileFormat, Picture};
@@ -40,37 +43,6 @@ impl CompareSettings {
             false => ToneOperator::Max,
         }
     }
-}
-
-/// Pixels with a NaN or an infinity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NonFinite {
-    /// Number of such pixels in the picture and in the reference.
-    pub pixels: [u64; 2],
-    /// Position in the frame of the first such pixel of either.
-    pub first: [i64; 2],
-}
-
-/// One layer of both files with its metrics.
-#[derive(Debug)]
-pub struct Compared {
-    /// Layer of the picture.
-    pub test: PictureLayer,
-    /// Layer of the reference.
-    pub reference: PictureLayer,
-    /// Metrics of the layer. Empty if a pixel is not finite.
-    pub values: MetricValues,
-    /// Pixels that are not finite, if any.
-    pub non_finite: Option<NonFinite>,
-    /// Whether picture and reference are stored as half floats.
-    pub half: [bool; 2],
-    /// Expected errors if only rounding to half floats caused them. `None` for ids, for values that
-    /// are not finite, and if no file stores half floats.
-    pub floor: Option<HalfRounding>,
-    /// Picture and reference as tone mapped 8-bit pixels, for light.
-    pub pictures: Option<[Vec<[u8; 3]>; 2]>,
-    /// FLIP of each pixel, for light: HDR-FLIP of two EXRs, else LDR-FLIP.
-    pub flip: Option<Vec<f64>>,
 }
 
 /// Result of the comparison of two files.

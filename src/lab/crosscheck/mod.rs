@@ -9,12 +9,14 @@
 //! assumption. `coursework` works in f64.
 
 mod aimed;
+mod check;
 mod known;
 mod pictures;
 mod plan;
 mod report;
 mod source;
 
+pub use self::check::{CrossCheck, PacketVerdicts};
 pub use self::pictures::{PictureReport, compare_pictures};
 pub use self::report::{
     BackendReport, CrosscheckReport, Finding, PlainLoop, SavedRay, TreeReport, VerdictCounts,
@@ -23,19 +25,15 @@ pub use self::source::RaySource;
 
 use self::plan::CheckPackets;
 use super::answer::Answer;
-use super::backend::BuiltBackend;
 use super::parallel::in_portions;
 use super::query::QueryPacket;
 use super::rays::PacketToTrace;
-use super::verdict::{Verdict, judge};
+use super::verdict::judge;
 use crate::accel::Visits;
-use crate::accel::brute::Brute;
-use crate::accel::coursework::Coursework;
 use crate::accel::lane::{Ray, lanes};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
-use crate::ray::{Coherence, LANES};
-use crate::world::World;
+use crate::ray::LANES;
 
 /// Largest number of primitive tests of the plain loop of `coursework` in all, unless one packet
 /// needs more. It bounds the time.
@@ -43,23 +41,6 @@ const PLAIN_LOOP_TESTS: u64 = 200_000_000;
 
 /// Largest number of wrong answers that are kept for each backend, verdict and source of rays.
 const KEPT: usize = 10;
-
-/// Scene, oracle, backends and number of rays of a check.
-#[derive(Clone, Copy)]
-pub struct CrossCheck<'a> {
-    /// The scene whose rays are checked.
-    pub world: &'a World,
-    /// The oracle, built over the scene's geometry.
-    pub oracle: &'a Brute<'a>,
-    /// The backends to check. The first one finds the camera hits.
-    pub built_backends: &'a [BuiltBackend<'a>],
-    /// `coursework`, if its trees are to be compared with its own plain loop.
-    pub coursework: Option<&'a Coursework<'a>>,
-    /// Largest number of rays. At least one packet of each source is checked.
-    pub rays: u64,
-    /// Seed of all random rays.
-    pub seed: i64,
-}
 
 /// Checks the rays of a scene on the current rayon pool.
 ///
@@ -88,19 +69,6 @@ pub fn check_rays(check: &CrossCheck, monitor: &Monitor) -> Result<CrosscheckRep
     )?;
     report.allow_known(check.built_backends);
     Ok(report)
-}
-
-/// All verdicts on one packet.
-pub struct PacketVerdicts {
-    case: QueryPacket,
-    /// Index of the backend, coherence, lane, verdict and answer.
-    verdicts: Vec<(usize, Coherence, usize, Verdict, Answer)>,
-    /// The oracle's answer for each lane.
-    truths: Vec<Answer>,
-    /// Number of rays that the plain loop of `coursework` traced.
-    looped: u64,
-    /// Lanes where the answers of trees and plain loop differ, with both answers.
-    loop_mismatches: Vec<(usize, Answer, Answer)>,
 }
 
 /// Judges the answers of all backends to one packet. Compares `coursework` with its plain loop if

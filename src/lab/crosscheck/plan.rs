@@ -1,8 +1,8 @@
 //! The packets of a check: rays of the scene and aimed rays. Each class and source has the same
 //! largest number of packets.
 
-use super::CrossCheck;
 use super::aimed::Aim;
+use super::check::CrossCheck;
 use super::source::RaySource;
 use crate::error::Result;
 use crate::lab::query::QueryPacket;

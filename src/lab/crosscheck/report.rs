@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::{CrossCheck, PacketVerdicts, PictureReport, known};
+use super::check::{CrossCheck, PacketVerdicts};
+use super::known;
+use super::pictures::PictureReport;
 use crate::accel::BuildInfo;
 use crate::accel::bvh::TreeStats;
 use crate::lab::answer::Answer;

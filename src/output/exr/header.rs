@@ -16,7 +16,7 @@ use exr::{
 use crate::film::{ChannelKind, Film};
 
 use super::{
-    Compression, Options,
+    options::{Compression, Options},
     parts::{ExrPart, FIRST},
     text,
 };

@@ -2,7 +2,7 @@
 
 use crate::film::{ChannelKind, Film};
 
-use super::Options;
+use super::options::Options;
 
 /// Name of the part with the beauty (R, G, B, A). With a single part, it holds all channels.
 pub const FIRST: &str = "rgba";

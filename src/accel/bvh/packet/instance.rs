@@ -8,7 +8,7 @@ use super::closest::ClosestEntry;
 use super::{Bits, Packet};
 use crate::accel::bvh::MIN_TOGETHER;
 use crate::accel::bvh::hits::ClosestHits;
-use crate::accel::bvh::instance::LocalRays;
+use crate::accel::bvh::local_rays::LocalRays;
 use crate::accel::bvh::node::{Child, ChildKind};
 use crate::accel::bvh::simd::Tier;
 use crate::accel::bvh::single::ClosestHit;
