@@ -134,4 +134,47 @@ mod tests {
             [CoverFault { window: whole, samples: 0..4, twice: None }]
         );
     }
+
+    /// Adds missing samples in two windows, and returns the windows of the faults.
+    fn added(first: Window, second: Window) -> Vec<Window> {
+        let mut faults = Vec::new();
+        for window in [first, second] {
+            add(&mut faults, CoverFault { window, samples: 0..1, twice: None });
+        }
+        faults.into_iter().map(|fault| fault.window).collect()
+    }
+
+    #[test]
+    fn only_faults_with_a_whole_side_in_common_become_one() {
+        let first = window(2, 2, 4, 4);
+        assert_eq!(added(first, window(2, 4, 4, 6)), [window(2, 2, 4, 6)], "below");
+        assert_eq!(added(first, window(4, 2, 6, 4)), [window(2, 2, 6, 4)], "to the right");
+        let apart = [
+            // Below: another left side, another right side, a gap.
+            window(3, 4, 4, 6),
+            window(2, 4, 5, 6),
+            window(2, 5, 4, 6),
+            // To the right: another top, another bottom, a gap.
+            window(4, 3, 6, 4),
+            window(4, 2, 6, 5),
+            window(5, 2, 6, 4),
+        ];
+        for second in apart {
+            assert_eq!(added(first, second), [first, second]);
+        }
+    }
+
+    #[test]
+    fn faults_of_other_samples_or_parts_stay_apart() {
+        let fault = |y: u32, samples: Range<u32>, twice: Option<[usize; 2]>| CoverFault {
+            window: window(0, y, 1, y + 1),
+            samples,
+            twice,
+        };
+        for second in [fault(1, 0..2, None), fault(1, 0..1, Some([0, 1]))] {
+            let mut faults = vec![fault(0, 0..1, None)];
+            add(&mut faults, second);
+            assert_eq!(faults.len(), 2, "{faults:?}");
+        }
+    }
 }
