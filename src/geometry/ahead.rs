@@ -72,4 +72,41 @@ mod tests {
         assert!(ahead(-DVec3::Y) && !ahead(DVec3::Y));
         assert!(is_after_start(corners, above - DVec3::Y, DVec3::Y, 1.0));
     }
+
+    /// f64 computes t with an error of either sign where the plane contains the origin.
+    #[test]
+    fn a_plane_through_the_origin_is_not_hit_whatever_t_says() {
+        let plain = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let direction = DVec3::new(0.25, 0.25, 1.0);
+        for t in [-1e-9, 0.0, 1e-17, 1e-9] {
+            assert!(!is_after_start(plain, DVec3::ZERO, direction, t), "{t}");
+            // Far from the scene's origin.
+            let origin = DVec3::new(128.0, 64.0, 32.0);
+            assert!(!is_after_start(plain.map(|v| v + origin), origin, direction, t), "{t}");
+            // All corners are at depth 0 along the dominant axis.
+            assert!(!is_after_start(plain, DVec3::new(0.25, 0.25, 0.0), DVec3::Z, t), "{t}");
+        }
+        // The error grows with the triangle. A long direction makes t small.
+        let large = plain.map(|v| v * 1e6);
+        assert!(!is_after_start(large, DVec3::ZERO, direction, 1e-3));
+        assert!(!is_after_start(large, DVec3::ZERO, direction * 1e-6, 1e3));
+        assert!(!is_after_start(plain, DVec3::ZERO, direction * 1e-6, 1e-3));
+    }
+
+    #[test]
+    fn a_triangle_ahead_is_hit_and_one_behind_is_not() {
+        let corners = [DVec3::new(0.5, -1.0, -1.0), DVec3::new(0.5, 1.0, -1.0), DVec3::X];
+        for (scale, t) in [(1.0, 0.5), (1e-6, 0.5e-6), (1e6, 0.5e6)] {
+            let corners = corners.map(|v| v * scale);
+            assert!(is_after_start(corners, DVec3::ZERO, DVec3::X, t));
+            assert!(!is_after_start(corners, DVec3::ZERO, -DVec3::X, -t));
+        }
+    }
+
+    #[test]
+    fn t_decides_for_a_ray_in_the_plane() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let ahead = |t| is_ahead(corners, DVec3::new(-1.0, 0.25, 0.0), DVec3::X, t);
+        assert!(ahead(1.0) && !ahead(0.0) && !ahead(-1.0));
+    }
 }

@@ -94,4 +94,20 @@ mod tests {
         assert!(behind(-1e-3));
         assert!(!behind(-3e-4));
     }
+
+    #[test]
+    fn the_tolerance_is_an_ulp_of_the_largest_coordinate() {
+        let plane = [[0.0; 3], [64.0, 0.0, 0.0], [0.0, 64.0, 0.0]];
+        let ulp = 64.0 * f64::from(f32::EPSILON);
+        let behind = |origin: f64, corner: f64, up: f64| {
+            let corners = [[1.0, 1.0], [2.0, 1.0], [1.0, 2.0]];
+            let corners = corners.map(|[x, y]| DVec3::new(x, y, corner * ulp));
+            is_behind(plane, DVec3::new(1.0, 1.0, origin * ulp), DVec3::new(1.0, 0.0, up), corners)
+        };
+        for up in [1e-3, 1.0] {
+            assert!(behind(-0.9, 0.9, up) && behind(0.9, -0.9, -up));
+            assert!(!behind(-1.1, 0.9, up) && !behind(-0.9, 1.1, up));
+            assert!(!behind(1.1, -0.9, -up) && !behind(0.9, -1.1, -up));
+        }
+    }
 }

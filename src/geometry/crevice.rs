@@ -307,7 +307,12 @@ mod tests {
         }
         // Below the edge, the ray's two hits are far apart.
         let below = DVec3::new(-0.25, 0.5, -0.5);
-        assert!(seen(1, below, DVec3::X).is_none());
+        for length in [1e-3, 1.0, 1e3] {
+            assert!(seen(1, below, DVec3::X * length).is_none());
+            let at_edge = DVec3::new(0.0, 0.3, 0.0);
+            let hit = seen(1, at_edge, DVec3::X * length);
+            assert_eq!(hit.map(|hit| hit.primitive), Some(0), "{length}");
+        }
     }
 
     #[test]
@@ -319,5 +324,120 @@ mod tests {
         let seen =
             Crevice::new(&geometry, (point, [0.0, 0.3, -1e-9]), (own, -DVec3::Z, 0), &[0, 1, 2]);
         assert!(seen.is_none());
+    }
+
+    #[test]
+    fn the_box_around_a_point_is_as_large_as_the_rounding() {
+        let point = DVec3::new(1.0, -2.0, 3.0);
+        let corners = [point - DVec3::X, point + DVec3::Y * 4.0, point];
+        let reach = 2.0 * REACH * (3.0 + 4.0);
+        let [low, high] = Crevice::nearby(point, corners).map(doubles);
+        for (below, above, size) in
+            [0, 1, 2].map(|k| (point[k] - low[k], high[k] - point[k], point[k].abs()))
+        {
+            let largest = reach + 2.0 * f64::from(f32::EPSILON) * size;
+            assert!((reach..=largest).contains(&below), "{below:e} {reach:e}");
+            assert!((reach..=largest).contains(&above), "{above:e} {reach:e}");
+        }
+    }
+
+    #[test]
+    fn a_primitive_is_near_if_its_box_overlaps() {
+        let geometry = corner();
+        let around = |x: f32, y: f32, z: f32| [[x, y, z], [x + 0.25, y + 0.25, z + 0.25]];
+        assert!(is_near(&geometry, 0, &around(0.5, 0.5, -0.125)));
+        for away in [[1.5, 0.5, -0.125], [0.5, 1.5, -0.125], [0.5, 0.5, 0.125]] {
+            let [x, y, z] = away;
+            assert!(!is_near(&geometry, 0, &around(x, y, z)), "{away:?}");
+            // On the other side.
+            assert!(!is_near(&geometry, 0, &around(0.75 - x, 0.75 - y, -0.25 - z)), "{away:?}");
+        }
+    }
+
+    /// A triangle away from the origin, and the ray to its point with the weights `u` and `v`.
+    fn meet(u: f64, v: f64, second_half: bool) -> Option<WallHit> {
+        let corners = [[1.0, -1.0, 3.0], [3.0, 0.5, 3.5], [0.5, 3.0, 2.5]].map(DVec3::from);
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        let triangle = Triangle { primitive: 7, corners, normal, second_half };
+        let point = DVec3::new(0.5, 1.0, -1.0);
+        let on_plane = a * (1.0 - u - v) + b * u + c * v;
+        triangle.meet(point, (on_plane - point) * 0.25)
+    }
+
+    #[test]
+    fn a_wall_is_hit_at_the_point_that_the_ray_is_aimed_at() {
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-6;
+        let hit = meet(0.25, 0.625, false).unwrap();
+        assert!((hit.t - 4.0).abs() < 1e-12 && hit.primitive == 7);
+        assert!(near(hit.u.into(), 0.25) && near(hit.v.into(), 0.625));
+        let hit = meet(0.25, 0.625, true).unwrap();
+        assert!(near(hit.u.into(), 0.75) && near(hit.v.into(), 0.375));
+    }
+
+    #[test]
+    fn edges_of_a_wall_are_hit_up_to_the_rounding_of_f64() {
+        for (off, expected) in [(0.0, true), (1e-14, true), (1e-10, false), (1e-2, false)] {
+            for (u, v) in [(-off, 0.5), (0.5, -off), (0.5, 0.5 + off)] {
+                assert_eq!(meet(u, v, false).is_some(), expected, "{u} {v}");
+            }
+        }
+    }
+
+    /// Almost in the plane, weights are imprecise. The tolerance has a limit, and does not depend
+    /// on the unit of length.
+    #[test]
+    fn the_tolerance_grows_for_a_grazing_ray_up_to_a_limit() {
+        for (unit, length) in
+            [(1.0, 1.0), (1048576.0, 1.0), (1e-6, 1.0), (1.0, 1024.0), (1.0, 1e-3)]
+        {
+            let corners = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|v| v * unit);
+            let normal = DVec3::Z * unit * unit;
+            let wall = Triangle { primitive: 0, corners, normal, second_half: false };
+            for (slope, off, expected) in [
+                (1e-8, 1e-6, true),
+                (1e-8, 1e-4, false),
+                (1e-13, 0.9 / 1024.0, true),
+                (1e-13, 1.2 / 1024.0, false),
+            ] {
+                let point = DVec3::new(-1.0, -off, slope) * unit;
+                let met = wall.meet(point, DVec3::new(1.25, 0.0, -slope) * length);
+                assert_eq!(met.is_some(), expected, "{slope:e} {off:e} {unit:e} {length:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_point_is_moved_into_its_triangle_by_little() {
+        let moved = |point: DVec3, own| inside(point, own) - point;
+        let own = [DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 3.0];
+        // By 2^-36 of the way to the middle.
+        let [share, of_coordinates] = INWARD;
+        let way = moved(DVec3::X, own);
+        assert!((way - DVec3::Y * share).length() < 0.01 * share, "{way}");
+        // By a fraction of the coordinates if these are large.
+        let far = DVec3::Z * 4096.0;
+        let way = moved(far + DVec3::X * 4.0, own.map(|v| v * 2.0 + far));
+        let expected = DVec3::new(-1.0, 1.0, 0.0) * 4096.0 * of_coordinates;
+        assert!((way - expected).length() < 0.02 * expected.length(), "{way} {expected}");
+        // By at most a quarter of the way.
+        let tiny = own.map(|v| v * 2f64.powi(-40) + far);
+        let way = moved(tiny[1], tiny);
+        assert!((way - ((tiny[0] + tiny[1] + tiny[2]) / 3.0 - tiny[1]) * 0.25).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_corner_rises_if_it_is_above_the_plane_by_more_than_rounding() {
+        let up = DVec3::Z;
+        // The size is 3 + 4 + 12 in all.
+        let (point, own) = (DVec3::X * 12.0, DVec3::new(12.0, 4.0, 0.0));
+        for (height, expected) in [(1.1, true), (0.9, false), (-1.1, false)] {
+            let corner = DVec3::new(15.0, 0.0, height * EQUAL * 19.0);
+            assert_eq!(rises(corner, point, own, up), expected, "{height}");
+            // A plane away from zero: the size grows by its height.
+            let above = DVec3::Z * 5.0;
+            let corner = DVec3::new(15.0, 0.0, 5.0 + height * EQUAL * 20.0);
+            assert_eq!(rises(corner, point + above, own + above, up), expected, "{height}");
+        }
     }
 }

@@ -121,4 +121,43 @@ mod tests {
         let met = passing(CORNERS, DVec3::new(-3.0, 0.5, 1e-7), DVec3::new(1.0, 0.0, -1e-9));
         assert_eq!(met.unwrap().t, 4.0);
     }
+
+    #[test]
+    fn the_error_of_t_follows_from_the_slope_of_the_triangle() {
+        let down = |corners, origin| passing(corners, origin, -DVec3::Z).unwrap();
+        let origin = DVec3::new(0.25, 0.25, 10.0);
+        let rounding = 4.0 * f64::from(f32::EPSILON);
+        // The ray is perpendicular to the plane.
+        assert_eq!(down(CORNERS, origin).t_error, rounding * 10.0);
+        // The normal is (-1, -2, 1), and the farthest coordinate is 10.
+        let sloping = [DVec3::ZERO, DVec3::new(1.0, 0.0, 1.0), DVec3::new(0.0, 1.0, 2.0)];
+        for corners in [sloping, [sloping[1], sloping[0], sloping[2]]] {
+            let met = down(corners, origin);
+            let error = 3.0 * 10.0 * REACH + rounding * 9.25;
+            assert!((met.t - 9.25).abs() < 1e-12 && (met.t_error / error - 1.0).abs() < 1e-9);
+            assert!(met.explains(9.25 - 0.99 * error) && met.explains(9.25 + 0.99 * error));
+            assert!(!met.explains(9.25 - 1.01 * error) && !met.explains(9.25 + 1.01 * error));
+        }
+        // A grazing ray: t may be anywhere between the corners, which are 1 apart.
+        let grazing = passing(CORNERS, DVec3::new(-3.0, 0.5, 1e-7), DVec3::new(1.0, 0.0, -1e-9));
+        let along = passing(CORNERS, DVec3::new(-3.0, 0.5, 0.0), DVec3::X);
+        for met in [grazing.unwrap(), along.unwrap()] {
+            assert_eq!(met.t_error, 1.0 + rounding * met.t);
+        }
+    }
+
+    #[test]
+    fn a_ray_in_the_plane_is_off_beyond_both_ends() {
+        for y in [-0.1, 1.1] {
+            assert!(passing(CORNERS, DVec3::new(-3.0, y, 0.0), DVec3::X).is_none());
+        }
+    }
+
+    #[test]
+    fn t_of_a_ray_along_a_needle_may_be_anywhere_on_it() {
+        let needle = [DVec3::ZERO, DVec3::Z, DVec3::Z * 2.0];
+        let met = passing(needle, DVec3::Z * 10.0, -DVec3::Z).unwrap();
+        assert_eq!(met.t, 8.0);
+        assert_eq!(met.t_error, 2.0 + 4.0 * f64::from(f32::EPSILON) * 8.0);
+    }
 }

@@ -190,4 +190,41 @@ mod tests {
         assert!(is_on(needle, [0.5; 3]));
         assert!(!is_on(needle, [0.5, 0.5, 0.25]) && !is_on(needle, [2.5; 3]));
     }
+
+    /// The tie rule moves the half-line by (e, e^2). A move by small numbers gives the same.
+    #[test]
+    fn ties_are_decided_as_if_the_half_line_were_moved() {
+        for i in 0..343 {
+            let point = [i % 7, i / 7 % 7, i / 49].map(|k| f64::from(k) * 0.5 - 1.5);
+            for (axes, upward) in AXES.into_iter().flat_map(|a| [(a, false), (a, true)]) {
+                let mut moved = point;
+                moved[axes[0]] += 1e-3;
+                moved[axes[1]] += 1e-6;
+                for [a, b, c] in cube() {
+                    let found = half_line([a, b, c], point, axes, upward);
+                    // The order of the corners does not matter.
+                    for corners in [[b, c, a], [c, a, b], [b, a, c], [c, b, a], [a, c, b]] {
+                        assert_eq!(half_line(corners, point, axes, upward), found);
+                    }
+                    if found != HalfLineIntersection::Starts {
+                        let expected = half_line([a, b, c], moved, axes, upward);
+                        assert_eq!(found, expected, "{:?} {point:?} {axes:?}", [a, b, c]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_half_line_crosses_only_what_lies_in_its_direction() {
+        let triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+        for (z, upward, expected) in [
+            (0.0, true, HalfLineIntersection::Crosses),
+            (0.0, false, HalfLineIntersection::Misses),
+            (2.0, true, HalfLineIntersection::Misses),
+            (2.0, false, HalfLineIntersection::Crosses),
+        ] {
+            assert_eq!(half_line(triangle, [0.25, 0.25, z], AXES[0], upward), expected);
+        }
+    }
 }

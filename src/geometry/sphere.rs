@@ -235,4 +235,96 @@ mod tests {
             assert!((t / height - 1.0).abs() < 1e-7, "{t:e} for {height:e}");
         }
     }
+
+    #[test]
+    fn bounds_are_wider_by_a_few_roundings() {
+        let sphere = Sphere { center: DVec3::new(2.0, -3.0, 0.5), radius: 1.25 };
+        let (lower, upper) = sphere.bounds();
+        let exact = [[0.75, -4.25, -0.75], [3.25, -1.75, 1.75]];
+        for axis in 0..3 {
+            let [low, high] = exact.map(|corner: [f32; 3]| f64::from(corner[axis]));
+            let slack = |x: f64| x.abs() * f64::from(f32::EPSILON);
+            let (below, above) = (low - f64::from(lower[axis]), f64::from(upper[axis]) - high);
+            assert!((3.0 * slack(low)..=5.0 * slack(low)).contains(&below), "{axis} {below:e}");
+            assert!((3.0 * slack(high)..=5.0 * slack(high)).contains(&above), "{axis} {above:e}");
+        }
+        // At zero as well.
+        let sphere = Sphere { center: DVec3::ONE, radius: 1.0 };
+        assert_eq!(sphere.bounds().0, [-f32::MIN_POSITIVE; 3]);
+        let sphere = Sphere { center: -DVec3::ONE, radius: 1.0 };
+        assert_eq!(sphere.bounds().1, [f32::MIN_POSITIVE; 3]);
+    }
+
+    /// Points on a sphere far from the origin, seen from outside and inside along directions of
+    /// any length.
+    #[test]
+    fn f64_and_twice_the_bits_find_the_same_points() {
+        let sphere = Sphere { center: DVec3::new(2.0, -3.0, 0.5), radius: 1.25 };
+        let near = DVec3::new(-0.5, 0.75, -0.25).normalize();
+        for (origin, length) in [
+            (DVec3::new(-4.0, 5.0, -2.0), 3.0),
+            (DVec3::new(-4.0, 5.0, -2.0), 0.25),
+            (DVec3::new(2.5, -3.25, 1.0), 2.0),
+            (DVec3::new(2.5, -3.25, 1.0), 0.5),
+        ] {
+            let hit = sphere.center + near * sphere.radius;
+            let direction = (hit - origin).normalize() * length;
+            let expected = (hit - origin).length() / length;
+            let (t, sure) = sphere.intersect_f64(origin, direction, 0.0, FAR, false);
+            assert!(sure && (t / expected - 1.0).abs() < 1e-14, "{t} {expected}");
+            let t = sphere.intersect_double_double(origin, direction, 0.0, FAR, false);
+            assert!((t / expected - 1.0).abs() < 1e-14, "{t} {expected}");
+            assert!(!sphere.surely_missed(origin, direction));
+        }
+        let away = DVec3::new(-6.0, 8.0, -2.5);
+        assert!(sphere.surely_missed(sphere.center + away, away));
+        assert!(sphere.surely_missed(sphere.center + away, away.any_orthogonal_vector()));
+    }
+
+    #[test]
+    fn f64_is_unsure_only_near_the_outline_and_near_the_surface() {
+        let sphere = Sphere { center: DVec3::ZERO, radius: 1000.0 };
+        let sure = |origin: [f64; 3], direction: DVec3, leaving| {
+            sphere.intersect_f64(origin.into(), direction, 0.0, FAR, leaving).1
+        };
+        // The limits are 5e6 * 2^-32 for the squared distance from the outline, 1e6 * 2^-20 from
+        // the surface. Both are rounded.
+        for (y, expected) in [(-1e-5, true), (-1e-7, false), (1e-7, false), (1e-5, true)] {
+            let origin = [0.0, 1000.0 + y, -2000.0];
+            assert_eq!(sure(origin, DVec3::Z, false), expected, "outline {y}");
+            assert_eq!(sure(origin, DVec3::Z, true), expected, "outline {y}");
+        }
+        for (z, expected) in [(-1e-2, true), (-1e-4, false), (1e-4, false), (1e-2, true)] {
+            let origin = [0.0, 0.0, 1000.0 + z];
+            assert_eq!(sure(origin, -DVec3::Z, false), expected, "surface {z}");
+            assert!(sure(origin, -DVec3::Z, true), "leaving {z}");
+        }
+        assert!(!sure([0.0, 1000.0 + 1e-9, 0.0], DVec3::X, false), "outline and surface");
+    }
+
+    #[test]
+    fn hits_at_the_ends_of_a_segment_do_not_count() {
+        let sphere = Sphere { center: DVec3::ZERO, radius: 1.0 };
+        let t = |near, far| sphere.intersect(DVec3::Z * -3.0, DVec3::Z, near, far, false);
+        assert_eq!((t(1.5, 2.5), t(2.5, 4.5)), (2.0, 4.0));
+        assert_eq!(t(2.0, 5.0), 4.0);
+        assert!(t(0.0, 2.0).is_nan() && t(2.0, 4.0).is_nan() && t(4.0, 5.0).is_nan());
+    }
+
+    /// The ray passes at a distance of 1 from a sphere of radius 1000, with squares of 5e6.
+    #[test]
+    fn rays_close_to_a_large_sphere_are_surely_missed_or_not() {
+        let sphere = Sphere { center: DVec3::new(0.0, 0.0, 4.0), radius: 1000.0 };
+        for length in [2f64.powi(-10), 1.0, 1024.0] {
+            // The limit is 1.2e-6 beside the sphere and 5e-4 above it.
+            for (height, expected) in [(1e-5, true), (1e-7, false), (-1e-5, false)] {
+                let origin = DVec3::new(0.0, 1000.0 + height, -1996.0);
+                assert_eq!(sphere.surely_missed(origin, DVec3::Z * length), expected, "{height}");
+            }
+            for (height, expected) in [(1e-3, true), (1e-4, false), (-1e-3, false)] {
+                let origin = DVec3::new(0.0, 0.0, 1004.0 + height);
+                assert_eq!(sphere.surely_missed(origin, DVec3::Z * length), expected, "{height}");
+            }
+        }
+    }
 }

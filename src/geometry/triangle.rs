@@ -228,4 +228,106 @@ mod tests {
         let (u, v) = clamp_barycentrics(0.9, 0.9);
         assert_eq!((u, v), (0.5, 0.5));
     }
+
+    const CORNERS: [DVec3; 3] =
+        [DVec3::new(0.5, -1.0, 3.0), DVec3::new(2.0, 0.25, 3.5), DVec3::new(0.0, 4.0, 2.5)];
+
+    /// A ray to the point of [`CORNERS`] with the weights `u` and `v`.
+    fn aimed(u: f64, v: f64) -> TrianglePoint {
+        let origin = DVec3::new(0.5, 1.0, -3.0);
+        let point = CORNERS[0] * (1.0 - u - v) + CORNERS[1] * u + CORNERS[2] * v;
+        refine_triangle(CORNERS, origin, point - origin, (0.0, 0.0))
+    }
+
+    #[test]
+    fn a_ray_beside_any_edge_misses() {
+        assert!(aimed(0.25, 0.5).met);
+        for (u, v) in [(-0.01, 0.5), (0.5, -0.01), (0.51, 0.5), (-0.01, -0.01), (1.5, -0.6)] {
+            assert!(!aimed(u, v).met, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn only_points_close_to_an_edge_are_at_an_edge() {
+        for (near, expected) in [(1e-8, true), (1e-5, false)] {
+            for (u, v) in [(near, 0.5), (0.5, near), (0.5, 0.5 - near)] {
+                assert_eq!(aimed(u, v).at_edge, expected, "{u} {v}");
+            }
+        }
+    }
+
+    /// Powers of two scale without rounding.
+    #[test]
+    fn a_hit_does_not_depend_on_the_unit_of_length() {
+        let origin = DVec3::new(0.5, 1.0, -3.0);
+        // In the middle; close to an edge; a needle, for which f64 is too coarse.
+        let needle = [CORNERS[0], CORNERS[1], CORNERS[1] + DVec3::new(1e-10, 0.0, 0.0)];
+        let to = |u: f64, v: f64| CORNERS[0] * (1.0 - u - v) + CORNERS[1] * u + CORNERS[2] * v;
+        for (corners, direction) in [
+            (CORNERS, to(0.25, 0.5) - origin),
+            (CORNERS, to(0.5, 1e-5) - origin),
+            (CORNERS, to(0.5, 1e-8) - origin),
+            (needle, to(0.5, 0.0) - origin),
+        ] {
+            let unit = refine_triangle(corners, origin, direction, (0.0, 0.0));
+            let error = triangle_error(corners, origin, direction);
+            for (scale, length) in
+                [(1.0, 1024.0), (1.0, 2f64.powi(-20)), (1024.0, 1.0), (2f64.powi(-20), 1.0)]
+            {
+                let scaled = corners.map(|v| v * scale);
+                let point = refine_triangle(scaled, origin * scale, direction * length, (0.0, 0.0));
+                assert_eq!((point.u, point.v, point.normal), (unit.u, unit.v, unit.normal));
+                assert_eq!(point.position, unit.position * scale);
+                assert_eq!(point.t, unit.t * scale / length);
+                let flags = |p: &TrianglePoint| (p.met, p.sharp, p.at_edge);
+                assert_eq!(flags(&point), flags(&unit), "{scale} {length}");
+                assert_eq!(
+                    triangle_error(scaled, origin * scale, direction * length),
+                    error * scale
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_error_bound_is_its_formula() {
+        let corners =
+            [DVec3::new(1.0, 2.0, 4.0), DVec3::new(3.0, 2.0, 4.0), DVec3::new(1.0, 6.0, 4.0)];
+        let (origin, direction) = (DVec3::new(0.5, 1.0, -4.0), DVec3::new(0.0, 0.0, 8.0));
+        // |v0 - o| = 9.5, |d| = 8, sides 2 and 4, determinant 64; corners 7, 9 and 11.
+        let expected = BLUR * 9.5 * 8.0 * 2.0 * 4.0 / 64.0 + 4.0 * f64::EPSILON * 27.0;
+        let error = triangle_error(corners, origin, direction);
+        assert!((error / expected - 1.0).abs() < 1e-12, "{error:e} {expected:e}");
+        // A needle, whose determinant 2^-40 has an error in f64: sides 1 and 1, corners 0, 1 and 1.
+        let needle = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 2f64.powi(-40), 0.0)];
+        let expected = 2f64.powi(-55) * 3.0 + 4.0 * f64::EPSILON * 4.0;
+        let error = triangle_error(needle, DVec3::Z * -3.0, DVec3::Z);
+        assert!((error / expected - 1.0).abs() < 1e-6, "{error:e} {expected:e}");
+        // Along the plane, the hit may be anywhere on the triangle.
+        let error = triangle_error(corners, origin, DVec3::X);
+        assert!((error / (6.0 + 4.0 * f64::EPSILON * 27.0) - 1.0).abs() < 1e-15, "{error}");
+    }
+
+    #[test]
+    fn a_ray_beside_any_edge_misses_with_106_bits_too() {
+        let origin = DVec3::new(0.5, 1.0, -3.0);
+        let met = |u: f64, v: f64| {
+            let point = CORNERS[0] * (1.0 - u - v) + CORNERS[1] * u + CORNERS[2] * v;
+            sharpen_triangle(CORNERS, origin, point - origin, (0.0, 0.0)).met
+        };
+        assert!(met(0.25, 0.5) && met(0.75, 0.125));
+        for (u, v) in [(-0.01, 0.5), (0.5, -0.01), (0.51, 0.5), (-0.01, -0.01), (1.5, -0.6)] {
+            assert!(!met(u, v), "{u} {v}");
+        }
+    }
+
+    /// The square of the normal's length overflows and underflows.
+    #[test]
+    fn normals_of_huge_and_tiny_triangles_have_unit_length() {
+        for scale in [2f64.powi(300), 2f64.powi(-300)] {
+            let corners = [DVec3::ZERO, DVec3::X * scale, DVec3::Y * scale];
+            let point = sharpen_triangle(corners, DVec3::Z, -DVec3::Z, (0.0, 0.0));
+            assert_eq!(point.normal, DVec3::Z);
+        }
+    }
 }

@@ -283,3 +283,159 @@ impl WidenedBox {
         Self { lower, upper }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::bounds::Bounds3;
+    use super::super::query::Query;
+    use super::*;
+
+    /// Shears the triangle `corners` for a ray. Calls `look` with the ray, the sheared triangle and
+    /// its depths by [`depth_range`].
+    fn shear<T>(
+        corners: [[f32; 3]; 3],
+        origin: [f32; 3],
+        direction: [f32; 3],
+        look: impl FnOnce(&Ray64, &ShearedTriangle, (f32, f32)) -> T,
+    ) -> T {
+        let mut block = Block::EMPTY;
+        let mut rays = Rays::EMPTY;
+        for axis in 0..3 {
+            for k in 0..3 {
+                block.vertices[axis][k] = corners[k][axis];
+                block.corners[k][0] = k as u8;
+            }
+            (rays.org[axis][0], rays.dir[axis][0]) = (origin[axis], direction[axis]);
+        }
+        let query = Query::new(&rays, &Bounds3::from_points(&corners));
+        let lane = query.lane(0);
+        let ray = Ray64::new(&rays, 0, lane.axes[2]);
+        look(&ray, &ShearedTriangle::new(&lane, &block, 0), depth_range(&lane, &block, 0))
+    }
+
+    /// The axes in cyclic order, forwards and backwards.
+    fn turned(v: [f32; 3], turn: usize) -> [f32; 3] {
+        let sign = if turn < 3 { 1.0 } else { -1.0 };
+        [0, 1, 2].map(|k| sign * v[(k + turn) % 3])
+    }
+
+    const SLOPING: [[f32; 3]; 3] = [[0.0, 0.0, 4.0], [4.0, 0.0, 6.0], [0.0, 4.0, 5.0]];
+
+    #[test]
+    fn depths_are_those_of_the_corners_along_the_ray() {
+        for turn in 0..6 {
+            let corners = SLOPING.map(|v| turned(v, turn));
+            let (from, to) = (turned([1.0, 1.0, 1.0], turn), turned([0.25, -0.5, 2.0], turn));
+            let (depths, ahead) = shear(corners, from, to, |r, t, d| (d, t.is_ahead(r)));
+            assert_eq!((depths, ahead), ((3.0, 5.0), true), "{turn}");
+            let back = to.map(|d| -d);
+            let (depths, ahead) = shear(corners, from, back, |r, t, d| (d, t.is_ahead(r)));
+            assert_eq!((depths, ahead), ((-5.0, -3.0), false), "{turn}");
+            // A corner at the depth of the origin is not ahead.
+            for depth in [4.0, 6.0] {
+                let from = turned([1.0, 1.0, depth], turn);
+                assert!(!shear(corners, from, to, |r, t, _| t.is_ahead(r)), "{turn}");
+                assert!(!shear(corners, from, back, |r, t, _| t.is_ahead(r)), "{turn}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_without_area_or_beside_an_edge_is_not_inside() {
+        let inside = |corners, x: f32, y: f32| {
+            shear(corners, [x, y, 0.0], [0.0, 0.0, 1.0], |_, t, _| t.inside())
+        };
+        let [a, b, c] = SLOPING;
+        for corners in [[a, b, c], [a, c, b]] {
+            for (x, y) in [(1.0, 1.0), (0.0, 0.0), (4.0, 0.0), (0.0, 2.0), (2.0, 2.0)] {
+                assert!(inside(corners, x, y), "{x} {y}");
+            }
+            for (x, y) in [(-1e-6, 1.0), (1.0, -1e-6), (2.0, 2.0001), (5.0, -1.0)] {
+                assert!(!inside(corners, x, y), "{x} {y}");
+            }
+        }
+        assert!(!inside([a, a, b], 0.0, 0.0) && !inside([a, a, a], 0.0, 0.0));
+    }
+
+    #[test]
+    fn t_of_a_steep_ray_is_that_of_the_plane() {
+        for turn in 0..6 {
+            for length in [1.0, 0.125, 8.0] {
+                let corners = SLOPING.map(|v| turned(v, turn));
+                let direction = turned([0.0, 0.0, length], turn);
+                let t = |r: &Ray64, t: &ShearedTriangle, _| (t.inside(), t.t(r, corners));
+                let (inside, t) = shear(corners, turned([1.0, 2.0, -1.0], turn), direction, t);
+                assert_eq!((inside, t), (true, 6.0 / f64::from(length)), "{turn}");
+            }
+        }
+    }
+
+    /// Almost in the plane, rounding moves the plane's t far beyond the triangle. A far origin
+    /// makes the shear round. Every hit lies in the widened box, and near the depths of the
+    /// corners.
+    #[test]
+    fn hits_of_grazing_rays_lie_in_the_box_of_the_triangle() {
+        let (mut hits, mut moved) = (0, 0);
+        for i in 0..6000u32 {
+            let noise = |k: u32| {
+                let bits = (i * 16 + k).wrapping_mul(0x9e37_79b9);
+                (bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b) as f32 / 2f32.powi(31) - 1.0
+            };
+            let flat = 2f32.powi(-(i as i32 % 40));
+            let turn = i as usize % 6;
+            // All points lie near one plane, which is parallel to no axis.
+            let near_plane = |x: f32, y: f32, k: u32| [x, y, 0.3 * x - 0.7 * y + flat * noise(k)];
+            let corners = [0, 3, 6].map(|k| near_plane(noise(k), noise(k + 1), k + 2));
+            let [a, b, c] = corners;
+            let target: [f32; 3] = std::array::from_fn(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k]);
+            let away = near_plane(7.3, noise(9) * 5.1, 10);
+            let scale = if i % 3 == 0 { -3.0 } else { 0.75 };
+            let origin = std::array::from_fn(|k| target[k] - away[k]);
+            let direction = turned(away.map(|x| x * scale), turn);
+            let (corners, origin) = (corners.map(|v| turned(v, turn)), turned(origin, turn));
+            shear(corners, origin, direction, |ray, triangle, _| {
+                if !triangle.inside() {
+                    return;
+                }
+                hits += 1;
+                let t = triangle.t(ray, corners);
+                let plane = TrianglePlane::new(corners);
+                moved += u32::from(t != plane.intersect(ray.origin, ray.direction).0);
+                let farthest = corners.iter().flatten().zip(origin.iter().cycle());
+                let reach = farthest
+                    .fold(0.0, |far: f64, (v, o)| far.max((f64::from(*v) - f64::from(*o)).abs()));
+                for axis in 0..3 {
+                    let of_corners = corners.map(|v| f64::from(v[axis]) - ray.origin[axis]);
+                    let low = of_corners.into_iter().fold(f64::INFINITY, f64::min);
+                    let high = of_corners.into_iter().fold(f64::NEG_INFINITY, f64::max);
+                    let (at, slack) = (t * ray.direction[axis], 1.001 * BOX_SLACK * reach);
+                    assert!(at >= low - slack && at <= high + slack, "{i}: {at} {low} {high}");
+                }
+                let (low, high) = triangle.depth_range();
+                let depth = t * ray.dominant_component;
+                let slack = 1.001 * DEPTH_SLACK * depth.abs();
+                assert!(depth >= low - slack && depth <= high + slack, "{i}: {depth}");
+            });
+        }
+        assert!(hits > 2000 && moved > 200, "{hits} {moved}");
+    }
+
+    /// Exactly in the plane, the line's depth in the sheared triangle decides.
+    #[test]
+    fn t_of_a_ray_in_the_plane_lies_within_the_triangle() {
+        let corners = [[4.0, -1.0, 0.0], [6.0, 1.0, 0.0], [5.0, 0.5, 1e-9]];
+        for length in [1.0, 4.0] {
+            let t = shear(corners, [0.0; 3], [length, 0.0, 0.0], |r, t, _| t.t(r, corners));
+            assert!((4.0..=6.0).contains(&(t * f64::from(length))), "{t}");
+        }
+    }
+
+    #[test]
+    fn the_sum_of_the_normal_counts_every_axis() {
+        let corners = [[0.0; 3], [1.0, 0.0, 2.0], [0.0, 1.0, -3.0]];
+        let plane = TrianglePlane::new(corners);
+        assert_eq!(plane.normal_l1(), 6.0);
+        let reversed = TrianglePlane::new([corners[0], corners[2], corners[1]]);
+        assert_eq!(reversed.normal_l1(), 6.0);
+    }
+}

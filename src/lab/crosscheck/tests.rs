@@ -2,11 +2,13 @@ use std::path::Path;
 
 use super::*;
 use crate::accel::BuildOptions;
-use crate::lab::backend::TestedBackend;
+use crate::accel::brute::Brute;
+use crate::lab::backend::{BuiltBackend, TestedBackend};
 use crate::lab::faulty::{BackendFault, Faulty};
+use crate::lab::verdict::Verdict;
 use crate::scene::{self, Backend, EmbreeMode, Source as SceneSource};
 use crate::simd::Isa;
-use crate::world::LoadOptions;
+use crate::world::{LoadOptions, World};
 
 const SCENE: &str = r#"{
   "nbounces": 1,

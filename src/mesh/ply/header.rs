@@ -318,3 +318,60 @@ fn not_a_ply(bytes: &[u8], name: &str) -> Error {
     let help = known.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, help)| *help);
     Error::invalid(name, "is not a PLY file: its first line is not 'ply'").maybe_help(help)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A header of `size` bytes, filled up with comments.
+    fn header_of(size: usize) -> Vec<u8> {
+        let (mut bytes, end) = (b"ply\nformat ascii 1.0\n".to_vec(), b"end_header\n");
+        while bytes.len() < size - end.len() {
+            let line = (size - end.len() - bytes.len()).min(MAX_LINE / 2);
+            let first = bytes.len();
+            bytes.resize(first + line, b' ');
+            bytes[first..first + 7].copy_from_slice(b"comment");
+            bytes[first + line - 1] = b'\n';
+        }
+        bytes.extend(end);
+        bytes
+    }
+
+    #[test]
+    fn the_largest_header_is_read_and_a_larger_one_is_refused() {
+        let largest = parse(&header_of(MAX_HEADER), "a.ply").unwrap();
+        assert_eq!(largest.data_start, MAX_HEADER);
+        for more in [1, 100] {
+            let error = parse(&header_of(MAX_HEADER + more), "a.ply").unwrap_err().to_string();
+            assert!(error.contains("the header is longer than"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_header_is_complete_with_the_line_end_of_its_last_line() {
+        for complete in ["ply\nend_header\n", "ply\n end_header \r\n1 2", "end_header x\n"] {
+            assert!(is_complete(complete.as_bytes()), "{complete:?}");
+        }
+        for incomplete in ["ply\nend_header", "ply\ncomment end_header\n", "end_header2\n", ""] {
+            assert!(!is_complete(incomplete.as_bytes()), "{incomplete:?}");
+        }
+    }
+
+    #[test]
+    fn rows_are_named_in_singular_and_plural() {
+        let rows = |name: &str, count| {
+            Element { name: name.into(), count: 9, properties: Vec::new() }.rows(count)
+        };
+        assert_eq!([rows("vertex", 1), rows("vertex", 2)], ["1 vertex", "2 vertices"]);
+        assert_eq!([rows("face", 1), rows("face", 0)], ["1 face", "0 faces"]);
+        assert_eq!(rows("edge", 1), "1 rows of 'edge'");
+    }
+
+    #[test]
+    fn bytes_of_the_file_are_shown_as_printable_text() {
+        assert_eq!(show("größe".as_bytes()), "größe");
+        assert_eq!(show(b"a\x1b[31mb"), r"a\x1b[31mb");
+        assert_eq!(show(b"\xff"), r"\xff");
+        assert_eq!(show(&[b'x'; 41]), format!("{}...", "x".repeat(40)));
+    }
+}

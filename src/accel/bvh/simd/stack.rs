@@ -125,3 +125,61 @@ impl Path {
         self.len = 0;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_are_popped_in_reverse_up_to_the_capacity() {
+        let mut stack = Stack::new();
+        assert!(stack.last().is_none() && stack.pop().is_none());
+        for i in 0..CAPACITY {
+            stack.push(Child::node(i), i as f32);
+            assert_eq!(stack.last(), Some(Child::node(i)));
+        }
+        for i in (0..CAPACITY).rev() {
+            assert_eq!(stack.pop(), Some((Child::node(i), i as f32)));
+        }
+        assert!(stack.last().is_none() && stack.pop().is_none());
+    }
+
+    /// The vector kernels write 16 entries, also where fewer count.
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn entries_that_were_written_in_place_are_popped() {
+        let mut stack = Stack::new();
+        stack.push(Child::node(7), 7.0);
+        for n in [3, 0, 16] {
+            let (children, distances) = stack.room();
+            for i in 0..WIDTH {
+                // SAFETY: there is room for 16 entries, and all of them are written.
+                unsafe {
+                    children.add(i).write(Child::node(i));
+                    distances.add(i).write(i as f32);
+                }
+            }
+            // SAFETY: as above.
+            unsafe { stack.grow(n) };
+            for i in (0..n).rev() {
+                assert_eq!(stack.pop(), Some((Child::node(i), i as f32)));
+            }
+        }
+        assert_eq!(stack.pop(), Some((Child::node(7), 7.0)));
+        assert!(stack.pop().is_none());
+    }
+
+    #[test]
+    fn steps_of_a_path_are_popped_in_reverse() {
+        let mut path = Path::new();
+        for i in 0..MAX_DEPTH {
+            path.push(i, !(i as u32));
+        }
+        for i in (0..MAX_DEPTH).rev() {
+            assert_eq!(path.pop(), Some((i, !(i as u32))));
+        }
+        path.push(1, 2);
+        path.clear();
+        assert!(path.pop().is_none());
+    }
+}
