@@ -4,9 +4,10 @@
 //! agrees, or the error bound of the backend's own test explains it (a tie, an edge), or it is
 //! wrong.
 //!
-//! Error bounds are multiples of the bound of `bvh`'s test ([`Brute::near`]): 1 for `bvh` and
-//! `coursework`, 4 for Embree, 0 for `brute`. Embree's own bound is not published, so 4 is an
-//! assumption. `coursework` works in f64.
+//! Error bounds are multiples of the bound of `bvh`'s test
+//! ([`Brute::near`](crate::accel::brute::Brute::near)): 1 for `bvh` and `coursework`, 4 for Embree, 0
+//! for `brute`. Embree's own bound is not published, so 4 is an assumption. `coursework` works in
+//! f64.
 
 mod aimed;
 mod check;
