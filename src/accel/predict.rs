@@ -19,8 +19,8 @@ use crate::scene::Backend;
 /// Both are built in some 20 ms. They are large compared with the blocks in which Embree allocates.
 const ROWS: [u32; 2] = [64, 128];
 
-/// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the caller's
-/// rayon pool.
+/// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the
+/// caller's rayon pool.
 ///
 /// # Errors
 /// Those of [`super::build`] if Embree is measured; else none.

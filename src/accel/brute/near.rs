@@ -68,7 +68,8 @@ pub(super) fn near(
     (found.len() <= most).then_some(found)
 }
 
-/// Returns the entries of [`super::Brute::near`] for one primitive, found without the oracle's boxes.
+/// Returns the entries of [`super::Brute::near`] for one primitive, found without the oracle's
+/// boxes.
 pub fn near_primitive(
     geometry: &Geometry,
     ray: &Ray,

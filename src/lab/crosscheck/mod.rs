@@ -5,9 +5,9 @@
 //! wrong.
 //!
 //! Error bounds are multiples of the bound of `bvh`'s test
-//! ([`Brute::near`](crate::accel::brute::Brute::near)): 1 for `bvh` and `coursework`, 4 for Embree, 0
-//! for `brute`. Embree's own bound is not published, so 4 is an assumption. `coursework` works in
-//! f64.
+//! ([`Brute::near`](crate::accel::brute::Brute::near)): 1 for `bvh` and `coursework`, 4 for Embree,
+//! 0 for `brute`. Embree's own bound is not published, so 4 is an assumption. `coursework` works
+//! in f64.
 
 mod aimed;
 mod check;
