@@ -56,8 +56,8 @@ impl Texture {
     }
 
     /// [`Texture::load_within`] for an image of a surface. One of more than `whole` texels of 8
-    /// bits a channel is kept in a temporary file, if there is space on a disk. Memory is taken only
-    /// for the texels that threads looked at last.
+    /// bits a channel is kept in a temporary file, if there is space on a disk. Memory is taken
+    /// only for the texels that threads looked at last.
     pub fn load_in_tiles(
         path: &Path,
         color_space: Option<ColorSpace>,

@@ -3,8 +3,9 @@
 //! A [`Case`] is a row of the table: its rays, their right answers and its pass criterion, a
 //! [`PassCriterion`]. A column of the table is a backend under test, a
 //! [`TestedBackend`](super::backend::TestedBackend). The files `watertight`, `degenerate`, `rays`,
-//! `grazing`, `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and `conservative` build the geometry and aim the rays. [`CaseRun`] traces the
-//! rays with every tested backend. `judge` counts wrong answers, unless a case counts them itself.
+//! `grazing`, `quads`, `contact`, `secondary`, `spheres`, `map_coordinates` and `conservative`
+//! build the geometry and aim the rays. [`CaseRun`] traces the rays with every tested backend.
+//! `judge` counts wrong answers, unless a case counts them itself.
 
 mod backends;
 mod case;
