@@ -259,7 +259,8 @@ fn stats_are_those_of_the_tree() {
     assert_eq!(stats.leaves_of.iter().sum::<usize>(), stats.leaves);
     let children: usize = stats.nodes_of.iter().enumerate().map(|(n, count)| n * count).sum();
     assert_eq!(children, stats.nodes - 1 + stats.leaves + stats.sphere_leaves);
-    assert!(bvh.info().bytes >= (stats.nodes * 512 + stats.leaves * 320) as u64);
+    let bytes = stats.nodes * 512 + stats.leaves * 256 + stats.sphere_leaves * 16;
+    assert_eq!(bvh.info().bytes, bytes as u64);
 }
 
 #[test]
