@@ -80,8 +80,8 @@ pub struct DeclaredSizes {
     pub triangles: u64,
 }
 
-/// An instance takes the memory of about this many triangles.
-const INSTANCE_PRIMITIVES: u64 = 8;
+/// An instance takes some 400 bytes: at least as much as is predicted for this many triangles.
+const INSTANCE_PRIMITIVES: u64 = 12;
 
 /// Bytes of a point that is drawn as a sphere: the sphere in f64, and the index of its shape.
 const SPHERE_BYTES: u64 = 36;

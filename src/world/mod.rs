@@ -207,8 +207,10 @@ impl World {
                 meshes.push((index, mesh));
             }
             if let ShapeKind::Instance { of, transform } = &shape.kind {
-                let mesh = meshes.iter().find(|(index, _)| index == of);
-                own = mesh.map_or(own, |(_, mesh)| mesh.bounds().transformed(transform));
+                // In the order of shapes; a mesh that could not be read is not among them.
+                if let Ok(mesh) = meshes.binary_search_by_key(of, |(index, _)| *index) {
+                    own = meshes[mesh].1.bounds().transformed(transform);
+                }
             }
             bounds.push(own);
             monitor.set_done(index as u64 + 1);

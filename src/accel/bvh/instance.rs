@@ -3,7 +3,8 @@
 //! The boxes of the tree are tested in the coordinates of the mesh, with rays that are transformed
 //! in f64 and rounded to f32. Their slack covers that rounding. The triangles are placed in the
 //! scene first and tested there with the scene's rays, so [`super::exact`] decides as for any other
-//! mesh. An instance is watertight for the same reason, and no test depends on its transform.
+//! mesh. An instance is watertight for the same reason. Only tests of boxes depend on its
+//! transform.
 
 use super::node::{Child, ChildKind};
 use super::simd::{Path, Stack, Tier};

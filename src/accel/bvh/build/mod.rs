@@ -32,8 +32,7 @@ use crate::simd::{self, Isa};
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
 /// Builds the tree without the primitives of `unseen`, on the current rayon pool. The meshes of
-/// instances have trees of their own. Also returns the
-/// most bytes that the build held at a time.
+/// instances have trees of their own. Also returns the most bytes that the build held at a time.
 ///
 /// # Errors
 /// - `Interrupted` after a signal.
