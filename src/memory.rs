@@ -16,18 +16,18 @@ use crate::{
     layers::LayerPlan,
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
+    reserve::MemoryLimit,
     scene::{Filter, Scene, ShapeKind, Smooth},
     shading::{EnvironmentMap, Texture, WHOLE_TEXELS},
+    units,
     world::{color_request, own_images},
 };
-
-use crate::{reserve::MemoryLimit, units};
 
 mod available;
 mod freed;
 mod limits;
 
-pub use self::freed::release_freed;
+pub use self::freed::{release_freed, return_large_arrays};
 
 pub use available::available_bytes;
 pub use limits::{
@@ -38,8 +38,9 @@ pub use limits::{
 const FILM_BYTES: u64 = 16;
 /// Size in bytes of a pixel while the PNG is written: 8-bit RGBA.
 const PNG_BYTES: u64 = 4;
-/// Estimated bytes of the program, its threads and its tables.
-const BASE_BYTES: u64 = 30 << 20;
+/// Estimated bytes of the program, its threads and its tables. All of the program's file may be
+/// resident.
+const BASE_BYTES: u64 = 32 << 20;
 
 /// Predicted memory of a render.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -59,6 +60,8 @@ pub struct Prediction {
     pub accelerator_bytes: Option<u64>,
     /// Maximum number of bytes during the build of the accelerator, if it is known.
     pub accelerator_peak_bytes: Option<u64>,
+    /// Bytes of the files of the accelerator's library; 0 if lightpath is the accelerator.
+    pub library_bytes: u64,
     /// Maximum of all bytes that are held at the same time.
     pub peak_bytes: u64,
     /// Number of triangles in all shapes (a plane counts as two), and of spheres.
@@ -245,6 +248,7 @@ impl Prediction {
         Self {
             accelerator_bytes: Some(footprint.built_bytes(self.accelerated)),
             accelerator_peak_bytes: Some(footprint.peak_bytes(self.accelerated)),
+            library_bytes: footprint.library_bytes(),
             ..self
         }
         .with_peak()
@@ -259,8 +263,8 @@ impl Prediction {
     /// scene are decoded before meshes are read, and the film is allocated after the accelerator is
     /// built.
     fn with_peak(self) -> Self {
-        let world = [self.mesh_bytes, self.texture_bytes];
-        let world = world.iter().fold(BASE_BYTES, |a, b| a.saturating_add(*b));
+        let world = [self.program_bytes(), self.mesh_bytes, self.texture_bytes];
+        let world = world.into_iter().fold(0, u64::saturating_add);
         let beside = [
             self.decoding_bytes.saturating_sub(self.mesh_bytes),
             self.own_decoding_bytes,
@@ -269,6 +273,11 @@ impl Prediction {
         ];
         let maximum = beside.into_iter().max().unwrap_or(0);
         Self { peak_bytes: world.saturating_add(maximum), ..self }
+    }
+
+    /// Returns the bytes of the program and of its libraries.
+    fn program_bytes(&self) -> u64 {
+        BASE_BYTES + self.library_bytes
     }
 
     /// Checks that the render fits into `limit` bytes.
@@ -327,9 +336,13 @@ impl Budget {
         Ok(Self { limit, prediction })
     }
 
+    fn without_program(&self) -> u64 {
+        self.limit.saturating_sub(self.prediction.program_bytes())
+    }
+
     /// Returns the bytes left for images: the limit without the program and the predicted meshes.
     pub fn for_textures(&self) -> u64 {
-        self.limit.saturating_sub(BASE_BYTES).saturating_sub(self.prediction.mesh_bytes)
+        self.without_program().saturating_sub(self.prediction.mesh_bytes)
     }
 
     /// Returns the memory left for meshes: the limit without the program.
@@ -339,7 +352,7 @@ impl Budget {
 
     /// Returns the bytes left for the accelerator after a world of `world_bytes` is subtracted.
     pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
-        self.limit.saturating_sub(BASE_BYTES).saturating_sub(world_bytes)
+        self.without_program().saturating_sub(world_bytes)
     }
 
     /// Checks that the film fits in addition to `held` bytes of world and accelerator.
@@ -348,7 +361,8 @@ impl Budget {
     /// `Limit`, with the numbers.
     pub fn check_film(&self, held: u64) -> Result<()> {
         let film = self.prediction.film_bytes;
-        let needed = BASE_BYTES.saturating_add(held).saturating_add(film);
+        let program = self.prediction.program_bytes();
+        let needed = program.saturating_add(held).saturating_add(film);
         if self.limit >= needed {
             return Ok(());
         }
@@ -374,6 +388,7 @@ impl std::fmt::Display for Prediction {
             ("decoding them", self.decoding_bytes),
             ("accelerator", built),
             ("its build", peak.saturating_sub(built)),
+            ("its library", self.library_bytes),
         ];
         let parts = parts.into_iter().filter(|(_, bytes)| *bytes > 0);
         let parts: Vec<_> =

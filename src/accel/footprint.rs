@@ -7,6 +7,7 @@ use super::accelerator::BuildInfo;
 pub struct MemoryFootprint {
     built: Line,
     peak: Line,
+    library: u64,
 }
 
 /// Bytes = `fixed + per_primitive * primitives`.
@@ -28,15 +29,18 @@ impl MemoryFootprint {
         Self {
             built: Line { fixed: 0.0, per_primitive: built },
             peak: Line { fixed: 0.0, per_primitive: peak },
+            library: 0,
         }
     }
 
-    /// Returns the lines through two builds, each with its number of triangles.
-    pub fn through(builds: [(f64, BuildInfo); 2]) -> Self {
+    /// Returns the lines through two builds, each with its number of triangles. The files of the
+    /// library that builds have `library` bytes.
+    pub fn through(builds: [(f64, BuildInfo); 2], library: u64) -> Self {
         let [(n, a), (m, b)] = builds;
         Self {
             built: Line::through([(n, a.bytes), (m, b.bytes)]),
             peak: Line::through([(n, a.peak_bytes), (m, b.peak_bytes)]),
+            library,
         }
     }
 
@@ -48,6 +52,12 @@ impl MemoryFootprint {
     /// Returns the largest number of bytes held during the build.
     pub fn peak_bytes(&self, primitives: u64) -> u64 {
         self.peak.at(primitives)
+    }
+
+    /// Returns the bytes of the library's files. How many of them are resident depends on how the
+    /// system caches the files, up to all.
+    pub fn library_bytes(&self) -> u64 {
+        self.library
     }
 }
 

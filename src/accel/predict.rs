@@ -19,6 +19,9 @@ use crate::scene::Backend;
 /// Both are built in some 20 ms. They are large compared with the blocks in which Embree allocates.
 const ROWS: [u32; 2] = [64, 128];
 
+/// Bytes of the files of Embree 4 and TBB, rounded up.
+const EMBREE_LIBRARY_BYTES: u64 = 44 << 20;
+
 /// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the
 /// caller's rayon pool.
 ///
@@ -45,7 +48,7 @@ fn measure(build: impl Fn(&Geometry) -> Result<BuildInfo>) -> Result<MemoryFootp
         Ok((geometry.meshes[0].triangles().len() as f64, build(&geometry)?))
     };
     let [few, many] = ROWS;
-    Ok(MemoryFootprint::through([build(few)?, build(many)?]))
+    Ok(MemoryFootprint::through([build(few)?, build(many)?], EMBREE_LIBRARY_BYTES))
 }
 
 /// Returns a bumpy sphere without symmetry, of `4 rows^2` triangles, with holes at the poles.

@@ -39,6 +39,7 @@ use clap::{
 };
 
 use crate::error::{Error, Result, printable};
+use crate::memory;
 
 /// Prints help or a usage error and returns the exit code.
 pub fn usage(error: clap::Error) -> u8 {
@@ -71,6 +72,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 /// The errors of the command. Their kind decides the exit code.
 pub fn run(arguments: &Arguments) -> Result<()> {
     signals::survive_size_limit_signal();
+    memory::return_large_arrays();
     if arguments.version {
         return about::version(arguments.verbose);
     }

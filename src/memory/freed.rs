@@ -1,5 +1,22 @@
 //! Returns freed memory to the system, which the allocator would keep.
 
+/// Arrays from this size on are returned when they are freed.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const LARGE_BYTES: libc::c_int = 1 << 20;
+
+/// From now on, returns large arrays to the system as soon as they are freed.
+///
+/// Otherwise the allocator keeps them once a large array was freed: the peak of a build would
+/// depend on the order in which threads allocate. Does nothing unless the C library is glibc on
+/// Linux.
+pub fn return_large_arrays() {
+    // SAFETY: may be called at any time, from any thread; touches no live allocation.
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BYTES);
+    }
+}
+
 /// Returns memory that this process has freed to the system. Takes 0.2 to 2 milliseconds, so call
 /// it only when memory is short, or before the allocation that reaches the peak. Does nothing
 /// unless the C library is glibc on Linux.

@@ -283,7 +283,7 @@ fn memory() {
     refusals.scratch.write("polygons.ply", &polygons(60, 1000));
     let scene = shape(r#"{ "type": "trimesh", "path": "polygons.ply", "material": {} }"#);
     fs::write(refusals.scratch.path("polygons.json"), scene).unwrap();
-    let done = refusals.render("polygons.json", &["--max-memory", "32M"]);
+    let done = refusals.render("polygons.json", &["--max-memory", "34M"]);
     let mut table = Table::new("Memory");
     table.add(
         "`--max-memory` below what the headers promise",

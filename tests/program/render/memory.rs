@@ -99,8 +99,8 @@ on_both! {
             let value: Value = serde_json::from_str(&scratch.run(&args).good().stdout()).unwrap();
             value["memory"]["peak_bytes"].as_u64().unwrap()
         };
-        let (small, large) = (peak("8x6"), peak("1000x1000"));
-        let film = 16 * 1000 * 1000;
+        let (small, large) = (peak("8x6"), peak("600x500"));
+        let film = 16 * 600 * 500;
         assert!(large < small + film / 2, "{small} {large}");
     }
 }
