@@ -15,7 +15,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 /// The class of an error: it decides the exit code and whether a retry can help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ErrorKind {
     /// Invalid use or input: flags, scene, mesh, texture. Exit code 2.
     Invalid,
     /// The input may be valid, but this program or this machine does not support it. Exit code 2.
@@ -75,7 +75,7 @@ impl fmt::Display for Problem {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
     /// The class, which decides the exit code.
-    pub kind: Kind,
+    pub kind: ErrorKind,
     /// All problems, in the order in which they were found. Never empty.
     pub problems: Vec<Problem>,
 }
@@ -83,7 +83,7 @@ pub struct Error {
 impl Error {
     /// Makes an error with one problem.
     #[doc(hidden)]
-    pub fn new(kind: Kind, problem: Problem) -> Self {
+    pub fn new(kind: ErrorKind, problem: Problem) -> Self {
         Self { kind, problems: vec![problem] }
     }
 
@@ -91,7 +91,7 @@ impl Error {
     ///
     /// # Errors
     /// An error of class `kind` with all `problems`.
-    pub fn check(kind: Kind, problems: Vec<Problem>) -> Result<()> {
+    pub fn check(kind: ErrorKind, problems: Vec<Problem>) -> Result<()> {
         match problems.is_empty() {
             true => Ok(()),
             false => Err(Self { kind, problems }),
@@ -101,24 +101,24 @@ impl Error {
     /// Returns `Ok` if there are no failures. `check` is the place of the problems.
     ///
     /// # Errors
-    /// [`Kind::Check`] (exit code 1), with one problem per failure.
+    /// [`ErrorKind::Check`] (exit code 1), with one problem per failure.
     pub fn failed(check: &str, failures: impl IntoIterator<Item = String>) -> Result<()> {
         let problems = failures.into_iter().map(|failure| Problem::new(check, failure));
-        Self::check(Kind::Check, problems.collect())
+        Self::check(ErrorKind::Check, problems.collect())
     }
 
     /// Makes an error about invalid input at `place`.
     #[doc(hidden)]
     pub fn invalid(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self::new(Kind::Invalid, Problem::new(place, message))
+        Self::new(ErrorKind::Invalid, Problem::new(place, message))
     }
 
     /// Makes an error about `path` from an I/O error. `what` is the failed action ("read",
     /// "create").
     ///
     /// Errors that the user must fix first (missing file, a folder, no permission) are
-    /// [`Kind::Invalid`]. A file beyond a size limit is [`Kind::Limit`]. All other errors (disk
-    /// full, device error) are [`Kind::Retry`].
+    /// [`ErrorKind::Invalid`]. A file beyond a size limit is [`ErrorKind::Limit`]. All other errors (disk
+    /// full, device error) are [`ErrorKind::Retry`].
     #[doc(hidden)]
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
@@ -130,13 +130,13 @@ impl Error {
             | E::ReadOnlyFilesystem
             | E::AlreadyExists
             | E::InvalidData
-            | E::InvalidInput => Kind::Invalid,
+            | E::InvalidInput => ErrorKind::Invalid,
             // The limit of the file system or of `ulimit -f`.
-            E::FileTooLarge => Kind::Limit,
+            E::FileTooLarge => ErrorKind::Limit,
             // ENAMETOOLONG and ELOOP by their numbers on Linux: the oldest supported compiler has
             // no stable names for them.
-            _ if matches!(error.raw_os_error(), Some(36 | 40)) => Kind::Invalid,
-            _ => Kind::Retry,
+            _ if matches!(error.raw_os_error(), Some(36 | 40)) => ErrorKind::Invalid,
+            _ => ErrorKind::Retry,
         };
         let place = path.display().to_string();
         Self::new(kind, Problem::new(place, format!("cannot {what}: {error}")))
@@ -160,10 +160,10 @@ impl Error {
     /// Returns the exit code of the program: 1 check, 2 input, 3 retry, 128 + signal.
     pub fn exit_code(&self) -> u8 {
         match self.kind {
-            Kind::Check => 1,
-            Kind::Invalid | Kind::Unsupported | Kind::Limit => 2,
-            Kind::Retry => 3,
-            Kind::Interrupted(signal) => (128 + signal) as u8,
+            ErrorKind::Check => 1,
+            ErrorKind::Invalid | ErrorKind::Unsupported | ErrorKind::Limit => 2,
+            ErrorKind::Retry => 3,
+            ErrorKind::Interrupted(signal) => (128 + signal) as u8,
         }
     }
 }
@@ -197,7 +197,7 @@ impl Failures {
                     Some(all) => {
                         // If one step needs a fix, a retry alone does not help. Otherwise the
                         // first error decides the class.
-                        if all.kind == Kind::Retry {
+                        if all.kind == ErrorKind::Retry {
                             all.kind = error.kind;
                         }
                         all.problems.extend(error.problems);
@@ -222,11 +222,11 @@ mod tests {
     fn failures_keep_every_problem_and_a_kind_that_excludes_a_retry() {
         let mut failures = Failures::default();
         assert_eq!(failures.keep(Ok(1)), Some(1));
-        let retry = Error::new(Kind::Retry, Problem::new("a", "full"));
+        let retry = Error::new(ErrorKind::Retry, Problem::new("a", "full"));
         assert_eq!(failures.keep::<()>(Err(retry)), None);
         assert_eq!(failures.keep::<()>(Err(Error::invalid("b", "bad"))), None);
         let error = failures.check().unwrap_err();
-        assert_eq!((error.kind, error.problems.len()), (Kind::Invalid, 2));
+        assert_eq!((error.kind, error.problems.len()), (ErrorKind::Invalid, 2));
         assert_eq!(Failures::default().check(), Ok(()));
     }
 }

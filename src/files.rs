@@ -9,7 +9,7 @@ use std::{
     time::SystemTime,
 };
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Device and inode of a file.
 type Node = (u64, u64);
@@ -39,7 +39,7 @@ impl Stamp {
 pub fn changed(path: &Path) -> Error {
     let message = "changed while it was read";
     let problem = Problem::new(path.display().to_string(), message);
-    Error::new(Kind::Retry, problem.help("wait until it is written, then try again"))
+    Error::new(ErrorKind::Retry, problem.help("wait until it is written, then try again"))
 }
 
 #[cfg(unix)]

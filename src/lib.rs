@@ -94,7 +94,7 @@ pub mod studio;
 #[doc(hidden)]
 pub mod world;
 
-pub use error::{Error, Kind as ErrorKind, Problem, Result};
+pub use error::{Error, ErrorKind, Problem, Result};
 pub use film::{Channel, ChannelKind, Film, Planes, Window};
 pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
 pub use monitor::{Monitor, Phase};

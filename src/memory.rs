@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{
     accel::{MemoryFootprint, memory_footprint},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     film::Window,
     layers::LayerPlan,
     mesh::{self, ReadOptions},
@@ -186,7 +186,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
         let held = primitives.saturating_mul(times.into());
         sum.accelerated = sum.accelerated.saturating_add(held);
     }
-    Error::check(Kind::Invalid, problems)?;
+    Error::check(ErrorKind::Invalid, problems)?;
     textures(scene, &mut sum);
     Ok(sum.with_peak())
 }
@@ -299,7 +299,7 @@ impl Prediction {
 
 fn over_limit(message: String) -> Error {
     let problem = Problem::new("--max-memory", message);
-    Error::new(Kind::Limit, problem.help("render a --crop, or a smaller mesh"))
+    Error::new(ErrorKind::Limit, problem.help("render a --crop, or a smaller mesh"))
 }
 
 /// The limit of `--max-memory`, with a prediction that fits into it.

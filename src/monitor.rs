@@ -5,7 +5,7 @@ use std::sync::{
     atomic::{AtomicI32, AtomicU8, AtomicU64, Ordering::Relaxed},
 };
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Phase of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +80,7 @@ impl Monitor {
         match self.signal.load(Relaxed) {
             0 => Ok(()),
             signal => Err(Error::new(
-                Kind::Interrupted(signal),
+                ErrorKind::Interrupted(signal),
                 Problem::new("", "stopped by a signal; no output was written"),
             )),
         }

@@ -2,7 +2,7 @@
 //! memory is an error and does not end the process.
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     units,
 };
 
@@ -26,8 +26,8 @@ impl MemoryLimit {
         }
         let (bytes, room) = (units::bytes_rounded_up(bytes), units::bytes(self.bytes));
         let (kind, message) = match self.set_by_user {
-            true => (Kind::Limit, format!("needs {bytes}; --max-memory leaves {room}")),
-            false => (Kind::Retry, format!("needs {bytes}; the machine has {room}")),
+            true => (ErrorKind::Limit, format!("needs {bytes}; --max-memory leaves {room}")),
+            false => (ErrorKind::Retry, format!("needs {bytes}; the machine has {room}")),
         };
         Err(Error::new(kind, Problem::new(what, message)))
     }
@@ -42,7 +42,7 @@ impl MemoryLimit {
 pub fn lack(bytes: u64, what: &str) -> Error {
     let message = format!("no memory for {}", units::bytes_rounded_up(bytes));
     let help = "free some memory, or raise the limit of this process";
-    Error::new(Kind::Retry, Problem::new(what, message).help(help))
+    Error::new(ErrorKind::Retry, Problem::new(what, message).help(help))
 }
 
 /// Reserves capacity for exactly `more` elements.
@@ -101,7 +101,7 @@ mod tests {
             filled([0u8; 8], huge, "x").unwrap_err().kind,
             probe(u64::MAX, "x").unwrap_err().kind,
         ];
-        assert_eq!(kinds, [Kind::Retry; 4]);
+        assert_eq!(kinds, [ErrorKind::Retry; 4]);
         assert_eq!(filled(7, 3, "x"), Ok(vec![7; 3]));
         assert!(probe(1 << 20, "x").is_ok());
     }
@@ -111,9 +111,9 @@ mod tests {
         let limit = MemoryLimit { bytes: 100, set_by_user: true };
         assert_eq!(limit.check(100, "x"), Ok(()));
         let error = limit.less(40).check(61, "m.ply").unwrap_err();
-        assert_eq!(error.kind, Kind::Limit);
+        assert_eq!(error.kind, ErrorKind::Limit);
         assert!(error.to_string().contains("--max-memory leaves 60 B"), "{error}");
         let machine = MemoryLimit { set_by_user: false, ..limit };
-        assert_eq!(machine.check(101, "x").unwrap_err().kind, Kind::Retry);
+        assert_eq!(machine.check(101, "x").unwrap_err().kind, ErrorKind::Retry);
     }
 }

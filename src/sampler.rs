@@ -31,7 +31,7 @@ pub const DRAWN_LIGHT: u32 = u32::MAX - 1;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "Sampler")]
-pub enum Kind {
+pub enum SamplerKind {
     /// Owen-scrambled Sobol points: stratified
     #[default]
     Sobol,
@@ -39,7 +39,7 @@ pub enum Kind {
     Random,
 }
 
-impl Kind {
+impl SamplerKind {
     /// All samplers, the default first.
     pub const ALL: [Self; 2] = [Self::Sobol, Self::Random];
 
@@ -56,17 +56,17 @@ impl Kind {
 #[derive(Debug, Clone, Copy)]
 pub struct Sampler {
     seed: u64,
-    kind: Kind,
+    kind: SamplerKind,
 }
 
 impl Sampler {
     /// Makes a Sobol sampler for the scene's seed.
     pub fn new(seed: i64) -> Self {
-        Self::with_kind(Kind::Sobol, seed)
+        Self::with_kind(SamplerKind::Sobol, seed)
     }
 
     /// Makes a sampler of this kind for the scene's seed.
-    pub fn with_kind(kind: Kind, seed: i64) -> Self {
+    pub fn with_kind(kind: SamplerKind, seed: i64) -> Self {
         // Only the bits matter; a negative seed is valid.
         Self { seed: u64::from_ne_bytes(seed.to_ne_bytes()), kind }
     }
@@ -132,7 +132,7 @@ impl Sampler {
         (light, bounce): (u32, u32),
     ) -> LightPoints<'a, N> {
         let purpose = light_purpose(light, bounce);
-        let mut within = self.kind == Kind::Sobol;
+        let mut within = self.kind == SamplerKind::Sobol;
         for i in 0..N {
             within &= count <= SEQUENCE - first[i] % SEQUENCE;
         }
@@ -149,7 +149,7 @@ impl Sampler {
     }
 
     fn point(&self, pixel: [u32; 2], index: u32, purpose: u64) -> [f32; 4] {
-        if self.kind == Kind::Random {
+        if self.kind == SamplerKind::Random {
             let [x, y] = self.independent(pixel, index, purpose);
             // The complement is no set's purpose: purposes below 2^31 bounces leave bit 63 at 0.
             let [s, t] = self.independent(pixel, index, !purpose);
@@ -168,7 +168,7 @@ impl Sampler {
         purpose: u64,
     ) -> [[f32; N]; D] {
         let mut points = [[0.0; N]; D];
-        if self.kind == Kind::Random {
+        if self.kind == SamplerKind::Random {
             for i in 0..N {
                 for pair in 0..D / 2 {
                     let purpose = if pair == 0 { purpose } else { !purpose };
@@ -467,7 +467,7 @@ mod tests {
     #[test]
     fn prepared_light_points_are_those_of_the_set() {
         let (x, y) = ([3, 3, 8, 900], [5, 5, 5, 0]);
-        for kind in Kind::ALL {
+        for kind in SamplerKind::ALL {
             let sampler = Sampler::with_kind(kind, 4);
             // Within one sequence, up to its end, beyond it, and as many as a light may have.
             for count in [1, 12, 64, SEQUENCE, SEQUENCE + 1, u32::MAX - 64, u32::MAX] {
@@ -490,7 +490,7 @@ mod tests {
     #[test]
     fn lanes_have_the_bits_of_the_crate() {
         for seed in 0..40 {
-            for kind in Kind::ALL {
+            for kind in SamplerKind::ALL {
                 let sampler = Sampler::with_kind(kind, seed);
                 // All seeds together cover every index and begin two more sequences.
                 for first in (seed as u32 * 37..3 * SEQUENCE).step_by(80) {
@@ -521,7 +521,7 @@ mod tests {
         let n = 1 << 16;
         for i in 0..n {
             // Over pixels and samples.
-            let sampler = Sampler::with_kind(Kind::Random, 5);
+            let sampler = Sampler::with_kind(SamplerKind::Random, 5);
             let pixel = [i >> 8, 3];
             let [x, y, s, t] = sampler.camera(pixel, i & 255);
             let [u, v] = sampler.light(pixel, i & 255, 0, 0);
@@ -546,7 +546,7 @@ mod tests {
     #[test]
     fn independent_points_differ_by_all_their_keys() {
         let of = |seed, pixel, index, light, bounce| {
-            Sampler::with_kind(Kind::Random, seed).light(pixel, index, light, bounce)
+            Sampler::with_kind(SamplerKind::Random, seed).light(pixel, index, light, bounce)
         };
         let one = of(7, [3, 4], 5, 0, 0);
         assert_eq!(one, of(7, [3, 4], 5, 0, 0));

@@ -6,7 +6,7 @@
 
 use std::{fmt, sync::OnceLock};
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// An instruction set for which kernels are compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -85,7 +85,7 @@ impl Isa {
         let available: Vec<String> = Self::available().map(|isa| isa.to_string()).collect();
         let message = format!("found {self}, which {lacks} lacks");
         let help = format!("available: {}", available.join(", "));
-        Err(Error::new(Kind::Unsupported, Problem::new(flag, message).help(help)))
+        Err(Error::new(ErrorKind::Unsupported, Problem::new(flag, message).help(help)))
     }
 }
 

@@ -2,7 +2,7 @@
 //! build.
 
 use super::shaft::Shaft;
-use crate::error::{Error, Kind, Problem};
+use crate::error::{Error, ErrorKind, Problem};
 use crate::geometry::{Geometry, Nearby, is_near};
 use crate::ray::{Coherence, Mask, RayKind, RayPacket, Rays};
 
@@ -131,5 +131,5 @@ fn near_by_all(geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32))
 /// Returns the error of a build that would need more than `limit` bytes.
 pub fn over_limit(limit: u64) -> Error {
     let message = format!("the accelerator would hold more than the {limit} bytes left to it");
-    Error::new(Kind::Limit, Problem::new("--max-memory", message))
+    Error::new(ErrorKind::Limit, Problem::new("--max-memory", message))
 }

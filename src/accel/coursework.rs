@@ -20,7 +20,7 @@
 use glam::{BVec3, DVec3};
 
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
-use super::lane::{Hit, Ray, lanes};
+use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
 use crate::geometry::{
     Box3, Geometry, GeometryKind, Nearby, Sphere, Unseen, doubles, quad_halves, slabs_meet,
@@ -121,13 +121,13 @@ impl<'g> Coursework<'g> {
     }
 
     /// Returns the closest hit of the ray. Adds the visited nodes and primitives to `visits`.
-    pub fn closest_hit(&self, ray: &Ray, visits: &mut Visits) -> Option<Hit> {
+    pub fn closest_hit(&self, ray: &LaneRay, visits: &mut Visits) -> Option<LaneHit> {
         self.search(ray, visits, &mut Default::default())
     }
 
     /// Returns the closest hit by testing every primitive of the geometry without boxes: the
     /// reference for the trees.
-    pub fn plain_loop(&self, ray: &Ray) -> Option<Hit> {
+    pub fn plain_loop(&self, ray: &LaneRay) -> Option<LaneHit> {
         let ray = PreparedRay::new(ray, self.reach);
         let mut best = None;
         for (geom, range) in (0..).zip(self.geometry.bases().windows(2)) {
@@ -135,10 +135,15 @@ impl<'g> Coursework<'g> {
                 self.offer(&ray, geom, prim, &mut best);
             }
         }
-        best.filter(|hit: &Hit| hit.t < ray.ray.tfar)
+        best.filter(|hit: &LaneHit| hit.t < ray.ray.tfar)
     }
 
-    fn search(&self, ray: &Ray, visits: &mut Visits, stacks: &mut [Vec<u32>; 2]) -> Option<Hit> {
+    fn search(
+        &self,
+        ray: &LaneRay,
+        visits: &mut Visits,
+        stacks: &mut [Vec<u32>; 2],
+    ) -> Option<LaneHit> {
         let ray = PreparedRay::new(ray, self.reach);
         let (geometry, mut best) = (self.geometry, None);
         let [outer, inner] = stacks;
@@ -163,24 +168,24 @@ impl<'g> Coursework<'g> {
                 }
             }
         });
-        best.filter(|hit: &Hit| hit.t < ray.ray.tfar)
+        best.filter(|hit: &LaneHit| hit.t < ray.ray.tfar)
     }
 
     /// Tests one primitive and keeps its hit if it is the closest so far.
     ///
     /// Of equally near hits, the lowest scene-wide primitive index wins, so the order of the tests
     /// does not matter.
-    fn offer(&self, ray: &PreparedRay, geom: u32, prim: u32, best: &mut Option<Hit>) {
+    fn offer(&self, ray: &PreparedRay, geom: u32, prim: u32, best: &mut Option<LaneHit>) {
         let Some(hit) = self.test(ray, geom, prim) else { return };
-        let key = |hit: &Hit| (hit.t, self.geometry.primitive(hit.geom, hit.prim));
+        let key = |hit: &LaneHit| (hit.t, self.geometry.primitive(hit.geom, hit.prim));
         if best.as_ref().is_none_or(|best| key(&hit) < key(best)) {
             *best = Some(hit);
         }
     }
 
-    fn test(&self, ray: &PreparedRay, geom: u32, prim: u32) -> Option<Hit> {
+    fn test(&self, ray: &PreparedRay, geom: u32, prim: u32) -> Option<LaneHit> {
         let leaving = ray.ray.leaving == self.geometry.primitive(geom, prim);
-        let hit = |t, u, v, ng| Some(Hit { geom, prim, t, u, v, ng });
+        let hit = |t, u, v, ng| Some(LaneHit { geom, prim, t, u, v, ng });
         match self.geometry.kind(geom) {
             GeometryKind::Spheres => {
                 let sphere = &self.geometry.spheres[prim as usize];
@@ -250,7 +255,7 @@ fn weights([v0, v1, v2]: [DVec3; 3], normal: DVec3, point: DVec3) -> (f64, f64) 
 /// Returns the smallest root of |o + t d - c|^2 = r^2 above `tnear`, by the textbook quadratic
 /// formula.
 fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> {
-    let Ray { origin, direction, tnear, .. } = ray.ray;
+    let LaneRay { origin, direction, tnear, .. } = ray.ray;
     let from_center = origin - sphere.center;
     let a = direction.dot(direction);
     let b = 2.0 * direction.dot(from_center);
@@ -280,7 +285,7 @@ impl Accelerator for Coursework<'_> {
     fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
         let (mut visits, mut stacks) = Default::default();
         for i in lanes(active) {
-            let ray = Ray::of(&packet.rays, i);
+            let ray = LaneRay::of(&packet.rays, i);
             if let Some(hit) = self.search(&ray, &mut visits, &mut stacks) {
                 hit.store(packet, i);
             }
@@ -291,7 +296,7 @@ impl Accelerator for Coursework<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
         let (mut visits, mut stacks) = Default::default();
         for i in lanes(active) {
-            if self.search(&Ray::of(rays, i), &mut visits, &mut stacks).is_some() {
+            if self.search(&LaneRay::of(rays, i), &mut visits, &mut stacks).is_some() {
                 rays.tfar[i] = f32::NEG_INFINITY;
             }
         }
@@ -317,7 +322,7 @@ impl Accelerator for Coursework<'_> {
     fn visits(&self, active: &Mask, rays: &Rays, _: bool, _: Coherence) -> Option<Visits> {
         let mut visits = Visits::default();
         for i in lanes(active) {
-            let _ = self.closest_hit(&Ray::of(rays, i), &mut visits);
+            let _ = self.closest_hit(&LaneRay::of(rays, i), &mut visits);
         }
         Some(visits)
     }
@@ -325,7 +330,7 @@ impl Accelerator for Coursework<'_> {
 
 /// A ray with the values that all tests of boxes share.
 struct PreparedRay {
-    ray: Ray,
+    ray: LaneRay,
     /// Reciprocal of the direction.
     inverse: DVec3,
     /// Distance by which rounding may put a hit outside the bounds of its shape, for each axis:
@@ -334,7 +339,7 @@ struct PreparedRay {
 }
 
 impl PreparedRay {
-    fn new(ray: &Ray, reach: DVec3) -> Self {
+    fn new(ray: &LaneRay, reach: DVec3) -> Self {
         let slack = (ray.origin.abs() + reach) * (4.0 * f64::EPSILON);
         Self { ray: *ray, inverse: ray.direction.recip(), slack }
     }
@@ -537,7 +542,7 @@ fn partition(set: &mut [u32], left: impl Fn(u32) -> bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Kind;
+    use crate::error::ErrorKind;
     use crate::geometry::{NONE, TriangleMesh};
     use crate::ray::LANES;
     use proptest::prelude::*;
@@ -557,8 +562,8 @@ mod tests {
         Geometry::new(DVec3::ZERO, meshes, vec![], vec![]).unwrap()
     }
 
-    fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
-        Ray {
+    fn ray(origin: [f32; 3], direction: [f32; 3]) -> LaneRay {
+        LaneRay {
             origin: doubles(origin),
             direction: doubles(direction),
             tnear: 0.0,
@@ -613,7 +618,7 @@ mod tests {
             let geometry = geometry.unwrap();
             let trees = build(&geometry);
             for (origin, direction, leaving) in rays {
-                let ray = Ray { leaving, ..ray(origin, direction) };
+                let ray = LaneRay { leaving, ..ray(origin, direction) };
                 let found = trees.closest_hit(&ray, &mut Visits::default());
                 prop_assert_eq!(found, trees.plain_loop(&ray), "{:?}", ray);
             }
@@ -681,10 +686,10 @@ mod tests {
         let monitor = Monitor::default();
         let little = BuildOptions { max_bytes: Some(500), ..OPTIONS };
         let error = Coursework::build(&geometry, &little, &monitor).err().unwrap();
-        assert_eq!(error.kind, Kind::Limit);
+        assert_eq!(error.kind, ErrorKind::Limit);
         monitor.signal.store(2, std::sync::atomic::Ordering::Relaxed);
         let error = Coursework::build(&geometry, &OPTIONS, &monitor).err().unwrap();
-        assert_eq!(error.kind, Kind::Interrupted(2));
+        assert_eq!(error.kind, ErrorKind::Interrupted(2));
     }
 
     #[test]

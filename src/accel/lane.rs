@@ -7,7 +7,7 @@ use crate::ray::{LANES, Mask, RayPacket, Rays, lane};
 /// The ray `origin + t direction`, t in (`tnear`, `tfar`). All values come from a packet, so each
 /// is an f32 value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ray {
+pub struct LaneRay {
     /// Relative to the scene's origin.
     pub origin: DVec3,
     /// Need not have unit length; not zero.
@@ -20,7 +20,7 @@ pub struct Ray {
     pub leaving: u32,
 }
 
-impl Ray {
+impl LaneRay {
     /// Returns the ray in lane `i` of `rays`.
     pub fn of(rays: &Rays, i: usize) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl Ray {
 
 /// A hit of one ray, in f64.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hit {
+pub struct LaneHit {
     /// Geometry id, as in [`crate::ray::Hits::geom`].
     pub geom: u32,
     /// Index of the primitive within its geometry.
@@ -50,7 +50,7 @@ pub struct Hit {
     pub ng: DVec3,
 }
 
-impl Hit {
+impl LaneHit {
     /// Writes the hit into lane `i` of `packet`, rounded to f32. The normal gets unit length.
     pub fn store(&self, packet: &mut RayPacket, i: usize) {
         packet.rays.tfar[i] = self.t as f32;

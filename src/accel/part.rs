@@ -6,7 +6,7 @@ use super::embree;
 use super::footprint::MemoryFootprint;
 use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
@@ -24,7 +24,10 @@ pub fn build_part<'g>(
     if !geometry.instances.is_empty() && !backend.traces_instances() {
         let message = format!("`{}` traces no instances", backend.name());
         let help = "load the scene with copies in place of instances, or use bvh";
-        return Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)));
+        return Err(Error::new(
+            ErrorKind::Unsupported,
+            Problem::new("--backend", message).help(help),
+        ));
     }
     // Backends that allocate in many pieces: the predicted sum is checked once.
     let probe = |footprint: MemoryFootprint| {
@@ -70,5 +73,5 @@ pub fn build_embree<'g>(
     let name = Backend::Embree(mode).name();
     let message = format!("found `{name}`, which this build does not have");
     let help = "available: bvh, coursework, brute";
-    Err(Error::new(Kind::Unsupported, Problem::new("--backend", message).help(help)))
+    Err(Error::new(ErrorKind::Unsupported, Problem::new("--backend", message).help(help)))
 }

@@ -18,7 +18,7 @@ use rayon::ThreadPool;
 
 use crate::{
     accel::{MemoryFootprint, memory_footprint},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     files::FileSet,
     memory::{self, Prediction},
     monitor::Monitor,
@@ -280,7 +280,7 @@ impl Run<'_> {
     /// Records the failure of an input or of one of its frames. The batch continues, unless
     /// `fail_fast` is set. An interruption by a signal is not a failure.
     pub fn failed(&self, input: &str, frame: Option<u32>, frames: u64, error: Error) {
-        if let Kind::Interrupted(_) = error.kind {
+        if let ErrorKind::Interrupted(_) = error.kind {
             return;
         }
         self.status.failed.fetch_add(frames, Relaxed);
@@ -300,14 +300,14 @@ impl Run<'_> {
     /// Ends the batch after an error that every later frame would have, too.
     pub fn end(&self, error: Error) {
         self.stop.store(true, Relaxed);
-        if !matches!(error.kind, Kind::Interrupted(_)) {
+        if !matches!(error.kind, ErrorKind::Interrupted(_)) {
             lock(&self.fatal).get_or_insert(error);
         }
     }
 
     /// Ends the batch if a disk is full or another resource is exhausted (`Retry`).
     pub fn end_if_retry(&self, error: &Error) {
-        if error.kind == Kind::Retry {
+        if error.kind == ErrorKind::Retry {
             self.end(error.clone());
         }
     }
@@ -339,6 +339,6 @@ pub fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
         let message = "the program failed here because of a bug; the batch goes on";
         let problem = Problem::new("", message).help("please report it with the file");
-        Err(Error::new(Kind::Unsupported, problem))
+        Err(Error::new(ErrorKind::Unsupported, problem))
     })
 }

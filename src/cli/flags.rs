@@ -7,11 +7,11 @@ use clap::{Args, ValueHint};
 use rayon::ThreadPool;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     output::{ValueCounts, exr::Compression},
     scene::{
         SamplerKind, ToneOperator,
-        written::{Accelerator, ColorMap, MeshColor},
+        written::{AcceleratorName, ColorMap, MeshColor},
     },
     simd::Isa,
     studio::{Appearance, Axis, Quality, Studio, smooth},
@@ -70,7 +70,7 @@ pub struct SceneArgs {
 
     /// Backend that traces the rays [default: the scene's, else bvh]
     #[arg(long, value_name = "NAME")]
-    pub backend: Option<Accelerator>,
+    pub backend: Option<AcceleratorName>,
 
     /// Write coverage to alpha instead of 1, without the background; the studio's ground then only
     /// shows the shadows on it
@@ -352,6 +352,6 @@ impl PrefixArgs {
                 format!("{count} pixels are NaN or infinite, the first {spot}"),
             )
         });
-        Error::check(Kind::Check, problem.into_iter().collect())
+        Error::check(ErrorKind::Check, problem.into_iter().collect())
     }
 }

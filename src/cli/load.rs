@@ -143,7 +143,7 @@ pub fn saved(job: &SceneJob, target: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Kind;
+    use crate::error::ErrorKind;
     use std::sync::atomic::Ordering::Relaxed;
 
     #[test]
@@ -153,6 +153,6 @@ mod tests {
         assert!(load(SceneRequest::new(mesh), &monitor).is_ok());
         monitor.signal.store(2, Relaxed);
         let stopped = load(SceneRequest::new(mesh), &monitor).unwrap_err();
-        assert_eq!(stopped.kind, Kind::Interrupted(2));
+        assert_eq!(stopped.kind, ErrorKind::Interrupted(2));
     }
 }

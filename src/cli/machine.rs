@@ -3,7 +3,7 @@
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     lab::result::Machine,
     simd::Isa,
 };
@@ -40,7 +40,7 @@ pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
 pub fn default_pool() -> Result<()> {
     ThreadPoolBuilder::new().build_global().map_err(|error| {
         let message = format!("cannot start threads: {error}");
-        Error::new(Kind::Retry, Problem::new("", message))
+        Error::new(ErrorKind::Retry, Problem::new("", message))
     })
 }
 

@@ -5,7 +5,7 @@ use clap::{ValueEnum, builder::PossibleValue};
 use crate::{
     integrate::Relative,
     output::{exr::Compression, tonemap::Depth},
-    scene::{SamplerKind, ToneOperator, written::Accelerator},
+    scene::{SamplerKind, ToneOperator, written::AcceleratorName},
     simd::Isa,
     studio::{Axis, LightsFollow, Quality, Studio, Turning},
 };
@@ -41,7 +41,7 @@ names! { Depth:
     Sixteen = "16";
 }
 
-names! { Accelerator:
+names! { AcceleratorName:
     Bvh = "bvh", "lightpath's own watertight BVH";
     Embree = "embree", "Intel Embree 4";
     Coursework = "coursework", "The coursework's BVH";

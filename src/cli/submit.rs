@@ -12,7 +12,7 @@ use clap::{Args, Subcommand, ValueHint};
 use crate::{
     accel::memory_footprint,
     batch::{self, Job, JournalRecord},
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     farm::{self, Chunks, Slurm},
     output::atomic::PartFile,
     paths,
@@ -303,7 +303,7 @@ fn submit(words: &[String]) -> Result<String> {
     let output = Command::new("sbatch").args(words).output();
     let output = output.map_err(|error| {
         let message = format!("cannot run sbatch: {error}");
-        Error::new(Kind::Unsupported, Problem::new("slurm", message))
+        Error::new(ErrorKind::Unsupported, Problem::new("slurm", message))
             .help("run this where Slurm is installed; --dry-run only writes the scripts")
     })?;
     let text = String::from_utf8_lossy(&output.stdout);
@@ -314,9 +314,9 @@ fn submit(words: &[String]) -> Result<String> {
             let stderr = stderr.trim();
             let problem = |what: &str| Problem::new("slurm", format!("{what}: {stderr}"));
             match UNREACHABLE.iter().any(|text| stderr.contains(text)) {
-                true => Err(Error::new(Kind::Retry, problem("sbatch reached no controller"))
+                true => Err(Error::new(ErrorKind::Retry, problem("sbatch reached no controller"))
                     .help("submit again when `scontrol ping` says UP")),
-                false => Err(Error::new(Kind::Invalid, problem("sbatch refused"))),
+                false => Err(Error::new(ErrorKind::Invalid, problem("sbatch refused"))),
             }
         }
     }

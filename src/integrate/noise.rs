@@ -11,7 +11,7 @@
 //! Condition for Monte Carlo Global Illumination". The measure is the relative squared error of
 //! Rousselle et al. 2011, "Adaptive Sampling and Reconstruction using Greedy Error Minimization".
 
-use crate::sampler::Kind;
+use crate::sampler::SamplerKind;
 
 /// Sums and numbers of samples of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
@@ -74,10 +74,10 @@ pub struct Goal {
 
 /// Exponent r of the expected variance of a pixel's mean, samples^-r. For stratified points, from
 /// the slopes in docs/notebook/sampling.md.
-pub fn rate(kind: Kind) -> f64 {
+pub fn rate(kind: SamplerKind) -> f64 {
     match kind {
-        Kind::Sobol => 1.75,
-        Kind::Random => 1.0,
+        SamplerKind::Sobol => 1.75,
+        SamplerKind::Random => 1.0,
     }
 }
 

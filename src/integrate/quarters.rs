@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use crate::ray::LANES;
-use crate::sampler::{Kind, STRETCH, Sampler};
+use crate::sampler::{STRETCH, Sampler, SamplerKind};
 use crate::shading::Lanes;
 use crate::world::World;
 
@@ -56,7 +56,7 @@ impl Quarters {
     pub fn new(world: &World) -> Self {
         // The points that adaptive shadows skip depend on the packets, so nothing is reordered
         // there.
-        let on = world.sampler == Kind::Sobol && !world.adaptive_shadows;
+        let on = world.sampler == SamplerKind::Sobol && !world.adaptive_shadows;
         Self {
             on: on && joint_light(world).is_some(),
             needs_samples: world.lights.len() > 1 || world.nbounces > 0,

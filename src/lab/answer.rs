@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::accel::brute::Brute;
-use crate::accel::lane::{Hit, Ray};
+use crate::accel::lane::{LaneHit, LaneRay};
 use crate::ray::{NONE, RayPacket, Rays};
 
 /// A backend's answer to the query of one ray.
@@ -53,16 +53,16 @@ impl Answer {
 
     /// The answer for a ray whose closest hit is `hit`: to an occlusion query if `shadow`, else to
     /// a closest-hit query.
-    pub fn of_hit(hit: Option<Hit>, shadow: bool) -> Self {
+    pub fn of_hit(hit: Option<LaneHit>, shadow: bool) -> Self {
         match hit {
             None => Self::Miss,
             Some(_) if shadow => Self::Occluded,
-            Some(Hit { geom, prim, t, .. }) => Self::Hit { geom, prim, t },
+            Some(LaneHit { geom, prim, t, .. }) => Self::Hit { geom, prim, t },
         }
     }
 
     /// The oracle's answer: occlusion if `shadow`, else the closest hit.
-    pub fn truth(oracle: &Brute, ray: &Ray, shadow: bool) -> Self {
+    pub fn truth(oracle: &Brute, ray: &LaneRay, shadow: bool) -> Self {
         Self::of_hit(oracle.closest_hit(ray), shadow)
     }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::accel::{self, Accelerator, BuildOptions};
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::Coherence;
@@ -219,7 +219,7 @@ pub fn available(
     for backend in backends {
         match backend.build(&empty, 1, monitor).err() {
             None => built.push(backend),
-            Some(error) if error.kind == Kind::Unsupported => {
+            Some(error) if error.kind == ErrorKind::Unsupported => {
                 without.push(format!("without `{}`: {error}", backend.name));
             }
             Some(error) => return Err(error),

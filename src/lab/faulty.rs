@@ -1,7 +1,7 @@
 //! A backend that gives wrong answers on purpose, for tests.
 
 use crate::accel::brute::Brute;
-use crate::accel::lane::{Hit, Ray, lanes};
+use crate::accel::lane::{LaneHit, LaneRay, lanes};
 use crate::accel::{Accelerator, BuildInfo};
 use crate::ray::{Coherence, Hits, Mask, NONE, RayPacket, Rays};
 
@@ -33,12 +33,12 @@ pub struct Faulty<'a>(pub &'a Brute<'a>, pub BackendFault);
 
 impl Faulty<'_> {
     /// Returns the closest hit of one ray, before the faults of single lanes.
-    fn hit(&self, ray: &Ray) -> Option<Hit> {
+    fn hit(&self, ray: &LaneRay) -> Option<LaneHit> {
         let Self(oracle, fault) = *self;
         if fault == BackendFault::MissesTiny && ray.direction.length() < 1e-29 {
             return None;
         }
-        let missed = |hit: &Hit| fault == BackendFault::Misses(hit.geom, hit.prim);
+        let missed = |hit: &LaneHit| fault == BackendFault::Misses(hit.geom, hit.prim);
         let mut hit = oracle.all_hits(ray).into_iter().find(|hit| !missed(hit))?;
         match fault {
             BackendFault::OtherPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
@@ -57,7 +57,7 @@ impl Accelerator for Faulty<'_> {
     fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
         let before = packet.rays.tfar;
         for i in lanes(active) {
-            match self.hit(&Ray::of(&packet.rays, i)) {
+            match self.hit(&LaneRay::of(&packet.rays, i)) {
                 Some(hit) => hit.store(packet, i),
                 None if self.1 == BackendFault::HitsInsteadOfMisses => {
                     (packet.hits.geom[i], packet.hits.prim[i]) = (0, 0);

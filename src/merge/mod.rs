@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Failures, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Failures, Problem, Result};
 use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
 use crate::layers::{BEAUTY, PartialSumsLayout, PixelState};
 use crate::monitor::Monitor;
@@ -71,7 +71,7 @@ impl Parts {
             return Err(Error::invalid("", "found no parts to merge"));
         };
         let differences = open[1..].iter().filter_map(|other| first.difference(other));
-        Error::check(Kind::Invalid, differences.collect())?;
+        Error::check(ErrorKind::Invalid, differences.collect())?;
         let part = first.part.clone();
         let pieces = open
             .iter()
@@ -83,7 +83,7 @@ impl Parts {
             let message = format!("and {} more", faults.len() - MAX_NAMED_FAULTS);
             problems.push(Problem::new("parts", message));
         }
-        Error::check(Kind::Invalid, problems)?;
+        Error::check(ErrorKind::Invalid, problems)?;
         Ok(Self { open, part })
     }
 

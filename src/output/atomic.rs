@@ -18,7 +18,7 @@ use std::{
 use tempfile::NamedTempFile;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     files, paths, threads,
 };
 
@@ -112,7 +112,7 @@ impl PartFile {
             }
         }
         let message = "its part file is removed again and again";
-        Err(Error::new(Kind::Retry, Problem::new(place(), message)))
+        Err(Error::new(ErrorKind::Retry, Problem::new(place(), message)))
     }
 
     /// Returns the final name.

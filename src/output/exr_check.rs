@@ -17,7 +17,7 @@ use exr::{
     meta::{BlockDescription, header::Header},
 };
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Number of 64-bit integers at the start of a DWAA or DWAB chunk (OpenEXR,
 /// `internal_dwa_compressor.h`). They hold the version, then sizes and counts of the sections, then
@@ -141,7 +141,7 @@ pub fn check_compression(path: &Path) -> Result<()> {
     let message = format!(
         "found the compression {name}, expected none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA or DWAB"
     );
-    Err(Error::new(Kind::Unsupported, Problem::new(path.display().to_string(), message))
+    Err(Error::new(ErrorKind::Unsupported, Problem::new(path.display().to_string(), message))
         .help("save the file with ZIP: nothing is lost"))
 }
 
@@ -156,9 +156,9 @@ pub fn exr_error(path: &Path, error: ExrError) -> Error {
             return Error::io(path, "read", &error);
         }
         ExrError::NotSupported(what) => {
-            (Kind::Unsupported, format!("cannot read this EXR: {what}"))
+            (ErrorKind::Unsupported, format!("cannot read this EXR: {what}"))
         }
-        other => (Kind::Invalid, format!("cannot read this EXR: {other}")),
+        other => (ErrorKind::Invalid, format!("cannot read this EXR: {other}")),
     };
     Error::new(kind, Problem::new(path.display().to_string(), message))
 }

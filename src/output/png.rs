@@ -14,7 +14,7 @@ use png::{
 };
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     film::Film,
 };
 
@@ -115,7 +115,7 @@ fn png_error(path: &Path, error: EncodingError) -> Error {
         EncodingError::IoError(error) => Error::io(path, "write", &error),
         other => {
             let message = format!("cannot write a PNG: {other}");
-            Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
+            Error::new(ErrorKind::Limit, Problem::new(path.display().to_string(), message))
         }
     }
 }

@@ -106,7 +106,7 @@ impl Poses {
                 break;
             }
         }
-        Error::check(crate::error::Kind::Invalid, problems)
+        Error::check(crate::error::ErrorKind::Invalid, problems)
     }
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::arrays::{self, MeshArrays, Range};
 use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
 use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, TriangleMesh};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
@@ -135,7 +135,7 @@ impl RayScene {
         let geometry = Geometry::new(origin, rounded.collect::<Result<_>>()?, vec![], vec![]);
         let geometry = geometry.map_err(|count| {
             let message = format!("found {count} faces, expected at most 4294967294");
-            Error::new(Kind::Limit, Problem::new("faces", message))
+            Error::new(ErrorKind::Limit, Problem::new("faces", message))
         })?;
         monitor.begin(Phase::Build, 1000);
         let tree = match backend {
@@ -208,7 +208,7 @@ impl RayScene {
                 let message = "found `embree`, which answers only `closest` and `occluded`";
                 let problem = Problem::new("backend", message);
                 let help = "`bvh`, the default, answers all queries";
-                Err(Error::new(Kind::Unsupported, problem.help(help)))
+                Err(Error::new(ErrorKind::Unsupported, problem.help(help)))
             }
         }
     }

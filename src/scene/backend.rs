@@ -1,8 +1,8 @@
 //! The backend that finds the hits. One value carries the scene's `accelerator` and its flags to
 //! [`crate::accel::build`]. Contradictory flags are refused here, and the type cannot express them.
 
-use super::description::Accelerator;
-use crate::error::{Error, Kind, Problem, Result};
+use super::description::AcceleratorName;
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::simd::Isa;
 
 /// The backend that finds the hits, with its mode.
@@ -58,13 +58,13 @@ impl Backend {
 }
 
 /// The default mode of each backend: Embree robust, our tree with the best instruction set.
-impl From<Accelerator> for Backend {
-    fn from(accelerator: Accelerator) -> Self {
+impl From<AcceleratorName> for Backend {
+    fn from(accelerator: AcceleratorName) -> Self {
         match accelerator {
-            Accelerator::Bvh => Self::Bvh(Isa::detect()),
-            Accelerator::Embree => Self::Embree(EmbreeMode::Robust),
-            Accelerator::Coursework => Self::Coursework,
-            Accelerator::Brute => Self::Brute,
+            AcceleratorName::Bvh => Self::Bvh(Isa::detect()),
+            AcceleratorName::Embree => Self::Embree(EmbreeMode::Robust),
+            AcceleratorName::Coursework => Self::Coursework,
+            AcceleratorName::Brute => Self::Brute,
         }
     }
 }
@@ -72,7 +72,7 @@ impl From<Accelerator> for Backend {
 /// The backend for a scene that names none.
 impl Default for Backend {
     fn default() -> Self {
-        Accelerator::default().into()
+        AcceleratorName::default().into()
     }
 }
 
@@ -91,7 +91,7 @@ impl BackendFlags {
     ///
     /// # Errors
     /// `Invalid`, with every flag that belongs to another backend.
-    pub fn on(self, accelerator: Accelerator) -> Result<Backend> {
+    pub fn on(self, accelerator: AcceleratorName) -> Result<Backend> {
         let plain = Backend::from(accelerator);
         let (backend, fast, isa) = match (plain, self) {
             (Backend::Embree(_), Self { fast: true, isa }) => {
@@ -113,7 +113,7 @@ impl BackendFlags {
             let message = format!("found with the backend `{name}`, {why}");
             Problem::new("--isa", message).help("leave --isa out, or --backend bvh")
         });
-        Error::check(Kind::Invalid, fast.into_iter().chain(isa).collect())?;
+        Error::check(ErrorKind::Invalid, fast.into_iter().chain(isa).collect())?;
         Ok(backend)
     }
 
@@ -130,14 +130,18 @@ mod tests {
     #[test]
     fn a_flag_of_another_backend_is_an_error() {
         let isa = Some(Isa::Portable);
-        let all =
-            [Accelerator::Bvh, Accelerator::Embree, Accelerator::Coursework, Accelerator::Brute];
+        let all = [
+            AcceleratorName::Bvh,
+            AcceleratorName::Embree,
+            AcceleratorName::Coursework,
+            AcceleratorName::Brute,
+        ];
         for (fast, isa) in [(false, None), (true, None), (false, isa), (true, isa)] {
             for accelerator in all {
                 let result = BackendFlags { fast, isa }.on(accelerator);
                 let wrong = [
-                    ("--fast", fast && accelerator != Accelerator::Embree),
-                    ("--isa", isa.is_some() && accelerator != Accelerator::Bvh),
+                    ("--fast", fast && accelerator != AcceleratorName::Embree),
+                    ("--isa", isa.is_some() && accelerator != AcceleratorName::Bvh),
                 ];
                 let wrong: Vec<&str> = wrong.iter().filter(|w| w.1).map(|w| w.0).collect();
                 let places: Vec<String> = match result {
@@ -148,7 +152,7 @@ mod tests {
                         Vec::new()
                     }
                     Err(error) => {
-                        assert_eq!(error.kind, Kind::Invalid);
+                        assert_eq!(error.kind, ErrorKind::Invalid);
                         error.problems.into_iter().map(|problem| problem.place).collect()
                     }
                 };

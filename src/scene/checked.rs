@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 pub use super::description::{ColorMap, ColorSpace, Falloff, Filter, ToneOperator, Visible, Wrap};
-pub use crate::sampler::Kind as SamplerKind;
+pub use crate::sampler::SamplerKind;
 
 use crate::calibration::{Calibration, Distortion, Inverse};
 

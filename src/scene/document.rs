@@ -7,7 +7,7 @@
 
 use serde_json::Value;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 use super::node::{Node, Place};
 use super::parse::{self, SyntaxError};
@@ -122,7 +122,7 @@ pub(super) fn join(pointer: &str, key: &str) -> String {
 fn syntax_error(name: &str, error: SyntaxError) -> Error {
     let place = format!("{name}:{}:{}", error.line, error.column);
     let problem = Problem { place, message: error.message, help: error.help.map(str::to_string) };
-    Error::new(Kind::Invalid, problem)
+    Error::new(ErrorKind::Invalid, problem)
 }
 
 /// Returns the format of a file that is not JSON, by its first bytes. Users often pass such files

@@ -5,7 +5,7 @@ use std::{fs::File, io::Read, path::Path};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 use super::{
     check,
@@ -119,7 +119,7 @@ impl Loaded {
 pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<T> {
     let mut problems = problems::Problems::new(document);
     structure::check(&schema_of::<T>(""), &mut problems);
-    Error::check(Kind::Invalid, problems.finish().0)?;
+    Error::check(ErrorKind::Invalid, problems.finish().0)?;
     serde_json::from_value(document.root.to_value())
         .map_err(|e| Error::invalid(&document.name, e.to_string()))
 }
@@ -133,7 +133,7 @@ pub fn check_camera(name: &str, camera: &written::Camera) -> Result<()> {
     let mut problems = problems::Problems::new(&document);
     let broken = structure::check(schema::of_camera(), &mut problems);
     check::check_camera(&mut problems, broken);
-    Error::check(Kind::Invalid, problems.finish().0)
+    Error::check(ErrorKind::Invalid, problems.finish().0)
 }
 
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
@@ -148,7 +148,7 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
         Some((description, scene)) if errors.is_empty() => {
             Ok(Loaded { scene, hash: description.hash(), description, warnings })
         }
-        _ => Err(Error { kind: Kind::Invalid, problems: errors }),
+        _ => Err(Error { kind: ErrorKind::Invalid, problems: errors }),
     }
 }
 

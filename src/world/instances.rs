@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::place::PlacedMesh;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, Instance, Placement, TriangleMesh, Unseen};
 use crate::ray::RayKind;
 use crate::scene::{Scene, ShapeKind};
@@ -127,7 +127,7 @@ fn copied(shape: &Shape, placement: &Placement) -> Shape {
 /// The error of a scene with at least `count` primitives.
 pub(super) fn too_many(count: u64) -> Error {
     let message = format!("{count} primitives are more than the 4294967294 that fit");
-    Error::new(Kind::Limit, Problem::new("scene", message))
+    Error::new(ErrorKind::Limit, Problem::new("scene", message))
 }
 
 /// Sets which primitives each kind of ray passes through. `owners` are the shapes of each geometry.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::error::{Error, Failures, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Failures, Problem, Result};
 use crate::reserve::MemoryLimit;
 use crate::scene::{MapUse, Scene};
 use crate::shading::{DEFAULT_MAX_BYTES, EnvironmentMap, Negative, Texture};
@@ -63,7 +63,7 @@ fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
         let (needed, limit) = (units::bytes_rounded_up(needed), units::bytes(DEFAULT_MAX_BYTES));
         let message = format!("needs {needed}; the limit is {limit}");
         let problem = Problem::new(shown, message).help("scale the image down");
-        return Err(Error::new(Kind::Limit, problem));
+        return Err(Error::new(ErrorKind::Limit, problem));
     }
     let texture = Texture::load_within(&spec.path, None, needed)?;
     if let Some(Negative { texels, first: [x, y] }) = texture.negative() {

@@ -26,7 +26,7 @@ macro_rules! on_both {
     ($($(#[$about:meta])* fn $what:ident($backend:ident: Backend) $body:block)+) => {$(
         $(#[$about])*
         mod $what {
-            use lightpath::scene::{Backend, written::Accelerator as Named};
+            use lightpath::scene::{Backend, written::AcceleratorName};
 
             #[allow(unused_imports)]
             use super::*;
@@ -35,13 +35,13 @@ macro_rules! on_both {
 
             #[test]
             fn bvh() {
-                test(Named::Bvh.into());
+                test(AcceleratorName::Bvh.into());
             }
 
             #[test]
             #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
             fn embree() {
-                test(Named::Embree.into());
+                test(AcceleratorName::Embree.into());
             }
         }
     )+};

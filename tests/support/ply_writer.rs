@@ -1,6 +1,6 @@
 //! Writes small PLY files of any layout in all three encodings.
 
-use lightpath::error::{Error, Kind};
+use lightpath::error::{Error, ErrorKind};
 use lightpath::mesh::{Mesh, Positions, ReadOptions, read_ply_bytes};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,7 +155,7 @@ pub fn read_all(ply: &Ply) -> Mesh {
 /// Returns the error of a file that must be refused: its text without the leading `error: `.
 pub fn refused(bytes: &[u8]) -> String {
     let error = read(bytes).expect_err("must be refused");
-    assert_eq!(error.kind, Kind::Invalid);
+    assert_eq!(error.kind, ErrorKind::Invalid);
     assert_eq!(error.exit_code(), 2);
     error.to_string().trim_start_matches("error: ").to_string()
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 use crate::geometry::{Box3, slabs_meet};
 
 /// Number of neighbouring items, or of neighbouring boxes of one level, that share a box.
@@ -61,7 +61,7 @@ impl Blocks {
     ///
     /// Every box is widened by `widen` times its largest |corner - ray origin|, over all corners
     /// and axes. `widen` must be at least [`ROUNDING`].
-    pub fn each(&self, ray: &Ray, widen: f64, range: [f64; 2], mut candidate: impl FnMut(u32)) {
+    pub fn each(&self, ray: &LaneRay, widen: f64, range: [f64; 2], mut candidate: impl FnMut(u32)) {
         let top = self.levels.len() - 1;
         let query = Query { ray, inverse: ray.direction.recip(), widen, range };
         self.descend(top, 0..self.levels[top].len(), &query, &mut candidate);
@@ -102,7 +102,7 @@ impl Blocks {
 }
 
 struct Query<'a> {
-    ray: &'a Ray,
+    ray: &'a LaneRay,
     inverse: DVec3,
     widen: f64,
     range: [f64; 2],

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, over_limit};
-use super::lane::{Hit, Ray, lanes};
+use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
 use crate::geometry::{Box3, Geometry, GeometryKind, Unseen, doubles};
 use crate::monitor::Monitor;
@@ -39,7 +39,7 @@ pub struct Brute<'g> {
 
 /// A hit with what the exact comparison of two hits needs.
 struct ExactHit {
-    hit: Hit,
+    hit: LaneHit,
     /// Bound on the error of `hit.t`.
     t_error: f64,
     /// The triangle that was hit; `None` for a sphere.
@@ -94,7 +94,7 @@ impl<'g> Brute<'g> {
     ///
     /// A `t` on a triangle or quad has a relative error of at most 2^-40. On a sphere, `t` is right
     /// to single precision. A sphere or quad counts once.
-    pub fn all_hits(&self, ray: &Ray) -> Vec<Hit> {
+    pub fn all_hits(&self, ray: &LaneRay) -> Vec<LaneHit> {
         let mut all = Vec::new();
         self.each_hit(ray, |candidate| all.push(candidate));
         all.sort_by(|a, b| self.order(ray, a, b));
@@ -102,7 +102,7 @@ impl<'g> Brute<'g> {
     }
 
     /// Returns the closest hit of the ray: the first of [`Brute::all_hits`].
-    pub fn closest_hit(&self, ray: &Ray) -> Option<Hit> {
+    pub fn closest_hit(&self, ray: &LaneRay) -> Option<LaneHit> {
         let mut best: Option<ExactHit> = None;
         self.each_hit(ray, |candidate| {
             let nearer = |best| self.order(ray, &candidate, best) == Ordering::Less;
@@ -120,11 +120,11 @@ impl<'g> Brute<'g> {
     ///
     /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
     /// none. Returns `None` if there are more than `most` entries.
-    pub fn near(&self, ray: &Ray, factor: f64, most: usize) -> Option<Vec<Near>> {
+    pub fn near(&self, ray: &LaneRay, factor: f64, most: usize) -> Option<Vec<Near>> {
         near::near(self.geometry, &self.blocks, ray, factor, most)
     }
 
-    fn each_hit(&self, ray: &Ray, mut found: impl FnMut(ExactHit)) {
+    fn each_hit(&self, ray: &LaneRay, mut found: impl FnMut(ExactHit)) {
         self.blocks.each(ray, ROUNDING, [ray.tnear, ray.tfar], |primitive| {
             if let Some(candidate) = self.test(ray, primitive) {
                 found(candidate);
@@ -132,22 +132,22 @@ impl<'g> Brute<'g> {
         });
     }
 
-    fn test(&self, ray: &Ray, primitive: u32) -> Option<ExactHit> {
+    fn test(&self, ray: &LaneRay, primitive: u32) -> Option<ExactHit> {
         let (geom, prim) = self.geometry.place(primitive);
         let leaving = primitive == ray.leaving;
         let on_triangle = |(corners, turned): ([DVec3; 3], bool)| {
             let at = crossing(ray, &corners)?;
             let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
-            let hit = Hit { geom, prim, t: at.t, u, v, ng: at.ng };
+            let hit = LaneHit { geom, prim, t: at.t, u, v, ng: at.ng };
             Some(ExactHit { hit, t_error: at.t_error(), corners: Some(corners) })
         };
         match self.geometry.kind(geom) {
             GeometryKind::Spheres => {
                 let sphere = &self.geometry.spheres[prim as usize];
-                let Ray { origin, direction, tnear, tfar, .. } = *ray;
+                let LaneRay { origin, direction, tnear, tfar, .. } = *ray;
                 let t = sphere.intersect(origin, direction, tnear, tfar, leaving);
                 let ng = origin + direction * t - sphere.center;
-                let hit = Hit { geom, prim, t, u: 0.0, v: 0.0, ng };
+                let hit = LaneHit { geom, prim, t, u: 0.0, v: 0.0, ng };
                 (!t.is_nan()).then_some(ExactHit { hit, t_error: 0.0, corners: None })
             }
             _ if leaving => None,
@@ -158,7 +158,7 @@ impl<'g> Brute<'g> {
         }
     }
 
-    fn order(&self, ray: &Ray, a: &ExactHit, b: &ExactHit) -> Ordering {
+    fn order(&self, ray: &LaneRay, a: &ExactHit, b: &ExactHit) -> Ordering {
         let by_t = match (&a.corners, &b.corners) {
             (Some(first), Some(second)) if (a.hit.t - b.hit.t).abs() <= a.t_error + b.t_error => {
                 compare(ray, first, second)
@@ -201,7 +201,7 @@ impl Accelerator for Brute<'_> {
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, _: Coherence) {
         for i in lanes(active) {
-            if let Some(hit) = self.closest_hit(&Ray::of(&packet.rays, i)) {
+            if let Some(hit) = self.closest_hit(&LaneRay::of(&packet.rays, i)) {
                 hit.store(packet, i);
             }
         }
@@ -209,7 +209,7 @@ impl Accelerator for Brute<'_> {
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
         for i in lanes(active) {
-            let ray = Ray::of(rays, i);
+            let ray = LaneRay::of(rays, i);
             let mut any = false;
             self.each_hit(&ray, |_| any = true);
             if any {

@@ -9,7 +9,7 @@
 use glam::{DVec2, DVec3};
 
 use super::blocks::{Blocks, ROUNDING};
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 use crate::geometry::{Geometry, GeometryKind, Sphere};
 
 /// 6u: error bound of a sheared corner, in units of its largest coordinate from the origin.
@@ -52,7 +52,7 @@ pub enum Outline {
 pub(super) fn near(
     geometry: &Geometry,
     blocks: &Blocks,
-    ray: &Ray,
+    ray: &LaneRay,
     factor: f64,
     most: usize,
 ) -> Option<Vec<Near>> {
@@ -72,7 +72,7 @@ pub(super) fn near(
 /// boxes.
 pub fn near_primitive(
     geometry: &Geometry,
-    ray: &Ray,
+    ray: &LaneRay,
     geom: u32,
     prim: u32,
     factor: f64,
@@ -85,7 +85,7 @@ pub fn near_primitive(
 
 fn add_near(
     geometry: &Geometry,
-    ray: &Ray,
+    ray: &LaneRay,
     plane: &Plane,
     primitive: u32,
     factor: f64,
@@ -124,7 +124,7 @@ struct Plane {
 }
 
 impl Plane {
-    fn across(ray: &Ray) -> Self {
+    fn across(ray: &LaneRay) -> Self {
         let d = ray.direction.to_array();
         let z = (0..3).max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())).unwrap_or(2);
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
@@ -140,7 +140,7 @@ impl Plane {
 /// Returns t, its error and the outline of a triangle, or `None` if the ray passes it by more than
 /// `scale` times the corners' coordinates.
 fn triangle(
-    ray: &Ray,
+    ray: &LaneRay,
     plane: &Plane,
     corners: [DVec3; 3],
     scale: f64,
@@ -227,8 +227,8 @@ impl Outline {
 
 /// Finds the roots of a sphere that the ray hits or nearly hits. Calls `found` with each t, its
 /// error bound, and whether the hit is certain.
-fn roots(ray: &Ray, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f64, bool)) {
-    let Ray { origin, direction: d, .. } = *ray;
+fn roots(ray: &LaneRay, sphere: &Sphere, leaving: bool, mut found: impl FnMut(f64, f64, bool)) {
+    let LaneRay { origin, direction: d, .. } = *ray;
     let f = origin - sphere.center;
     let a = d.length_squared();
     let b = -f.dot(d);

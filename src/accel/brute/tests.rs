@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::error::Kind;
+use crate::error::ErrorKind;
 use crate::geometry::{NONE, Sphere, TriangleMesh};
 use crate::ray::LANES;
 
@@ -21,9 +21,9 @@ fn soup(triangles: &[[[f32; 3]; 3]]) -> Geometry {
     mesh(triangles.concat(), indices.collect())
 }
 
-fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+fn ray(origin: [f32; 3], direction: [f32; 3]) -> LaneRay {
     let (origin, direction) = (doubles(origin), doubles(direction));
-    Ray { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE }
+    LaneRay { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE }
 }
 
 /// A closed sphere of radius about 1: an octahedron whose faces are split into four `depth` times.
@@ -97,7 +97,7 @@ fn the_segment_is_open_to_the_last_bit() {
         (f32::from_bits(nearest.to_bits() - 1), nearest)
     };
     let hits = |tnear: f32, tfar: f32| {
-        let ray = Ray { tnear: tnear.into(), tfar: tfar.into(), ..base };
+        let ray = LaneRay { tnear: tnear.into(), tfar: tfar.into(), ..base };
         brute.closest_hit(&ray).is_some()
     };
     assert!(hits(below, above) && !hits(0.0, below) && !hits(above, f32::INFINITY));
@@ -105,7 +105,7 @@ fn the_segment_is_open_to_the_last_bit() {
     let geometry = soup(&[TRIANGLE]);
     let brute = build(&geometry);
     let at = |tnear, tfar| {
-        let ray = Ray { tnear, tfar, ..ray([1.0, 0.5, 3.0], [0.0, 0.0, -2.0]) };
+        let ray = LaneRay { tnear, tfar, ..ray([1.0, 0.5, 3.0], [0.0, 0.0, -2.0]) };
         brute.closest_hit(&ray).is_some()
     };
     assert!(at(1.0, 2.0) && !at(1.5, 2.0) && !at(1.0, 1.5));
@@ -135,11 +135,11 @@ fn a_ray_that_leaves_a_sphere_hits_only_its_far_side() {
     let geometry = Geometry::new(DVec3::ZERO, vec![], vec![quad], vec![sphere]).unwrap();
     let brute = build(&geometry);
     let base = ray([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
-    let hits = brute.all_hits(&Ray { leaving: geometry.primitive(1, 0), ..base });
+    let hits = brute.all_hits(&LaneRay { leaving: geometry.primitive(1, 0), ..base });
     assert_eq!(hits.iter().map(|hit| (hit.geom, hit.t)).collect::<Vec<_>>(), [(1, 2.0), (0, 4.0)]);
     // A ray through the diagonal hits the quad once.
     assert_eq!((hits[1].u, hits[1].v), (0.5, 0.5));
-    let leaving = Ray { leaving: geometry.primitive(0, 0), ..base };
+    let leaving = LaneRay { leaving: geometry.primitive(0, 0), ..base };
     assert_eq!(brute.all_hits(&leaving).len(), 1);
 }
 
@@ -245,10 +245,10 @@ fn packets_get_hits_and_builds_respect_limits_and_signals() {
         Brute::build(&geometry, options, monitor).err().unwrap().kind
     };
     let little = BuildOptions { max_bytes: Some(10), ..OPTIONS };
-    assert_eq!(error(&little, &Monitor::default()), Kind::Limit);
+    assert_eq!(error(&little, &Monitor::default()), ErrorKind::Limit);
     let monitor = Monitor::default();
     monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
-    assert_eq!(error(&OPTIONS, &monitor), Kind::Interrupted(15));
+    assert_eq!(error(&OPTIONS, &monitor), ErrorKind::Interrupted(15));
 }
 
 /// Points with small integer coordinates mixed with any, so that exact contacts are common.

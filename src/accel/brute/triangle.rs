@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::exact::{
     BoundedDeterminant, Fraction, Integers, determinant, difference, integers, sign,
 };
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 
 /// Largest relative error of [`Crossing::t`]. Integers take over where f64 cannot guarantee it.
 const T_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
@@ -43,7 +43,7 @@ impl Crossing {
 /// of the three signs are opposite. The three determinants add up to d . n, which is 0 for a
 /// triangle seen edge-on.
 #[inline(always)]
-pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+pub fn crossing(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<Crossing> {
     let [a, b, c] = corners.map(|corner| corner - ray.origin);
     let d = ray.direction;
     let edges = [
@@ -61,12 +61,12 @@ pub fn crossing(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
 
 /// [`crossing`] without its f64 filter: integers decide.
 #[cfg(test)]
-pub fn integers_only(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+pub fn integers_only(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<Crossing> {
     decide(ray, corners, [BoundedDeterminant { value: f64::NAN, error: f64::NAN }; 3])
 }
 
 #[inline(never)]
-fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Option<Crossing> {
+fn decide(ray: &LaneRay, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Option<Crossing> {
     let exact = Exact::new(ray, corners);
     let mut signs = [Equal; 3];
     for (i, edge) in edges.iter().enumerate() {
@@ -110,18 +110,18 @@ fn decide(ray: &Ray, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Op
 }
 
 /// Compares the exact t of two triangles. The ray must hit both.
-pub fn compare(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
+pub fn compare(ray: &LaneRay, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
     Exact::new(ray, a).t().cmp(&Exact::new(ray, b).t())
 }
 
 /// A ray and a triangle whose determinants are computed in integers, on demand.
 struct Exact<'a> {
-    ray: &'a Ray,
+    ray: &'a LaneRay,
     corners: &'a [DVec3; 3],
 }
 
 impl<'a> Exact<'a> {
-    fn new(ray: &'a Ray, corners: &'a [DVec3; 3]) -> Self {
+    fn new(ray: &'a LaneRay, corners: &'a [DVec3; 3]) -> Self {
         Self { ray, corners }
     }
 

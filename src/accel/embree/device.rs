@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
 use crate::accel::accelerator::over_limit;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, and [`Device`] reads
 /// them.
@@ -61,7 +61,7 @@ pub fn load_library() -> Result<Arc<Api>> {
     let file = option_env!("LIGHTPATH_EMBREE_FILE").unwrap_or("libembree4.so.4");
     let missing = |error: &dyn std::fmt::Display| {
         Error::new(
-            Kind::Unsupported,
+            ErrorKind::Unsupported,
             Problem::new("Embree", format!("cannot load {file}: {error}"))
                 .help("`make setup` installs Embree 4 (Debian >= 13: apt install libembree-dev)"),
         )
@@ -72,7 +72,7 @@ pub fn load_library() -> Result<Arc<Api>> {
         true => missing(&error),
         false => {
             let message = format!("cannot load {file}: out of memory: {error}");
-            Error::new(Kind::Retry, Problem::new("Embree", message))
+            Error::new(ErrorKind::Retry, Problem::new("Embree", message))
         }
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
@@ -97,7 +97,7 @@ impl Raw {
             let message = format!("cannot create a device: {}", error_name(code));
             return Err(match code {
                 ffi::RTC_ERROR_OUT_OF_MEMORY => {
-                    Error::new(Kind::Retry, Problem::new("Embree", message))
+                    Error::new(ErrorKind::Retry, Problem::new("Embree", message))
                 }
                 _ => unsupported(message),
             });
@@ -228,8 +228,11 @@ impl Device {
         if self.watch.limit_hit.load(Relaxed) {
             return Err(over_limit(self.watch.limit_bytes.unsigned_abs()));
         }
-        let kind =
-            if code == ffi::RTC_ERROR_OUT_OF_MEMORY { Kind::Retry } else { Kind::Unsupported };
+        let kind = if code == ffi::RTC_ERROR_OUT_OF_MEMORY {
+            ErrorKind::Retry
+        } else {
+            ErrorKind::Unsupported
+        };
         Err(Error::new(kind, Problem::new("Embree", format!("{}: {text}", error_name(code)))))
     }
 }
@@ -250,7 +253,7 @@ impl Drop for Device {
 
 fn unsupported(message: String) -> Error {
     let help = "`make setup` installs an Embree that works here";
-    Error::new(Kind::Unsupported, Problem::new("Embree", message).help(help))
+    Error::new(ErrorKind::Unsupported, Problem::new("Embree", message).help(help))
 }
 
 fn error_name(code: Enum) -> &'static str {

@@ -48,7 +48,7 @@ pub const RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED: Enum = 34;
 /// `RTCRay`: one ray of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
-pub struct Ray {
+pub struct RtcRay {
     pub org: [f32; 3],
     pub tnear: f32,
     pub dir: [f32; 3],
@@ -62,7 +62,7 @@ pub struct Ray {
 /// `RTCHit`: one hit of a single-ray query.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
-pub struct Hit {
+pub struct RtcHit {
     pub ng: [f32; 3],
     pub u: f32,
     pub v: f32,
@@ -76,13 +76,13 @@ pub struct Hit {
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 pub struct RayHit {
-    pub ray: Ray,
-    pub hit: Hit,
+    pub ray: RtcRay,
+    pub hit: RtcHit,
 }
 
 /// `RTCBounds`: the bounding box of a primitive.
 #[repr(C, align(16))]
-pub struct Bounds {
+pub struct RtcBounds {
     pub lower: [f32; 3],
     pub align0: f32,
     pub upper: [f32; 3],
@@ -120,7 +120,7 @@ pub struct BoundsArguments {
     pub user: *const c_void,
     pub prim_id: c_uint,
     pub time_step: c_uint,
-    pub bounds: *mut Bounds,
+    pub bounds: *mut RtcBounds,
 }
 
 /// `RTCIntersectFunctionNArguments` and `RTCOccludedFunctionNArguments`. Both have the same layout;
@@ -215,47 +215,47 @@ macro_rules! api {
     };
 }
 
-type Device = *mut DeviceHandle;
-type Scene = *mut SceneHandle;
-type Geometry = *mut GeometryHandle;
+type RtcDevice = *mut DeviceHandle;
+type RtcScene = *mut SceneHandle;
+type RtcGeometry = *mut GeometryHandle;
 
 api! {
-    new_device = "rtcNewDevice": fn(*const c_char) -> Device;
-    release_device = "rtcReleaseDevice": fn(Device);
-    get_device_property = "rtcGetDeviceProperty": fn(Device, Enum) -> isize;
-    get_device_error = "rtcGetDeviceError": fn(Device) -> Enum;
-    set_error_function = "rtcSetDeviceErrorFunction": fn(Device, Option<ErrorFunction>, *mut c_void);
+    new_device = "rtcNewDevice": fn(*const c_char) -> RtcDevice;
+    release_device = "rtcReleaseDevice": fn(RtcDevice);
+    get_device_property = "rtcGetDeviceProperty": fn(RtcDevice, Enum) -> isize;
+    get_device_error = "rtcGetDeviceError": fn(RtcDevice) -> Enum;
+    set_error_function = "rtcSetDeviceErrorFunction": fn(RtcDevice, Option<ErrorFunction>, *mut c_void);
     set_memory_function = "rtcSetDeviceMemoryMonitorFunction":
-        fn(Device, Option<MemoryFunction>, *mut c_void);
-    new_scene = "rtcNewScene": fn(Device) -> Scene;
-    release_scene = "rtcReleaseScene": fn(Scene);
-    set_scene_flags = "rtcSetSceneFlags": fn(Scene, Enum);
-    set_scene_build_quality = "rtcSetSceneBuildQuality": fn(Scene, Enum);
+        fn(RtcDevice, Option<MemoryFunction>, *mut c_void);
+    new_scene = "rtcNewScene": fn(RtcDevice) -> RtcScene;
+    release_scene = "rtcReleaseScene": fn(RtcScene);
+    set_scene_flags = "rtcSetSceneFlags": fn(RtcScene, Enum);
+    set_scene_build_quality = "rtcSetSceneBuildQuality": fn(RtcScene, Enum);
     set_progress_function = "rtcSetSceneProgressMonitorFunction":
-        fn(Scene, Option<ProgressFunction>, *mut c_void);
-    attach_geometry_by_id = "rtcAttachGeometryByID": fn(Scene, Geometry, c_uint);
-    commit_scene = "rtcCommitScene": fn(Scene);
-    new_geometry = "rtcNewGeometry": fn(Device, Enum) -> Geometry;
-    release_geometry = "rtcReleaseGeometry": fn(Geometry);
-    commit_geometry = "rtcCommitGeometry": fn(Geometry);
+        fn(RtcScene, Option<ProgressFunction>, *mut c_void);
+    attach_geometry_by_id = "rtcAttachGeometryByID": fn(RtcScene, RtcGeometry, c_uint);
+    commit_scene = "rtcCommitScene": fn(RtcScene);
+    new_geometry = "rtcNewGeometry": fn(RtcDevice, Enum) -> RtcGeometry;
+    release_geometry = "rtcReleaseGeometry": fn(RtcGeometry);
+    commit_geometry = "rtcCommitGeometry": fn(RtcGeometry);
     set_shared_buffer = "rtcSetSharedGeometryBuffer":
-        fn(Geometry, Enum, c_uint, Enum, *const c_void, usize, usize, usize);
+        fn(RtcGeometry, Enum, c_uint, Enum, *const c_void, usize, usize, usize);
     set_new_buffer = "rtcSetNewGeometryBuffer":
-        fn(Geometry, Enum, c_uint, Enum, usize, usize) -> *mut c_void;
-    set_user_primitive_count = "rtcSetGeometryUserPrimitiveCount": fn(Geometry, c_uint);
-    set_user_data = "rtcSetGeometryUserData": fn(Geometry, *const c_void);
+        fn(RtcGeometry, Enum, c_uint, Enum, usize, usize) -> *mut c_void;
+    set_user_primitive_count = "rtcSetGeometryUserPrimitiveCount": fn(RtcGeometry, c_uint);
+    set_user_data = "rtcSetGeometryUserData": fn(RtcGeometry, *const c_void);
     set_bounds_function = "rtcSetGeometryBoundsFunction":
-        fn(Geometry, Option<BoundsFunction>, *const c_void);
-    set_intersect_function = "rtcSetGeometryIntersectFunction": fn(Geometry, Option<UserFunction>);
-    set_occluded_function = "rtcSetGeometryOccludedFunction": fn(Geometry, Option<UserFunction>);
-    intersect1 = "rtcIntersect1": fn(Scene, *mut RayHit, *mut QueryArguments);
-    intersect8 = "rtcIntersect8": fn(*const Mask8, Scene, *mut RayPacket8, *mut QueryArguments);
-    intersect16 = "rtcIntersect16": fn(*const Mask, Scene, *mut RayPacket, *mut QueryArguments);
-    occluded1 = "rtcOccluded1": fn(Scene, *mut Ray, *mut QueryArguments);
-    occluded8 = "rtcOccluded8": fn(*const Mask8, Scene, *mut Rays8, *mut QueryArguments);
-    occluded16 = "rtcOccluded16": fn(*const Mask, Scene, *mut Rays, *mut QueryArguments);
+        fn(RtcGeometry, Option<BoundsFunction>, *const c_void);
+    set_intersect_function = "rtcSetGeometryIntersectFunction": fn(RtcGeometry, Option<UserFunction>);
+    set_occluded_function = "rtcSetGeometryOccludedFunction": fn(RtcGeometry, Option<UserFunction>);
+    intersect1 = "rtcIntersect1": fn(RtcScene, *mut RayHit, *mut QueryArguments);
+    intersect8 = "rtcIntersect8": fn(*const Mask8, RtcScene, *mut RayPacket8, *mut QueryArguments);
+    intersect16 = "rtcIntersect16": fn(*const Mask, RtcScene, *mut RayPacket, *mut QueryArguments);
+    occluded1 = "rtcOccluded1": fn(RtcScene, *mut RtcRay, *mut QueryArguments);
+    occluded8 = "rtcOccluded8": fn(*const Mask8, RtcScene, *mut Rays8, *mut QueryArguments);
+    occluded16 = "rtcOccluded16": fn(*const Mask, RtcScene, *mut Rays, *mut QueryArguments);
     point_query = "rtcPointQuery": fn(
-        Scene, *mut PointQuery, *mut PointQueryContext, Option<PointQueryFunction>, *mut c_void
+        RtcScene, *mut PointQuery, *mut PointQueryContext, Option<PointQueryFunction>, *mut c_void
     ) -> bool;
 }
 
@@ -279,11 +279,11 @@ macro_rules! layouts {
 /// `RTCIntersectFunctionNArguments`. Embree never reads the id of a ray, so we store the primitive
 /// that the ray leaves there.
 pub const LAYOUTS: &[Layout] = layouts! {
-    "RTCRay" Ray {
+    "RTCRay" RtcRay {
         "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask, "id" id,
         "flags" flags
     }
-    "RTCHit" Hit {
+    "RTCHit" RtcHit {
         "Ng_x" ng, "u" u, "v" v, "primID" prim_id, "geomID" geom_id, "instID" inst_id,
         "instPrimID" inst_prim_id
     }
@@ -306,7 +306,7 @@ pub const LAYOUTS: &[Layout] = layouts! {
         "Ng_x" ng, "u" u, "v" v, "primID" prim, "geomID" geom, "instID" instance,
         "instPrimID" instance_prim
     }
-    "RTCBounds" Bounds { "lower_x" lower, "upper_x" upper }
+    "RTCBounds" RtcBounds { "lower_x" lower, "upper_x" upper }
     "RTCIntersectArguments" QueryArguments {
         "flags" flags, "feature_mask" feature_mask, "context" context, "filter" filter,
         "intersect" user_geometry
@@ -338,13 +338,13 @@ pub const LAYOUTS: &[Layout] = layouts! {
 };
 
 const _: () = {
-    assert!(size_of::<Ray>() == 48 && size_of::<Hit>() == 48 && size_of::<RayHit>() == 96);
+    assert!(size_of::<RtcRay>() == 48 && size_of::<RtcHit>() == 48 && size_of::<RayHit>() == 96);
     assert!(size_of::<Rays>() == 768 && size_of::<RayPacket>() == 1344);
     assert!(align_of::<Rays>() == 64 && align_of::<RayPacket>() == 64 && align_of::<Mask>() == 64);
     assert!(offset_of!(RayPacket, hits) == 768 && offset_of!(Rays, leaving) == 640);
     assert!(size_of::<Rays8>() == 384 && size_of::<RayPacket8>() == 672);
     assert!(align_of::<RayPacket8>() == 32 && align_of::<Mask8>() == 32);
-    assert!(size_of::<Bounds>() == 32 && size_of::<QueryArguments>() == 32);
+    assert!(size_of::<RtcBounds>() == 32 && size_of::<QueryArguments>() == 32);
     assert!(offset_of!(QueryContext, bases) == 8);
     assert!(size_of::<PointQuery>() == 32 && size_of::<PointQueryContext>() == 144);
     assert!(size_of::<PointQueryArguments>() == 48);

@@ -33,7 +33,7 @@ const SINGLE_BELOW: u32 = 4;
 /// The accelerator of the backend `embree`. Its scene reads the arrays of whole meshes without
 /// copies.
 pub struct Embree<'g> {
-    scene: scene::Scene<'g>,
+    scene: scene::EmbreeScene<'g>,
     truth: HitValidator<'g>,
     /// Whether a packet is traced as two packets of 8: see [`packet8`].
     halves: bool,
@@ -52,7 +52,7 @@ impl<'g> Embree<'g> {
     ) -> Result<Self> {
         let device = Device::new(device::load_library()?, options.threads, options.max_bytes)?;
         let halves = device.has_packets_of_8() && !device.has_packets_of_16();
-        let scene = scene::Scene::build(device, (geometry.clone(), unseen), mode, monitor)?;
+        let scene = scene::EmbreeScene::build(device, (geometry.clone(), unseen), mode, monitor)?;
         Ok(Self { scene, truth: HitValidator::new(geometry), halves })
     }
 
@@ -156,8 +156,8 @@ impl Kernel for PreparePacket<'_> {
     }
 }
 
-fn ray(rays: &Rays, i: usize) -> ffi::Ray {
-    ffi::Ray {
+fn ray(rays: &Rays, i: usize) -> ffi::RtcRay {
+    ffi::RtcRay {
         org: [rays.org[0][i], rays.org[1][i], rays.org[2][i]],
         tnear: rays.tnear[i],
         dir: [rays.dir[0][i], rays.dir[1][i], rays.dir[2][i]],
@@ -169,7 +169,7 @@ fn ray(rays: &Rays, i: usize) -> ffi::Ray {
     }
 }
 
-const NO_HIT: ffi::Hit = ffi::Hit {
+const NO_HIT: ffi::RtcHit = ffi::RtcHit {
     ng: [0.0; 3],
     u: 0.0,
     v: 0.0,

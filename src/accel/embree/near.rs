@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 
 use super::ffi::{PointQuery, PointQueryArguments, PointQueryContext};
-use super::scene::Scene;
+use super::scene::EmbreeScene;
 use crate::geometry::Nearby;
 use crate::ray::NONE;
 
@@ -16,7 +16,7 @@ type OnPrimitive<'f> = &'f mut dyn FnMut(u32, u32);
 /// `nearby`.
 ///
 /// May also call `found` for other primitives, because Embree searches the sphere around `nearby`.
-pub fn near(scene: &Scene, [low, high]: &Nearby, mut found: OnPrimitive) {
+pub fn near(scene: &EmbreeScene, [low, high]: &Nearby, mut found: OnPrimitive) {
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
     let radius = 0.5 * diagonal * WIDER;

@@ -17,7 +17,7 @@ use crate::ray::NONE;
 use crate::scene::EmbreeMode;
 
 /// A committed Embree scene that reads the arrays of a geometry.
-pub struct Scene<'g> {
+pub struct EmbreeScene<'g> {
     handle: NonNull<SceneHandle>,
     // These are dropped after the scene is released.
     /// The geometry whose arrays Embree reads, and the user data of the spheres.
@@ -26,11 +26,11 @@ pub struct Scene<'g> {
 }
 
 // SAFETY: a committed scene is immutable and Embree's queries are thread-safe.
-unsafe impl Send for Scene<'_> {}
+unsafe impl Send for EmbreeScene<'_> {}
 // SAFETY: as above.
-unsafe impl Sync for Scene<'_> {}
+unsafe impl Sync for EmbreeScene<'_> {}
 
-impl<'g> Scene<'g> {
+impl<'g> EmbreeScene<'g> {
     /// Hands all meshes, quads and spheres to Embree, without the primitives of `unseen`, and
     /// builds its tree.
     pub fn build(
@@ -245,7 +245,7 @@ impl<'g> Scene<'g> {
     }
 }
 
-impl Drop for Scene<'_> {
+impl Drop for EmbreeScene<'_> {
     fn drop(&mut self) {
         // SAFETY: created by `rtcNewScene`, released once, before the device.
         unsafe { (self.api().release_scene)(self.handle()) };

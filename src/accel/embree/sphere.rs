@@ -4,7 +4,7 @@ use std::ffi::c_uint;
 
 use glam::DVec3;
 
-use super::ffi::{Bounds, BoundsArguments, UserArguments};
+use super::ffi::{BoundsArguments, RtcBounds, UserArguments};
 use crate::accel::geometry_ref::GeometryRef;
 use crate::geometry::Unseen;
 
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn bounds(args: *const BoundsArguments) {
         true => ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]),
     };
     // SAFETY: Embree passes room for one box.
-    unsafe { *args.bounds = Bounds { lower, align0: 0.0, upper, align1: 0.0 } };
+    unsafe { *args.bounds = RtcBounds { lower, align0: 0.0, upper, align1: 0.0 } };
 }
 
 pub unsafe extern "C" fn intersect(args: *const UserArguments) {

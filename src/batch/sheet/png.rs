@@ -11,7 +11,7 @@ use embedded_graphics::{
 use image::{ImageFormat, Rgb, RgbImage, imageops};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     output::atomic::PartFile,
 };
 
@@ -41,7 +41,7 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
     let written = sheet.0.write_to(&mut std::io::BufWriter::new(part.file()), ImageFormat::Png);
     written.map_err(|error| {
         let problem = Problem::new(path.display().to_string(), format!("cannot write: {error}"));
-        Error::new(Kind::Retry, problem)
+        Error::new(ErrorKind::Retry, problem)
     })?;
     part.sync()?;
     part.commit()

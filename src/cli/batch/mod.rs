@@ -15,7 +15,7 @@ use crate::{
         self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Status, TurntableKeys,
         WrittenInput, sheet,
     },
-    error::{Error, Kind, Problem, Result, printable},
+    error::{Error, ErrorKind, Problem, Result, printable},
     monitor::Monitor,
     output::{Outputs, tonemap::Depth},
     paths,
@@ -105,7 +105,7 @@ fn complete(job: &Job) -> Result<()> {
         problems.insert(0, Problem::new("", message));
     }
     let help = "run the batch again with --resume; on a farm, submit the job again";
-    Error::check(Kind::Check, problems).map_err(|error| error.help(help))
+    Error::check(ErrorKind::Check, problems).map_err(|error| error.help(help))
 }
 
 /// Adds the input to the place of a problem, unless it is already there.
@@ -123,13 +123,13 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     if let Some(signal) = outcome.signal {
         let message = "stopped by a signal; finished frames stay";
         let problem = Problem::new("", message).help("continue with --resume");
-        return Err(Error::new(Kind::Interrupted(signal), problem));
+        return Err(Error::new(ErrorKind::Interrupted(signal), problem));
     }
     if outcome.failures.is_empty() {
         return Ok(());
     }
     // A retry of the batch can help only if every failure may be temporary.
-    let retry = outcome.failures.iter().all(|(_, error)| error.kind == Kind::Retry);
+    let retry = outcome.failures.iter().all(|(_, error)| error.kind == ErrorKind::Retry);
     let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
     inputs.dedup();
     let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
@@ -137,7 +137,7 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     for (input, error) in &outcome.failures {
         problems.extend(error.problems.iter().map(|problem| about(input, problem)));
     }
-    let kind = if retry { Kind::Retry } else { Kind::Check };
+    let kind = if retry { ErrorKind::Retry } else { ErrorKind::Check };
     Err(Error { kind, problems })
 }
 

@@ -11,7 +11,7 @@ use std::{
 };
 
 use crate::{
-    error::{Error, Failures, Kind, Problem, Result, printable},
+    error::{Error, ErrorKind, Failures, Problem, Result, printable},
     lab::{
         ab::TimingPlan,
         backend::{self, TestedBackend},
@@ -212,5 +212,5 @@ fn check_answers(report: &BenchReport, settings: &BenchSettings) -> Result<()> {
             }
         }
     }
-    Error::check(Kind::Check, problems)
+    Error::check(ErrorKind::Check, problems)
 }

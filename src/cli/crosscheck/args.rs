@@ -6,7 +6,7 @@ use clap::{Args, ValueHint};
 
 use crate::{
     cli::flags::{KernelArgs, SetArgs, SizeArgs, WorkerArgs},
-    scene::written::Accelerator,
+    scene::written::AcceleratorName,
 };
 
 /// Arguments of `lightpath crosscheck`.
@@ -18,7 +18,7 @@ pub struct CrosscheckArgs {
 
     /// Two or more backends [default: all that can run on this machine]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
-    pub backends: Option<Vec<Accelerator>>,
+    pub backends: Option<Vec<AcceleratorName>>,
 
     /// Number of rays to check, in equal shares per source of rays; sources that the scene lacks
     /// are left out

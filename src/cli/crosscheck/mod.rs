@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 use crate::{
     accel::{
         Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
-        lane::Ray,
+        lane::LaneRay,
     },
-    error::{Error, Kind, Result, printable},
+    error::{Error, ErrorKind, Result, printable},
     lab::{
         answer::Answer,
         backend::{BuiltBackend, TestedBackend},
@@ -66,7 +66,7 @@ pub fn run(args: &CrosscheckArgs) -> Result<()> {
 /// # Errors
 /// A single backend: there is nothing to compare it with.
 fn backends(
-    names: Option<&[written::Accelerator]>,
+    names: Option<&[written::AcceleratorName]>,
     isa: Isa,
 ) -> Result<Option<Vec<TestedBackend>>> {
     let Some(names) = names else { return Ok(None) };
@@ -136,7 +136,7 @@ impl<'g> Built<'g> {
                 Backend::Bvh(isa) => bvh = Some(Bvh::build(geometry, isa, &options, monitor)?),
                 Backend::Embree(_) => match tested.build(geometry, threads, monitor) {
                     Ok(accelerator) => embree = Some(accelerator),
-                    Err(error) if skip && error.kind == Kind::Unsupported => {
+                    Err(error) if skip && error.kind == ErrorKind::Unsupported => {
                         print::note(&format!("without `{}`: {error}", tested.name));
                         continue;
                     }
@@ -259,7 +259,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
                 "found a ray that leaves none of the {primitives} primitives"
             )));
         }
-        let ray = Ray::of(&case.packet.rays, finding.lane);
+        let ray = LaneRay::of(&case.packet.rays, finding.lane);
         results.push(match (&built.coursework, finding.against.as_str()) {
             (Some(coursework), "plain loop") => {
                 let of = |hit| Answer::of_hit(hit, false);

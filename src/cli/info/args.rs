@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::scene::written::Accelerator;
+use crate::scene::written::AcceleratorName;
 
 /// Arguments of `lightpath info`.
 #[derive(Debug, Args)]
@@ -28,5 +28,5 @@ pub struct InfoArgs {
 
     /// Backend whose memory is predicted [default: the scene's]
     #[arg(long, value_name = "NAME")]
-    pub backend: Option<Accelerator>,
+    pub backend: Option<AcceleratorName>,
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::{
     accel::BuildInfo,
     camera::check_overscan,
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     film::{Channel, Window},
     integrate::{Pattern, TILE},
     layers::{LayerPlan, PartialSumsLayout, PixelLayout},
@@ -194,7 +194,7 @@ fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
         (false, _) => format!("{found}, which is empty, expected X0 < X1 and Y0 < Y1"),
         (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
     };
-    Err(Error::new(Kind::Invalid, Problem::new("--crop", wrong)))
+    Err(Error::new(ErrorKind::Invalid, Problem::new("--crop", wrong)))
 }
 
 /// Returns `pixels` rounded up to whole tiles, and the window to render in the coordinates of the

@@ -8,7 +8,7 @@ use super::backends::CaseBackends;
 use super::counts::{CaseCounts, WrongKind, kind_of, ulp};
 use crate::accel::Accelerator;
 use crate::accel::brute::Brute;
-use crate::accel::lane::{Hit, Ray, lanes};
+use crate::accel::lane::{LaneHit, LaneRay, lanes};
 use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
@@ -92,9 +92,9 @@ impl Judge<'_> {
         let oracle = &self.built.oracle;
         let active = aimed.rays.possible(&Mask::ALL);
         let exact = known || !matches!(aimed.expect, Expect::Closed(_));
-        let mut truths: [Option<Hit>; LANES] = [None; LANES];
+        let mut truths: [Option<LaneHit>; LANES] = [None; LANES];
         for i in lanes(&active).filter(|_| exact) {
-            truths[i] = oracle.closest_hit(&Ray::of(&aimed.rays, i));
+            truths[i] = oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
         }
         let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
         // One packet in four is an occlusion query.
@@ -116,7 +116,7 @@ impl Judge<'_> {
 struct One<'a> {
     aimed: &'a AimedPacket,
     active: Mask,
-    truths: Option<&'a [Option<Hit>; LANES]>,
+    truths: Option<&'a [Option<LaneHit>; LANES]>,
     tested: &'a TestedBackend,
     oracle: &'a Brute<'a>,
 }
@@ -184,7 +184,7 @@ impl One<'_> {
                 _ => Some(WrongKind::FalseHit),
             };
         }
-        let ray = Ray::of(&self.aimed.rays, i);
+        let ray = LaneRay::of(&self.aimed.rays, i);
         let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
         if matches!((self.aimed.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
             return Some(WrongKind::Tie);
@@ -204,7 +204,7 @@ impl One<'_> {
         counts: &mut CaseCounts,
     ) {
         for i in lanes(&self.active) {
-            let ray = Ray::of(&self.aimed.rays, i);
+            let ray = LaneRay::of(&self.aimed.rays, i);
             if !self.clear(&ray) {
                 continue;
             }
@@ -220,7 +220,7 @@ impl One<'_> {
     }
 
     /// Returns whether the line is clear: see [`One::crossings`].
-    fn clear(&self, ray: &Ray) -> bool {
+    fn clear(&self, ray: &LaneRay) -> bool {
         // A line that is clear of edges within the largest bound is clear for every backend.
         let Some(mut near) = self.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
             return false;
@@ -255,7 +255,7 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
 }
 
 /// Largest magnitude of a coordinate of the primitive that was hit.
-fn size(geometry: &Geometry, hit: &Hit) -> f64 {
+fn size(geometry: &Geometry, hit: &LaneHit) -> f64 {
     let largest = |corners: &[[f32; 3]]| {
         corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
     };
@@ -275,7 +275,7 @@ pub fn measure_hits(
     geometry: &Geometry,
     active: &Mask,
     packet: &RayPacket,
-    truths: &[Option<Hit>; LANES],
+    truths: &[Option<LaneHit>; LANES],
     counts: &mut CaseCounts,
 ) {
     let mut surfaces = Surfaces::EMPTY;
@@ -285,12 +285,12 @@ pub fn measure_hits(
     }
     refine(geometry, &hit, packet, &mut surfaces);
     for i in lanes(&hit) {
-        let same = |h: &Hit| (h.geom, h.prim) == (packet.hits.geom[i], packet.hits.prim[i]);
+        let same = |h: &LaneHit| (h.geom, h.prim) == (packet.hits.geom[i], packet.hits.prim[i]);
         let Some(exact) = truths[i].filter(same) else { continue };
         if exact.t < f64::from(f32::MAX) {
             counts.measure((f64::from(packet.rays.tfar[i]) - exact.t).abs() / ulp(exact.t));
         }
-        let ray = Ray::of(&packet.rays, i);
+        let ray = LaneRay::of(&packet.rays, i);
         let way = ray.direction * exact.t;
         let point = ray.origin + way;
         let refined = lane(&surfaces.position, i).as_dvec3();

@@ -10,7 +10,7 @@ use super::case::{Case, PassCriterion};
 use super::counts::{CaseCounts, WrongKind, ulp};
 use super::meshes::geometry;
 use crate::accel::brute::Fraction;
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
 use crate::lab::query::trace;
 use crate::lab::random::Random;
@@ -73,8 +73,8 @@ fn dot(a: &[BigInt; 3], b: &[BigInt; 3]) -> BigInt {
 ///
 /// Each t has a relative error of about 2^-52. The second value is true if the line passes the
 /// outline so closely that f64 cannot decide the hit.
-fn roots(ray: &Ray, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
-    let Ray { origin, direction, .. } = *ray;
+fn roots(ray: &LaneRay, sphere: &Sphere) -> (Option<[f64; 2]>, bool) {
+    let LaneRay { origin, direction, .. } = *ray;
     let numbers = [origin.to_array(), direction.to_array(), sphere.center.to_array()].concat();
     let exact = Exact::of(&[&numbers[..], &[sphere.radius]].concat());
     let (o, d, c) = (exact.vector(origin), exact.vector(direction), exact.vector(sphere.center));
@@ -138,7 +138,7 @@ fn trace_packet(
         let (origin, direction, leaving) = (setup.aim)(random, &setup.sphere);
         rays.set(i, origin.as_vec3(), direction.as_vec3());
         rays.leaving[i] = if leaving { 0 } else { NONE };
-        let (roots, unsure) = roots(&Ray::of(&rays, i), &setup.sphere);
+        let (roots, unsure) = roots(&LaneRay::of(&rays, i), &setup.sphere);
         // For a ray that leaves the sphere, the root nearer to 0 is its origin.
         truths[i] = match (roots, leaving) {
             (None, false) => (None, unsure),
@@ -176,7 +176,7 @@ fn judge(
     refine(geometry, &hit, packet, &mut surfaces);
     for i in 0..LANES {
         counts.rays += 1;
-        let ray = Ray::of(&packet.rays, i);
+        let ray = LaneRay::of(&packet.rays, i);
         let (truth, unsure) = truths[i];
         let leaving = packet.rays.leaving[i] != NONE;
         match (truth, hit.0[i] != 0) {
@@ -298,7 +298,7 @@ mod tests {
 
     fn of(origin: [f64; 3], direction: [f64; 3], radius: f64) -> (Option<[f64; 2]>, bool) {
         let (origin, direction) = (origin.into(), direction.into());
-        let ray = Ray { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE };
+        let ray = LaneRay { origin, direction, tnear: 0.0, tfar: f64::INFINITY, leaving: NONE };
         roots(&ray, &Sphere { center: DVec3::ZERO, radius })
     }
 

@@ -28,7 +28,7 @@ use exr::{
     meta::{MetaData, attribute::AttributeValue},
 };
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::{
     exr::text::decode,
     exr_check::{self, exr_error},
@@ -165,7 +165,7 @@ fn of_part(
         if channel.sampling.0 != 1 || channel.sampling.1 != 1 {
             let message = format!("cannot compare the subsampled channel `{name}`");
             let problem = Problem::new(path.display().to_string(), message);
-            return Err(Error::new(Kind::Unsupported, problem));
+            return Err(Error::new(ErrorKind::Unsupported, problem));
         }
         let (prefix, last) = name.rsplit_once('.').unwrap_or(("", &name));
         let group = match prefix {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
@@ -66,5 +66,5 @@ pub fn fits(path: &Path, bytes: u64) -> Result<()> {
         return Ok(());
     }
     let message = format!("found {bytes} bytes of pixels, the limit is {MAX_BYTES}");
-    Err(Error::new(Kind::Limit, Problem::new(path.display().to_string(), message)))
+    Err(Error::new(ErrorKind::Limit, Problem::new(path.display().to_string(), message)))
 }

@@ -9,7 +9,7 @@ pub mod mattes;
 mod png;
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     output::tonemap,
     scene::{ToneOperator, Tonemap},
 };
@@ -124,7 +124,7 @@ fn fit([test, reference]: [&str; 2], own: &PictureLayer, other: &PictureLayer) -
         "found {found} in the layer {}, expected {expected} as in {reference}",
         own.shown()
     );
-    Err(Error::new(Kind::Invalid, Problem::new(test, message)))
+    Err(Error::new(ErrorKind::Invalid, Problem::new(test, message)))
 }
 
 fn compare_layer(

@@ -8,7 +8,7 @@ use std::{fs::File, io::BufReader, path::Path};
 use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformations};
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     shading::linear_from_srgb,
 };
 
@@ -28,7 +28,7 @@ pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     let mut buffer = Vec::new();
     buffer.try_reserve_exact(bytes).map_err(|_| {
         let message = format!("no memory for {bytes} bytes of pixels");
-        Error::new(Kind::Retry, Problem::new(path.display().to_string(), message))
+        Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
     })?;
     buffer.resize(bytes, 0);
     let frame = reader.next_frame(&mut buffer).map_err(failed)?;
@@ -112,9 +112,9 @@ fn decoding_error(path: &Path, error: DecodingError) -> Error {
             return Error::io(path, "read", &error);
         }
         DecodingError::LimitsExceeded => {
-            (Kind::Limit, format!("its pixels need more than {MAX_BYTES} bytes"))
+            (ErrorKind::Limit, format!("its pixels need more than {MAX_BYTES} bytes"))
         }
-        other => (Kind::Invalid, format!("cannot read the PNG: {other}")),
+        other => (ErrorKind::Invalid, format!("cannot read the PNG: {other}")),
     };
     Error::new(kind, Problem::new(place, message))
 }

@@ -36,7 +36,7 @@ use self::clock::Clock;
 use super::backend::TestedBackend;
 use super::metrics::non_finite;
 use crate::accel::Accelerator;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::{Film, Window};
 use crate::monitor::Monitor;
 use crate::render::render;
@@ -99,14 +99,14 @@ pub fn run(
     });
     monitor.check()?;
     let study = match study {
-        Err(error) if error.kind == Kind::Interrupted(BUDGET) => None,
+        Err(error) if error.kind == ErrorKind::Interrupted(BUDGET) => None,
         other => Some(other?),
     };
     let any = |study: &Study| study.points.iter().any(|point| !point.errors.is_empty());
     study.filter(any).ok_or_else(|| {
         let message =
             format!("{} s do not suffice for a reference and one picture", settings.limits.budget);
-        Error::new(Kind::Limit, Problem::new("--budget", message))
+        Error::new(ErrorKind::Limit, Problem::new("--budget", message))
             .help("a longer --budget, a smaller --size, fewer samples or a faster backend")
     })
 }
@@ -140,7 +140,7 @@ fn work(
         let accelerator = &*built[setting.backend];
         let counts = match render(world, accelerator, settings.isa, &mut film, monitor) {
             // An interrupted render does not count. The results so far may suffice.
-            Err(error) if error.kind == Kind::Interrupted(BUDGET) => break,
+            Err(error) if error.kind == ErrorKind::Interrupted(BUDGET) => break,
             other => other?,
         };
         let seconds = clock.elapsed_s() - started_s;
@@ -151,7 +151,7 @@ fn work(
             let message =
                 format!("{bad} pixels are NaN or infinite, so their error cannot be computed");
             let place = describe(&job, &settings.tested_backends[setting.backend].name);
-            return Err(Error::new(Kind::Check, Problem::new(place, message)));
+            return Err(Error::new(ErrorKind::Check, Problem::new(place, message)));
         }
         let rays = counts.primary + counts.shadow + counts.reflection;
         study.take(&job, &values, rays, seconds);

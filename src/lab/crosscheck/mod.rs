@@ -31,7 +31,7 @@ use super::query::QueryPacket;
 use super::rays::PacketToTrace;
 use super::verdict::judge;
 use crate::accel::Visits;
-use crate::accel::lane::{Ray, lanes};
+use crate::accel::lane::{LaneRay, lanes};
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::LANES;
@@ -78,14 +78,14 @@ pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> 
     let PacketToTrace { active, rays } = &case.packet;
     let mut truths = vec![Answer::Miss; LANES];
     for i in lanes(active) {
-        truths[i] = Answer::truth(check.oracle, &Ray::of(rays, i), case.shadow);
+        truths[i] = Answer::truth(check.oracle, &LaneRay::of(rays, i), case.shadow);
     }
     let mut verdicts = Vec::new();
     for (index, backend) in check.built_backends.iter().enumerate() {
         for mode in backend.tested.coherences(case.coherence) {
             let answers = case.answers(backend.accelerator, mode);
             for i in lanes(active) {
-                let (ray, factor) = (Ray::of(rays, i), backend.tested.error_factor());
+                let (ray, factor) = (LaneRay::of(rays, i), backend.tested.error_factor());
                 let verdict = judge(check.oracle, &ray, truths[i], answers[i], factor);
                 verdicts.push((index, mode, i, verdict, answers[i]));
             }
@@ -100,7 +100,7 @@ pub fn check_packet(check: &CrossCheck, case: &QueryPacket, with_loop: bool) -> 
     };
     if let Some(coursework) = check.coursework.filter(|_| with_loop) {
         for i in lanes(active) {
-            let ray = Ray::of(rays, i);
+            let ray = LaneRay::of(rays, i);
             let tree = coursework.closest_hit(&ray, &mut Visits::default());
             let all = coursework.plain_loop(&ray);
             part.looped += 1;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::accel::brute::Brute;
-use crate::accel::lane::{Ray, lanes};
+use crate::accel::lane::{LaneRay, lanes};
 use crate::accel::{Accelerator, BuildInfo};
 use crate::error::Result;
 use crate::film::{Film, Window};
@@ -185,7 +185,7 @@ impl Witness<'_> {
         let case = QueryPacket { source: String::new(), shadow, coherence, packet };
         let both = self.built_backends.map(|c| case.answers(c.accelerator, coherence));
         for i in lanes(active).filter(|&i| both[0][i] != both[1][i]) {
-            let ray = Ray::of(rays, i);
+            let ray = LaneRay::of(rays, i);
             let truth = Answer::truth(self.oracle, &ray, shadow);
             let verdict = |k: usize| {
                 judge(

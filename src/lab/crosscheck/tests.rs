@@ -192,7 +192,7 @@ fn a_ray_through_a_crowd_is_not_judged() {
             crate::geometry::Geometry::new(glam::DVec3::ZERO, vec![mesh(n)], vec![], vec![]);
         let geometry = geometry.unwrap();
         let oracle = Brute::build(&geometry, &OPTIONS, &Monitor::default()).unwrap();
-        let ray = Ray {
+        let ray = LaneRay {
             origin: glam::DVec3::new(0.25, 0.25, -1.0),
             direction: glam::DVec3::Z,
             tnear: 0.0,
@@ -223,7 +223,7 @@ fn a_saved_finding_reproduces_the_case() {
         let world = world();
         let oracle = Brute::build(&world.geometry, &OPTIONS, &Monitor::default()).unwrap();
         let case = back.case().unwrap();
-        let ray = Ray::of(&case.packet.rays, back.lane);
+        let ray = LaneRay::of(&case.packet.rays, back.lane);
         let truth = Answer::truth(&oracle, &ray, case.shadow);
         let faulty = Faulty(&oracle, BackendFault::Misses(0, 0));
         let answer = case.answers(&faulty, back.mode)[back.lane];

@@ -154,7 +154,7 @@ fn goes_round(edges: impl Iterator<Item = [DVec2; 2]>) -> bool {
 mod tests {
     use super::*;
     use crate::accel::brute::Brute;
-    use crate::accel::{BuildOptions, lane::Ray};
+    use crate::accel::{BuildOptions, lane::LaneRay};
     use crate::geometry::{Geometry, NONE, TriangleMesh};
     use crate::monitor::Monitor;
 
@@ -164,7 +164,7 @@ mod tests {
         let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
         let options = BuildOptions { threads: 1, max_bytes: None };
         let oracle = Brute::build(&geometry, &options, &Monitor::default()).unwrap();
-        let ray = Ray {
+        let ray = LaneRay {
             origin: DVec3::new(x.into(), y.into(), 1.0),
             direction: DVec3::NEG_Z,
             tnear: 0.0,

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use self::layers::layers;
 use super::answer::Answer;
 use crate::accel::brute::{Brute, Near, near_primitive};
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 use crate::lab::named::named;
 
 named! {
@@ -59,7 +59,7 @@ pub const MAX_NEAR: usize = 1000;
 ///
 /// `factor` is the error bound of the backend's own test, in units of the bound of `bvh`'s test:
 /// [`TestedBackend::error_factor`](super::backend::TestedBackend::error_factor).
-pub fn judge(oracle: &Brute, ray: &Ray, truth: Answer, answer: Answer, factor: f64) -> Verdict {
+pub fn judge(oracle: &Brute, ray: &LaneRay, truth: Answer, answer: Answer, factor: f64) -> Verdict {
     match (truth, answer) {
         (Answer::Hit { geom, prim, t: exact }, Answer::Hit { geom: g, prim: p, t })
             if (geom, prim) == (g, p) && same(t, exact) =>
@@ -88,7 +88,7 @@ fn same(t: f64, exact: f64) -> bool {
 }
 
 /// Judges an answer that differs from `truth`, by the primitives near the ray.
-fn explain(near: &[Near], ray: &Ray, truth: Answer, answer: Answer) -> Verdict {
+fn explain(near: &[Near], ray: &LaneRay, truth: Answer, answer: Answer) -> Verdict {
     // Whether the ray certainly hits a layer between its start and `end`.
     let passed =
         |end: f64| layers(near).iter().any(|layer| layer.near > ray.tnear && layer.far < end);

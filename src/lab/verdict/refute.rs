@@ -13,7 +13,7 @@
 
 use super::layers::layers;
 use crate::accel::brute::{Near, near_primitive};
-use crate::accel::lane::Ray;
+use crate::accel::lane::LaneRay;
 use crate::geometry::Geometry;
 use crate::lab::answer::Answer;
 use crate::lab::backend::MAX_ERROR_FACTOR;
@@ -77,7 +77,7 @@ pub fn occluded(
 /// used. `None` if the answer names no primitive.
 fn check(geometry: &Geometry, rays: &Rays, i: usize, answer: &Answer) -> Option<HitCheck> {
     let [geom, prim] = answer.primitive()?;
-    let ray = Ray::of(rays, i);
+    let ray = LaneRay::of(rays, i);
     let near = near_primitive(geometry, &ray, geom, prim, MAX_ERROR_FACTOR);
     // A sphere has two entries, one for each root.
     let layers = layers(&near);

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::mesh::arrays::{FaceTextures, Notes};
 use crate::mesh::normals::{Point, cross, sub};
 
@@ -112,7 +112,7 @@ impl Tally {
         let n = self.unusable;
         let plural = if n == 1 { "triangle that uses" } else { "triangles that use" };
         let help = format!("--repair drops the {n} {plural} them");
-        Error::check(Kind::Invalid, problems).map_err(|error| error.help(help))
+        Error::check(ErrorKind::Invalid, problems).map_err(|error| error.help(help))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::check::Tally;
 use super::context::ReadContext;
 use super::vertex::Vertices;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::mesh::arrays::Positions;
 
 /// Checks that there are points and that all are finite. With `repair`, points that are not finite
@@ -33,7 +33,7 @@ pub(super) fn check(
         let message = format!("({x}, {y}, {z}) is not finite; such points in all: {bad}");
         let problem = Problem::new(format!("{}: vertex {first}", context.name), message);
         let help = format!("--repair drops the {bad}");
-        return Err(Error::new(Kind::Invalid, problem).help(help));
+        return Err(Error::new(ErrorKind::Invalid, problem).help(help));
     }
     tally.unusable += bad as u64;
     vertices.retain(|i| finite[i]);

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use super::header;
 use super::unpack::Packing;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
 use crate::reserve::MemoryLimit;
 
@@ -197,7 +197,7 @@ impl Map {
             return Ok(());
         };
         let problem = Problem::new(path.display().to_string(), message);
-        Err(Error::new(Kind::Retry, problem.help("wait until it is written, then try again")))
+        Err(Error::new(ErrorKind::Retry, problem.help("wait until it is written, then try again")))
     }
 }
 

@@ -36,7 +36,7 @@ use exr::{
 };
 
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     film::Film,
     simd::{Isa, dispatch},
 };
@@ -152,7 +152,7 @@ fn finish_header<F: Read + Write + Seek>(file: &mut F, long_names: bool) -> std:
 
 fn unwritable(path: &Path, why: &str) -> Error {
     let message = format!("cannot write: {why}");
-    Error::new(Kind::Limit, Problem::new(path.display().to_string(), message))
+    Error::new(ErrorKind::Limit, Problem::new(path.display().to_string(), message))
 }
 
 fn exr_error(path: &Path, error: ExrError) -> Error {

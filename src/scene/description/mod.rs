@@ -29,7 +29,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::sampler;
+use crate::sampler::SamplerKind;
 
 /// A lightpath scene. Vectors are [x, y, z] in world units, right-handed; colours are linear RGB
 /// and may exceed 1; angles are degrees.
@@ -59,7 +59,7 @@ pub struct Description {
     pub seed: i64,
     /// Sampler that chooses the sample points.
     #[serde(default)]
-    pub sampler: sampler::Kind,
+    pub sampler: SamplerKind,
     /// The camera that takes the picture.
     pub camera: Camera,
     /// Lights, shapes and materials.
@@ -107,7 +107,7 @@ pub struct Contents {
     pub attenuation: Falloff,
     /// Backend that finds the hits; `--backend` overrides it.
     #[serde(default)]
-    pub accelerator: Accelerator,
+    pub accelerator: AcceleratorName,
     /// The lights of the scene.
     #[serde(default)]
     pub lightsources: Vec<Light>,
@@ -135,7 +135,8 @@ pub enum Falloff {
 /// Backend that finds the hits.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Accelerator {
+#[schemars(rename = "Accelerator")]
+pub enum AcceleratorName {
     /// lightpath's own watertight BVH
     #[default]
     Bvh,

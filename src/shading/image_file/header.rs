@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{BufRead, BufReader, ErrorKind},
+    io::{self, BufRead, BufReader},
     path::Path,
 };
 
@@ -12,7 +12,7 @@ use super::exr::Layout;
 use super::pnm;
 use crate::shading::{mip_map, tiles};
 use crate::{
-    error::{Error, Kind, Problem, Result},
+    error::{Error, ErrorKind, Problem, Result},
     files::Stamp,
 };
 
@@ -201,9 +201,8 @@ pub(super) fn check_needed(
             "{width} x {height} pixels need {more}{needed} bytes while they are decoded; the limit \
              is {max_bytes}"
         );
-        return Err(
-            Error::new(Kind::Limit, Problem::new(name(path), message)).help("scale the image down")
-        );
+        return Err(Error::new(ErrorKind::Limit, Problem::new(name(path), message))
+            .help("scale the image down"));
     }
     Ok(needed)
 }
@@ -246,17 +245,17 @@ fn truncated(path: &Path) -> Error {
 /// Converts an error of the decoder into our own error.
 pub(super) fn explain(path: &Path, error: ImageError) -> Error {
     match error {
-        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => truncated(path),
+        ImageError::IoError(e) if e.kind() == io::ErrorKind::UnexpectedEof => truncated(path),
         ImageError::IoError(e) if e.raw_os_error().is_some() => {
             Error::io(path, "read the texture", &e)
         }
         ImageError::Limits(e) => Error::new(
-            Kind::Limit,
+            ErrorKind::Limit,
             Problem::new(name(path), format!("the image is too large to decode: {e}")),
         )
         .help("scale the image down"),
         ImageError::Unsupported(e) => {
-            Error::new(Kind::Unsupported, Problem::new(name(path), e.to_string()))
+            Error::new(ErrorKind::Unsupported, Problem::new(name(path), e.to_string()))
                 .help(format!("textures are {FORMATS}"))
         }
         other => Error::invalid(name(path), other.to_string()),

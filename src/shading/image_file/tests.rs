@@ -7,7 +7,7 @@ use image::{Rgb, RgbImage, Rgba, RgbaImage};
 use tempfile::TempDir;
 
 use super::*;
-use crate::error::Kind;
+use crate::error::ErrorKind;
 use crate::scene::Wrap;
 
 const R: Wrap = Wrap::Repeat;
@@ -258,7 +258,7 @@ fn an_exr_texture_is_its_display_window() {
 fn a_header_larger_than_memory_is_refused_before_decoding() {
     for header in ["P3 100000 100000 255 ", "P6 100000 100000 255\n"] {
         let e = error("t.ppm", header.as_bytes());
-        assert_eq!(e.kind, Kind::Limit);
+        assert_eq!(e.kind, ErrorKind::Limit);
         let message = e.to_string();
         assert!(message.contains("100000 x 100000 pixels need 60000000000 bytes"));
         assert!(message.contains("the limit is 4294967296"), "{message}");
@@ -266,7 +266,7 @@ fn a_header_larger_than_memory_is_refused_before_decoding() {
     let (_folder, path) = file("t.ppm", b"P6 2 2 255\n123456789012");
     assert!(read(&path, None, 24).is_ok());
     let e = read(&path, None, 23).unwrap_err();
-    assert_eq!(e.kind, Kind::Limit);
+    assert_eq!(e.kind, ErrorKind::Limit);
     error("t.ppm", b"P6 4294967295 4294967295 255\n");
     let beyond = error("t.ppm", b"P6 2000000000 2000000000 255\n").to_string();
     assert!(beyond.contains("need at least 18446744073709551615 bytes"), "{beyond}");
@@ -288,7 +288,7 @@ fn files_that_are_no_images_have_clear_errors() {
     assert!(unknown.contains("not an image of a known format"), "{unknown}");
     assert!(unknown.contains("PNG, JPEG"));
     let webp = error("t.webp", b"RIFF\x00\x00\x00\x00WEBPVP8 ");
-    assert_eq!(webp.kind, Kind::Unsupported);
+    assert_eq!(webp.kind, ErrorKind::Unsupported);
 }
 
 #[test]
@@ -312,7 +312,7 @@ fn every_truncation_is_an_error() {
         }
     }
     let short = error("t.ppm", b"P3 2 2 255 1 2 3 4");
-    assert_eq!(short.kind, Kind::Invalid);
+    assert_eq!(short.kind, ErrorKind::Invalid);
 }
 
 #[test]

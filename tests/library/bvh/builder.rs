@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use glam::DVec3;
 use lightpath::accel::bvh::{Bvh, TreeStats};
 use lightpath::accel::{self, Accelerator, BuildOptions};
-use lightpath::error::Kind;
+use lightpath::error::ErrorKind;
 use lightpath::geometry::{Geometry, Sphere, TriangleMesh};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Rays};
@@ -208,7 +208,7 @@ fn a_build_that_would_not_fit_is_refused() {
     let little = BuildOptions { max_bytes: Some(100_000), ..OPTIONS };
     let refused =
         Bvh::build(&geometry, Isa::detect(), &little, &Monitor::default()).err().map(|e| e.kind);
-    assert_eq!(refused, Some(Kind::Limit));
+    assert_eq!(refused, Some(ErrorKind::Limit));
     let enough = BuildOptions { max_bytes: Some(100_000_000), ..little };
     assert!(Bvh::build(&geometry, Isa::detect(), &enough, &Monitor::default()).is_ok());
 }
@@ -243,11 +243,11 @@ fn a_signal_stops_the_build() {
     let monitor = Monitor::default();
     monitor.signal.store(15, Relaxed);
     let stopped = Bvh::build(&geometry, Isa::detect(), &OPTIONS, &monitor).err().map(|e| e.kind);
-    assert_eq!(stopped, Some(Kind::Interrupted(15)));
+    assert_eq!(stopped, Some(ErrorKind::Interrupted(15)));
     let monitor = Monitor::default();
     monitor.signal.store(2, Relaxed);
     let stopped = accel::build(&geometry, Backend::default(), &OPTIONS, &monitor);
-    assert_eq!(stopped.err().map(|e| e.kind), Some(Kind::Interrupted(2)));
+    assert_eq!(stopped.err().map(|e| e.kind), Some(ErrorKind::Interrupted(2)));
 }
 
 #[test]

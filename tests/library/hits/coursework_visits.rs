@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use lightpath::{
-    accel::{BuildOptions, Visits, coursework::Coursework, lane::Ray},
+    accel::{BuildOptions, Visits, coursework::Coursework, lane::LaneRay},
     monitor::Monitor,
     ray::NONE,
     scene::{self, Source},
@@ -29,7 +29,7 @@ fn visits(name: &str) -> [Visits; 2] {
         let tree = Coursework::build(&world.geometry, &options, &monitor).expect("a tree");
         for (x, y) in (0..60).flat_map(|y| (0..90).map(move |x| (x as f32 + 0.5, y as f32 + 0.5))) {
             let (origin, direction) = world.camera.pinhole_ray(x, y);
-            let ray = Ray {
+            let ray = LaneRay {
                 origin: origin.as_dvec3(),
                 direction: direction.as_dvec3(),
                 tnear: 0.0,

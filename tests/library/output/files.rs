@@ -4,7 +4,7 @@
 use std::{fs, io::Cursor, path::Path};
 
 use lightpath::{
-    error::Kind,
+    error::ErrorKind,
     film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window},
     monitor::Monitor,
     output::{
@@ -411,7 +411,7 @@ fn bad_targets_are_named_before_any_work() {
     ];
     for (target, expected) in cases {
         let error = PartFile::create(&target).unwrap_err();
-        assert_eq!(error.kind, Kind::Invalid, "{error}");
+        assert_eq!(error.kind, ErrorKind::Invalid, "{error}");
         assert!(error.to_string().contains(expected), "{error}");
     }
 }

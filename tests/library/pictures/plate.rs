@@ -9,7 +9,7 @@ use lightpath::{
     layers::{LayerPlan, MISS_DEPTH},
     monitor::Monitor,
     render::{self, RayCounts},
-    scene::{self, Backend, Source, written::Accelerator as Named},
+    scene::{self, Backend, Source, written::AcceleratorName},
     simd::Isa,
     world::{LoadOptions, World},
 };
@@ -20,8 +20,8 @@ const SIZE: [usize; 2] = [48, 40];
 
 /// The backends of this build: `embree` only if the library was there when it was compiled.
 fn all_backends() -> Vec<Backend> {
-    let embree = cfg!(lightpath_embree).then_some(Named::Embree);
-    let own = [Named::Bvh, Named::Coursework, Named::Brute];
+    let embree = cfg!(lightpath_embree).then_some(AcceleratorName::Embree);
+    let own = [AcceleratorName::Bvh, AcceleratorName::Coursework, AcceleratorName::Brute];
     own.into_iter().chain(embree).map(Backend::from).collect()
 }
 
@@ -200,7 +200,7 @@ fn each_kind_of_ray_has_its_own_shapes() {
 fn kinds_of_rays_do_not_cost_rays() {
     let visible = json!({ "camera": true, "shadow": true, "reflection": true });
     let [plain, written] = [room(4), with(room(4), 3, "visible", visible)]
-        .map(|s| Picture::new(&s, Named::Bvh.into()));
+        .map(|s| Picture::new(&s, AcceleratorName::Bvh.into()));
     assert_eq!(plain.counts, written.counts);
     assert!(plain.pixels().all(|pixel| plain.same(&written, pixel)));
 }
@@ -243,7 +243,7 @@ fn alpha_of_a_catcher_is_what_the_shadows_take() {
     for (backend, adaptive) in all_backends()
         .into_iter()
         .map(|backend| (backend, false))
-        .chain([(Named::Bvh.into(), true)])
+        .chain([(AcceleratorName::Bvh.into(), true)])
     {
         let stage = || {
             let mut scene = room(1);
@@ -328,7 +328,7 @@ fn a_catcher_without_light_has_no_alpha() {
         { "type": "pointlight", "position": [0, -3, 0], "id": [1, 1, 1] },
         { "type": "arealight", "v0": [0, -5, 0], "v1": [1, -5, 0], "v2": [0, -5, 1],
           "id": [1, 1, 1], "samples": 5 }]);
-    let picture = Picture::new(&scene, Named::Bvh.into());
+    let picture = Picture::new(&scene, AcceleratorName::Bvh.into());
     let floor = |pixel: &usize| picture.float("N.Y", *pixel) == 1.0;
     let floor: Vec<usize> = picture.pixels().filter(floor).collect();
     assert!(floor.len() > 100);
@@ -383,8 +383,8 @@ fn a_foreground_over_a_plate_is_the_textured_picture() {
         if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
     };
     let half = |x: f64| f64::from(half::f16::from_f64(x).to_f32());
-    let foreground = Picture::new(&stage(false), Named::Bvh.into());
-    let textured = Picture::new(&stage(true), Named::Bvh.into());
+    let foreground = Picture::new(&stage(false), AcceleratorName::Bvh.into());
+    let textured = Picture::new(&stage(true), AcceleratorName::Bvh.into());
     let (mut worst, mut edges, mut penumbra) = (0f64, 0, 0);
     for pixel in foreground.pixels() {
         let [r, g, b, alpha] = foreground.film.pixels[pixel].map(f64::from);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::ply_writer::{ALL, Encoding, Ply, V, lists, numbers};
 use flate2::{Compression, write::GzEncoder};
-use lightpath::error::{Kind, Result};
+use lightpath::error::{ErrorKind, Result};
 use lightpath::mesh::{Mesh, ReadOptions, read_ply, read_ply_bytes};
 use lightpath::monitor::Monitor;
 
@@ -198,8 +198,8 @@ fn a_file_truncated_while_it_is_read_is_refused() {
             Ok(mesh) => assert_eq!(mesh.notes.faces, 700 * 700 * 5 / 3),
             Err(error) => {
                 // If it was truncated before it was opened, it is just too short.
-                assert!(matches!(error.kind, Kind::Retry | Kind::Invalid), "{error}");
-                refused += usize::from(error.kind == Kind::Retry);
+                assert!(matches!(error.kind, ErrorKind::Retry | ErrorKind::Invalid), "{error}");
+                refused += usize::from(error.kind == ErrorKind::Retry);
             }
         }
     }
@@ -219,11 +219,11 @@ fn reading_stops_on_a_signal() {
             for mmap in [true, false] {
                 let options = ReadOptions::default().mmap(mmap).monitor(&monitor);
                 let error = read_ply(&path, options).unwrap_err();
-                assert_eq!(error.kind, Kind::Interrupted(2));
+                assert_eq!(error.kind, ErrorKind::Interrupted(2));
             }
             let packed = gzip(&bytes);
             let error = read_ply_bytes(&packed, "a.ply", ReadOptions::default().monitor(&monitor));
-            assert_eq!(error.unwrap_err().kind, Kind::Interrupted(2));
+            assert_eq!(error.unwrap_err().kind, ErrorKind::Interrupted(2));
         }
     }
 }
@@ -251,7 +251,7 @@ fn reading_a_silent_pipe_can_be_stopped() {
         std::thread::sleep(Duration::from_millis(200));
         monitor.signal.store(15, std::sync::atomic::Ordering::Relaxed);
         let (read, took) = reader.join().unwrap();
-        assert_eq!(read.unwrap_err().kind, Kind::Interrupted(15));
+        assert_eq!(read.unwrap_err().kind, ErrorKind::Interrupted(15));
         assert!(took < Duration::from_secs(5), "{took:?}");
         drop(pipe);
     });

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lightpath::{
-    error::{Error, Kind},
+    error::{Error, ErrorKind},
     scene::{Loaded, Source, load},
 };
 
@@ -31,7 +31,7 @@ fn sphere() -> &'static str {
 fn one(scene: &str) -> String {
     let error = text(scene.as_bytes(), &[]).expect_err("it should be refused");
     assert_eq!(error.problems.len(), 1, "{error}");
-    assert_eq!(error.kind, Kind::Invalid);
+    assert_eq!(error.kind, ErrorKind::Invalid);
     error.problems[0].to_string()
 }
 
@@ -441,10 +441,10 @@ fn warnings() {
 fn files() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let error = load(Source::File(folder), &[]).unwrap_err();
-    assert_eq!(error.kind, Kind::Invalid);
+    assert_eq!(error.kind, ErrorKind::Invalid);
     says(error.to_string(), &["found a folder, expected a scene file"]);
     let error = load(Source::File(&folder.join("none.json")), &[]).unwrap_err();
-    assert_eq!(error.kind, Kind::Invalid);
+    assert_eq!(error.kind, ErrorKind::Invalid);
     says(error.to_string(), &["none.json: cannot read"]);
     let error = load(Source::File(&folder.join("Cargo.tom")), &[]).unwrap_err();
     says(error.to_string(), &["did you mean `Cargo.toml`?"]);

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 
 use crate::support::program::PYRAMID;
 use lightpath::{
-    error::Kind,
+    error::ErrorKind,
     monitor::Monitor,
     scene::{self, Source},
     world::{ContentHashes, LoadOptions, World, fingerprint},
@@ -150,7 +150,7 @@ fn a_file_that_changes_between_reading_and_hashing_is_detected() {
                 fs::rename(here.path().join("next"), here.path().join(name)).unwrap();
             });
             let error = error.unwrap_err();
-            assert_eq!(error.kind, Kind::Retry, "{name}");
+            assert_eq!(error.kind, ErrorKind::Retry, "{name}");
             assert!(error.to_string().contains("changed while it was read"), "{error}");
         }
         let error = hashed_after(&|| here.write(name, &format!("{text}\n\n"))).unwrap_err();

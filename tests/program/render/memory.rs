@@ -5,7 +5,7 @@ use std::fs;
 use crate::support::backends::on_both;
 use crate::support::program::{self, Scratch, shuffled_sheet};
 use lightpath::{
-    error::Kind,
+    error::ErrorKind,
     monitor::Monitor,
     scene::{self, Backend, Source},
     world::{LoadOptions, World},
@@ -202,7 +202,7 @@ fn a_texture_is_not_decoded_beyond_the_budget() {
     let decoding = 18 * 3000 * 2000;
     assert_eq!(load(decoding), Ok(12 * 3000 * 2000));
     let error = load(decoding - 1).unwrap_err();
-    assert_eq!(error.kind, Kind::Limit);
+    assert_eq!(error.kind, ErrorKind::Limit);
     assert!(error.to_string().contains("large.png: 3000 x 2000 pixels need"), "{error}");
 }
 

@@ -21,7 +21,7 @@ use self::reference::Reference;
 use super::bounds::Bounds3;
 use super::node::{Block, SphereLeaf, WIDE, WIDTH};
 use crate::accel::accelerator::over_limit;
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::NONE;
@@ -53,7 +53,7 @@ pub fn build(
     let most = groups::sorted_count(geometry).max(count as u64);
     if most >= MAX_REFERENCES {
         let message = format!("found {most} primitives, expected fewer than 2^30");
-        return Err(Error::new(Kind::Limit, Problem::new("bvh", message)));
+        return Err(Error::new(ErrorKind::Limit, Problem::new("bvh", message)));
     }
     // A lower bound: a pair has one box for two triangles.
     within((count.div_ceil(2) * size_of::<Reference>()) as u64)?;

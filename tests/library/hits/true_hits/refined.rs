@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use lightpath::accel::brute::Brute;
-use lightpath::accel::lane::{Hit, Ray};
+use lightpath::accel::lane::{LaneHit, LaneRay};
 use lightpath::geometry::{Geometry, Surfaces, position_error, refine};
 use lightpath::ray::{Coherence, LANES};
 use lightpath::scene::Backend;
@@ -32,7 +32,7 @@ fn soup(random: &mut Random) -> Geometry {
 }
 
 /// Returns the oracle's hit of one primitive.
-fn exact(oracle: &Brute, ray: &Ray, geom: u32, prim: u32) -> Option<Hit> {
+fn exact(oracle: &Brute, ray: &LaneRay, geom: u32, prim: u32) -> Option<LaneHit> {
     oracle.all_hits(ray).into_iter().find(|hit| (hit.geom, hit.prim) == (geom, prim))
 }
 
@@ -71,7 +71,7 @@ fn survey(backend: Backend) -> Seen {
             refine(&geometry, &traced.hit(&ALL), &traced, &mut points);
             for i in (0..LANES).filter(|&i| points.hit.0[i] != 0) {
                 let (geom, prim) = (traced.hits.geom[i], traced.hits.prim[i]);
-                let ray = Ray::of(&rays, i);
+                let ray = LaneRay::of(&rays, i);
                 // Rays that pass an edge within the bound of an f32 test have no exact hit there.
                 let Some(hit) = exact(&oracle, &ray, geom, prim) else { continue };
                 assert_eq!(points.doubtful.0[i], 0, "{ray:?} {hit:?}");
@@ -88,8 +88,8 @@ fn check(
     seen: &mut Seen,
     geometry: &Geometry,
     (points, i, error): (&Surfaces, usize, f64),
-    ray: &Ray,
-    hit: &Hit,
+    ray: &LaneRay,
+    hit: &LaneHit,
 ) {
     seen.hits += 1;
     let off = ulps(points.t[i], hit.t);

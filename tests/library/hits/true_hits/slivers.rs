@@ -4,7 +4,7 @@
 use glam::DVec3;
 use lightpath::accel::Accelerator;
 use lightpath::accel::brute::Brute;
-use lightpath::accel::lane::Ray;
+use lightpath::accel::lane::LaneRay;
 use lightpath::geometry::Geometry;
 use lightpath::lab::{
     answer::Answer,
@@ -85,7 +85,7 @@ impl Wrong {
 }
 
 fn judged(oracle: &Brute, rays: &Rays, i: usize, shadow: bool, answer: Answer) -> Verdict {
-    let ray = Ray::of(rays, i);
+    let ray = LaneRay::of(rays, i);
     judge(oracle, &ray, Answer::truth(oracle, &ray, shadow), answer, FACTOR)
 }
 
