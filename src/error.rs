@@ -117,8 +117,8 @@ impl Error {
     /// "create").
     ///
     /// Errors that the user must fix first (missing file, a folder, no permission) are
-    /// [`ErrorKind::Invalid`]. A file beyond a size limit is [`ErrorKind::Limit`]. All other errors (disk
-    /// full, device error) are [`ErrorKind::Retry`].
+    /// [`ErrorKind::Invalid`]. A file beyond a size limit is [`ErrorKind::Limit`]. All other errors
+    /// (disk full, device error) are [`ErrorKind::Retry`].
     #[doc(hidden)]
     pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;

@@ -224,7 +224,8 @@ api! {
     release_device = "rtcReleaseDevice": fn(RtcDevice);
     get_device_property = "rtcGetDeviceProperty": fn(RtcDevice, Enum) -> isize;
     get_device_error = "rtcGetDeviceError": fn(RtcDevice) -> Enum;
-    set_error_function = "rtcSetDeviceErrorFunction": fn(RtcDevice, Option<ErrorFunction>, *mut c_void);
+    set_error_function = "rtcSetDeviceErrorFunction":
+        fn(RtcDevice, Option<ErrorFunction>, *mut c_void);
     set_memory_function = "rtcSetDeviceMemoryMonitorFunction":
         fn(RtcDevice, Option<MemoryFunction>, *mut c_void);
     new_scene = "rtcNewScene": fn(RtcDevice) -> RtcScene;
@@ -246,7 +247,8 @@ api! {
     set_user_data = "rtcSetGeometryUserData": fn(RtcGeometry, *const c_void);
     set_bounds_function = "rtcSetGeometryBoundsFunction":
         fn(RtcGeometry, Option<BoundsFunction>, *const c_void);
-    set_intersect_function = "rtcSetGeometryIntersectFunction": fn(RtcGeometry, Option<UserFunction>);
+    set_intersect_function = "rtcSetGeometryIntersectFunction":
+        fn(RtcGeometry, Option<UserFunction>);
     set_occluded_function = "rtcSetGeometryOccludedFunction": fn(RtcGeometry, Option<UserFunction>);
     intersect1 = "rtcIntersect1": fn(RtcScene, *mut RayHit, *mut QueryArguments);
     intersect8 = "rtcIntersect8": fn(*const Mask8, RtcScene, *mut RayPacket8, *mut QueryArguments);
