@@ -99,7 +99,7 @@ pub use film::{Channel, ChannelKind, Film, Planes, Window};
 pub use mesh::{Colors, FaceTextures, Mesh, MeshElement, Positions, Property, Scalars, Uvs};
 pub use monitor::{Monitor, Phase};
 pub use rays::{
-    AllHits, ClosestPoints, Faces, Hits, Limits, MeshArrays, RayBackend, RayBatch, RayScene,
+    AllHits, ClosestPoints, Faces, FirstHits, Limits, MeshArrays, RayBackend, RayBatch, RayScene,
     Vertices,
 };
 pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer};

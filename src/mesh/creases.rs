@@ -10,7 +10,7 @@
 
 use rayon::prelude::*;
 
-use super::normals::{CHUNK, CornerBatch, Fan, Point, dot, unit, vertex_normals};
+use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, dot, unit, vertex_normals};
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
 use crate::reserve;
@@ -98,7 +98,7 @@ struct Split {
 ///
 /// # Panics
 /// If a triangle has an index beyond `positions`.
-pub fn creased_normals<P: Point>(
+pub fn creased_normals<P: VertexPosition>(
     positions: &[P],
     triangles: &[[u32; 3]],
     degrees: [f64; 2],

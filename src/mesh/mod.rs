@@ -8,9 +8,9 @@ mod vertex_faces;
 
 pub use arrays::*;
 pub use creases::{Normals, creased_normals};
-pub use normals::{Point, vertex_normals};
+pub use normals::{VertexPosition, vertex_normals};
 pub use ply::{
-    ColorRequest, ColorSource, ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar,
+    ColorChoice, ColorRequest, ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar,
     TriangleCount, inspect as inspect_ply, inspect_with as inspect_ply_with, read as read_ply,
     read_bytes as read_ply_bytes,
 };

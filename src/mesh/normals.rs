@@ -13,19 +13,19 @@ use crate::math;
 use crate::simd::{self, Isa, Kernel, prefetch};
 
 /// A vertex position in single or double precision.
-pub trait Point: Copy + Send + Sync {
+pub trait VertexPosition: Copy + Send + Sync {
     /// Returns the coordinates, converted to `f64` exactly.
     fn xyz(self) -> [f64; 3];
 }
 
-impl Point for [f32; 3] {
+impl VertexPosition for [f32; 3] {
     #[inline(always)]
     fn xyz(self) -> [f64; 3] {
         self.map(f64::from)
     }
 }
 
-impl Point for [f64; 3] {
+impl VertexPosition for [f64; 3] {
     #[inline(always)]
     fn xyz(self) -> [f64; 3] {
         self
@@ -58,7 +58,7 @@ pub(super) const CHUNK: usize = 1024;
 ///
 /// # Panics
 /// If a triangle has an index beyond `positions`.
-pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+pub fn vertex_normals<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     if triangles.len() > u32::MAX as usize {
         return one_by_one(positions, triangles);
     }
@@ -76,7 +76,7 @@ pub fn vertex_normals<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<
 
 /// Computes the normals of [`vertex_normals`] serially, without the table of faces. For meshes with
 /// more triangles than a u32 can index, and as the reference in tests.
-fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+fn one_by_one<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
     let mut sums = vec![[0.0; 3]; positions.len()];
     for &triangle in triangles {
         let [a, b, c] = triangle;
@@ -88,7 +88,12 @@ fn one_by_one<P: Point>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]
 }
 
 /// Adds area x angle x normal of `triangle` at its corner `vertex`, times two.
-fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], vertex: u32) {
+fn add_face<P: VertexPosition>(
+    sum: &mut [f64; 3],
+    positions: &[P],
+    triangle: [u32; 3],
+    vertex: u32,
+) {
     let [a, b, c] = triangle;
     if a == b || b == c || c == a {
         return;
@@ -103,7 +108,7 @@ fn add_face<P: Point>(sum: &mut [f64; 3], positions: &[P], triangle: [u32; 3], v
 /// Returns the edges that leave a triangle's corner at `vertex`: to the next corner and to the
 /// previous one.
 #[inline(always)]
-fn edges<P: Point>(positions: &[P], [a, b, c]: [u32; 3], vertex: u32) -> [[f64; 3]; 2] {
+fn edges<P: VertexPosition>(positions: &[P], [a, b, c]: [u32; 3], vertex: u32) -> [[f64; 3]; 2] {
     // Selects, because a branch would be mispredicted for every second corner.
     let (is_a, is_b) = (vertex == a, vertex == b);
     let next = if is_a { b } else { c };
@@ -153,7 +158,7 @@ pub(super) struct Fan<'b> {
 
 impl CornerBatch {
     /// Calls `visit` with the index of each of `vertices` and its corners, in ascending order.
-    pub(super) fn each_vertex<P: Point>(
+    pub(super) fn each_vertex<P: VertexPosition>(
         &mut self,
         (positions, triangles): (&[P], &[[u32; 3]]),
         faces: &VertexFaces,
@@ -188,7 +193,7 @@ struct FillCorners<'a, P> {
     vertices: Range<usize>,
 }
 
-impl<P: Point> Kernel for FillCorners<'_, P> {
+impl<P: VertexPosition> Kernel for FillCorners<'_, P> {
     type Output = ();
     #[inline(always)]
     fn run(self) {

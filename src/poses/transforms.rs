@@ -7,7 +7,7 @@ use super::pose::Pose;
 use crate::{
     error::{Error, Failures, Result},
     scene::{
-        Document, Node, NodeKind, list,
+        Document, JsonNode, NodeKind, list,
         written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
     },
 };
@@ -49,7 +49,7 @@ struct Frame<'d> {
 
 impl Frame<'_> {
     /// Returns a value of the frame, or else of the file, and its pointer.
-    fn get(&self, key: &str) -> Option<(&Node, String)> {
+    fn get(&self, key: &str) -> Option<(&JsonNode, String)> {
         let own = format!("{}/{key}", self.pointer);
         let common = format!("/{key}");
         let found = |pointer: String| Some((self.document.get(&pointer)?, pointer));
@@ -65,7 +65,7 @@ impl Frame<'_> {
     }
 
     fn wrong(&self, pointer: &str, expected: &str) -> Error {
-        let what = match self.document.get(pointer).and_then(Node::text) {
+        let what = match self.document.get(pointer).and_then(JsonNode::text) {
             Some(text) => format!("{text:?}"),
             None => "another value".to_string(),
         };
@@ -175,7 +175,7 @@ impl Frame<'_> {
             return Err(self.missing("transform_matrix", expected));
         };
         let mut rows = [[0.0; 4], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
-        let items = |node: &Node| match &node.kind {
+        let items = |node: &JsonNode| match &node.kind {
             NodeKind::List(items) => items.clone(),
             _ => Vec::new(),
         };
@@ -184,7 +184,7 @@ impl Frame<'_> {
             return Err(self.wrong(&pointer, expected));
         }
         for (i, (row, written)) in rows.iter_mut().zip(&written).enumerate() {
-            let numbers: Vec<f64> = items(written).iter().filter_map(Node::number).collect();
+            let numbers: Vec<f64> = items(written).iter().filter_map(JsonNode::number).collect();
             *row = <[f64; 4]>::try_from(numbers)
                 .map_err(|_| self.wrong(&format!("{pointer}/{i}"), "a row of 4 numbers"))?;
         }

@@ -14,7 +14,7 @@ use crate::reserve;
 
 /// The closest hits of rays, an element for each ray.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Hits {
+pub struct FirstHits {
     /// Ray parameter in units of the direction; infinite for a miss.
     pub t: Vec<f64>,
     /// Face in its mesh; -1 for a miss.
@@ -35,9 +35,9 @@ impl RayScene {
     ///
     /// # Errors
     /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
-    pub fn closest(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Hits> {
+    pub fn closest(&self, rays: &RayBatch, monitor: &Monitor) -> Result<FirstHits> {
         let count = rays.len();
-        let mut hits = Hits {
+        let mut hits = FirstHits {
             t: reserve::filled(0.0, count, "t")?,
             primitive: reserve::filled(0, count, "primitive")?,
             mesh: reserve::filled(0, count, "mesh")?,

@@ -17,6 +17,6 @@ mod visible;
 pub use all_hits::AllHits;
 pub use arrays::{Faces, MeshArrays, Vertices};
 pub use batch::{Limits, RayBatch};
-pub use first_hit::Hits;
+pub use first_hit::FirstHits;
 pub use nearest::ClosestPoints;
 pub use scene::{RayBackend, RayScene};

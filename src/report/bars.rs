@@ -12,12 +12,12 @@ pub struct Bars {
     /// Names of the backends, in the order of their bars in each group.
     pub names: Vec<String>,
     /// The groups from top to bottom.
-    pub groups: Vec<Group>,
+    pub groups: Vec<BarGroup>,
 }
 
 /// The bars of one measurement.
 #[derive(Debug, Clone)]
-pub struct Group {
+pub struct BarGroup {
     /// Text at the left of the bars.
     pub label: String,
     /// The bars from top to bottom, in the order of [`Bars::names`].
@@ -121,7 +121,7 @@ mod tests {
             title: "Rays".into(),
             unit: "Mray/s".into(),
             names: vec!["a<b".into(), "c".into()],
-            groups: vec![Group { label: "primary".into(), bars: vec![bar(10.0), bar(5.0)] }],
+            groups: vec![BarGroup { label: "primary".into(), bars: vec![bar(10.0), bar(5.0)] }],
         }
     }
 

@@ -9,7 +9,7 @@ mod picture;
 mod ratios;
 mod svg;
 
-pub use bars::{Bar, Bars, Group};
+pub use bars::{Bar, BarGroup, Bars};
 pub use color_scale::ColorScale;
 pub use lines::{ChartLine, LineChart};
 pub use page::{Cell, Page, Section};

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 
-use super::node::{Node, Place};
+use super::node::{JsonNode, JsonPlace};
 use super::parse::{self, SyntaxError};
 
 /// Maximum number of characters that a message quotes from the input. Longer text ends in `...`.
@@ -21,7 +21,7 @@ pub struct Document {
     /// Name of the document in messages: a path or `<stdin>`.
     pub name: String,
     /// The value at the top level.
-    pub root: Node,
+    pub root: JsonNode,
 }
 
 impl Document {
@@ -45,16 +45,16 @@ impl Document {
 
     /// Makes a document from a value, for scenes made by code. Its nodes have no line and column.
     pub fn from_value(name: &str, value: &Value) -> Self {
-        Self { name: name.to_string(), root: Node::from_value(value) }
+        Self { name: name.to_string(), root: JsonNode::from_value(value) }
     }
 
     /// Returns the node at a JSON pointer. The empty pointer is the root.
-    pub fn get(&self, pointer: &str) -> Option<&Node> {
+    pub fn get(&self, pointer: &str) -> Option<&JsonNode> {
         tokens(pointer).try_fold(&self.root, |node, token| node.step(&token))
     }
 
     /// Returns the node at `pointer`, or else its nearest ancestor that exists.
-    pub(super) fn nearest(&self, pointer: &str) -> &Node {
+    pub(super) fn nearest(&self, pointer: &str) -> &JsonNode {
         let mut node = &self.root;
         for token in tokens(pointer) {
             match node.step(&token) {
@@ -73,13 +73,13 @@ impl Document {
 
     /// Formats a place for messages: `FILE:LINE:COL (/json/pointer)`. A node that an override set
     /// is `--set /a`; a node below it is `--set /a (/a/b)`.
-    pub fn describe(&self, place: &Place, pointer: &str) -> String {
+    pub fn describe(&self, place: &JsonPlace, pointer: &str) -> String {
         let shown_pointer = shown(pointer);
         let what = match place {
-            Place::Text { line, column } => format!("{}:{line}:{column}", self.name),
-            Place::Set(at) if **at == *pointer => return format!("--set {shown_pointer}"),
-            Place::Set(at) => format!("--set {}", shown(at)),
-            Place::Code => self.name.clone(),
+            JsonPlace::Text { line, column } => format!("{}:{line}:{column}", self.name),
+            JsonPlace::Set(at) if **at == *pointer => return format!("--set {shown_pointer}"),
+            JsonPlace::Set(at) => format!("--set {}", shown(at)),
+            JsonPlace::Code => self.name.clone(),
         };
         match pointer {
             "" => what,

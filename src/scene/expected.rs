@@ -6,7 +6,7 @@ use serde_json::Value;
 use crate::nearest::list;
 
 use super::{
-    node::{Node, NodeKind},
+    node::{JsonNode, NodeKind},
     schema::{resolve, tag},
 };
 
@@ -14,7 +14,7 @@ use super::{
 const QUOTED_CHARS: usize = 60;
 
 /// Describes a value for a message.
-pub fn found(node: &Node) -> String {
+pub fn found(node: &JsonNode) -> String {
     match &node.kind {
         NodeKind::Null => "null".into(),
         NodeKind::Bool(b) => b.to_string(),

@@ -38,7 +38,7 @@ pub use layers::{Layer, LightGroups};
 pub use load_scene::{
     Loaded, Source, check_camera, from_description, load, read, read_as, read_stdin,
 };
-pub use node::{Member, Node, NodeKind, Place};
+pub use node::{JsonNode, JsonPlace, Member, NodeKind};
 pub use schema::{schema, schema_of};
 pub use write::hexadecimal;
 

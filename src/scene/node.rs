@@ -6,7 +6,7 @@ use serde_json::Value;
 
 /// The place where a node was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum JsonPlace {
     /// A position in the text.
     Text {
         /// Line number, from 1.
@@ -20,7 +20,7 @@ pub enum Place {
     Code,
 }
 
-impl Place {
+impl JsonPlace {
     /// Returns the sort key for errors and warnings: places in the text first, then all others.
     pub(super) fn order(&self) -> (u32, u32) {
         match self {
@@ -32,9 +32,9 @@ impl Place {
 
 /// A JSON value and its place.
 #[derive(Debug, Clone)]
-pub struct Node {
+pub struct JsonNode {
     /// Where the value starts in the text, or its override.
-    pub place: Place,
+    pub place: JsonPlace,
     /// The type and the value.
     pub kind: NodeKind,
 }
@@ -51,7 +51,7 @@ pub enum NodeKind {
     /// A string with escapes resolved.
     String(String),
     /// An array of values.
-    List(Vec<Node>),
+    List(Vec<JsonNode>),
     /// An object in file order. Duplicate keys are kept.
     Object(Vec<Member>),
 }
@@ -60,16 +60,16 @@ pub enum NodeKind {
 #[derive(Debug, Clone)]
 pub struct Member {
     /// Where the key starts.
-    pub place: Place,
+    pub place: JsonPlace,
     /// The key with escapes resolved.
     pub key: String,
     /// The value of this key.
-    pub value: Node,
+    pub value: JsonNode,
 }
 
-impl Node {
+impl JsonNode {
     /// Returns the value of `key`. If the key is duplicated, the last one counts.
-    pub fn member(&self, key: &str) -> Option<&Node> {
+    pub fn member(&self, key: &str) -> Option<&JsonNode> {
         match &self.kind {
             NodeKind::Object(members) => {
                 let found = members.iter().rev().find(|m| m.key == key)?;
@@ -88,7 +88,7 @@ impl Node {
     }
 
     /// Follows one unescaped step of a JSON pointer.
-    pub(super) fn step(&self, token: &str) -> Option<&Node> {
+    pub(super) fn step(&self, token: &str) -> Option<&JsonNode> {
         match &self.kind {
             NodeKind::List(items) => items.get(list_index(token)?),
             _ => self.member(token),
@@ -153,14 +153,14 @@ impl Node {
             Value::Object(map) => NodeKind::Object(
                 map.iter()
                     .map(|(key, value)| Member {
-                        place: Place::Code,
+                        place: JsonPlace::Code,
                         key: key.clone(),
                         value: Self::from_value(value),
                     })
                     .collect(),
             ),
         };
-        Self { place: Place::Code, kind }
+        Self { place: JsonPlace::Code, kind }
     }
 }
 

@@ -7,7 +7,7 @@ use crate::error::Problem;
 
 use super::{
     document::{Document, join, shown, tokens},
-    node::{Member, Node, NodeKind, Place, list_index},
+    node::{JsonNode, JsonPlace, Member, NodeKind, list_index},
     parse::{self, MAX_DEPTH},
 };
 
@@ -36,12 +36,12 @@ impl Document {
         if steps.len() > MAX_DEPTH {
             return Err(complain("found a pointer deeper than any scene"));
         }
-        let place = Place::Set(Arc::from(pointer));
+        let place = JsonPlace::Set(Arc::from(pointer));
         let kind = match parse::parse(value) {
             Ok(node) => node.kind,
             Err(_) => NodeKind::String(value.to_string()),
         };
-        let mut new = Node { place: place.clone(), kind };
+        let mut new = JsonNode { place: place.clone(), kind };
         replace_places(&mut new, &place);
         let mut node = &mut self.root;
         let mut walked = String::new();
@@ -57,7 +57,7 @@ impl Document {
     }
 }
 
-fn replace_places(node: &mut Node, place: &Place) {
+fn replace_places(node: &mut JsonNode, place: &JsonPlace) {
     node.place = place.clone();
     match &mut node.kind {
         NodeKind::List(items) => items.iter_mut().for_each(|item| replace_places(item, place)),
@@ -74,12 +74,12 @@ fn replace_places(node: &mut Node, place: &Place) {
 /// Follows one step of the pointer. Creates a missing member of an object. The step `-` appends an
 /// item to an array.
 fn descend<'a>(
-    node: &'a mut Node,
+    node: &'a mut JsonNode,
     step: &str,
-    place: &Place,
+    place: &JsonPlace,
     walked: &str,
-) -> std::result::Result<&'a mut Node, Problem> {
-    let empty = Node { place: place.clone(), kind: NodeKind::Object(Vec::new()) };
+) -> std::result::Result<&'a mut JsonNode, Problem> {
+    let empty = JsonNode { place: place.clone(), kind: NodeKind::Object(Vec::new()) };
     match &mut node.kind {
         NodeKind::Object(members) => {
             let at = match members.iter().rposition(|m| m.key == step) {

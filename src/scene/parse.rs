@@ -1,4 +1,4 @@
-//! Parses JSON text into [`Node`]s with places: strict RFC 8259, nothing more.
+//! Parses JSON text into [`JsonNode`]s with places: strict RFC 8259, nothing more.
 //!
 //! There are three reasons for a parser of our own. Messages need line and column of every value.
 //! Duplicate keys and the source text of numbers must be kept. Nesting must be limited before it
@@ -6,7 +6,7 @@
 //! missing commas, single quotes, unquoted names, `NaN`, hexadecimal. A test compares it with
 //! `serde_json`.
 
-use super::node::{Member, Node, NodeKind, Place};
+use super::node::{JsonNode, JsonPlace, Member, NodeKind};
 
 /// Maximum nesting of arrays and objects. A scene needs 6 levels.
 pub const MAX_DEPTH: usize = 64;
@@ -27,7 +27,7 @@ pub struct SyntaxError {
 pub(super) type Parsed<T> = Result<T, SyntaxError>;
 
 /// Parses exactly one value.
-pub fn parse(text: &str) -> Parsed<Node> {
+pub fn parse(text: &str) -> Parsed<JsonNode> {
     let mut parser = Parser { text, at: 0, line: 1, mark: (0, 1), depth: 0 };
     parser.skip_space();
     let node = parser.value()?;
@@ -61,9 +61,9 @@ impl Parser<'_> {
         found
     }
 
-    fn place(&mut self) -> Place {
+    fn place(&mut self) -> JsonPlace {
         self.mark = (self.at, self.column_of(self.at));
-        Place::Text { line: self.line, column: self.mark.1 }
+        JsonPlace::Text { line: self.line, column: self.mark.1 }
     }
 
     /// Returns the column of an offset in this line that is not before the mark.
@@ -129,7 +129,7 @@ impl Parser<'_> {
         error
     }
 
-    fn value(&mut self) -> Parsed<Node> {
+    fn value(&mut self) -> Parsed<JsonNode> {
         let place = self.place();
         let kind = match self.peek() {
             Some(b'{') => self.nested(Self::object)?,
@@ -138,7 +138,7 @@ impl Parser<'_> {
             Some(b'-' | b'0'..=b'9') => NodeKind::Number(self.number()?),
             _ => self.word()?,
         };
-        Ok(Node { place, kind })
+        Ok(JsonNode { place, kind })
     }
 
     fn word(&mut self) -> Parsed<NodeKind> {

@@ -3,7 +3,7 @@
 use crate::error::Problem;
 
 use super::document::Document;
-use super::node::Place;
+use super::node::JsonPlace;
 
 /// Errors and warnings about one document.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ impl<'a> Problems<'a> {
     /// Adds an error at a place that a pointer cannot express: a key.
     pub fn error_at(
         &mut self,
-        place: &Place,
+        place: &JsonPlace,
         pointer: &str,
         message: impl Into<String>,
         help: Option<String>,

@@ -13,7 +13,7 @@ use crate::nearest::{did_you_mean, list};
 use super::{
     document::join,
     expected::{expected, found, quoted, words},
-    node::{Member, Node, NodeKind},
+    node::{JsonNode, Member, NodeKind},
     problems::Problems,
     schema::{resolve, tag},
 };
@@ -34,7 +34,7 @@ struct Walk<'a, 'b> {
 }
 
 impl<'a> Walk<'a, '_> {
-    fn node(&mut self, schema: &'a Value, node: &Node, pointer: &str) {
+    fn node(&mut self, schema: &'a Value, node: &JsonNode, pointer: &str) {
         let schema = resolve(self.root, schema);
         if let Some(words) = words(schema) {
             return self.word(schema, &words, node, pointer);
@@ -69,18 +69,24 @@ impl<'a> Walk<'a, '_> {
     }
 
     /// Reports a value that does not match the schema.
-    fn wrong(&mut self, schema: &Value, node: &Node, pointer: &str) {
+    fn wrong(&mut self, schema: &Value, node: &JsonNode, pointer: &str) {
         let message = format!("found {}, expected {}", found(node), expected(self.root, schema));
         self.unreadable(node, pointer, message, None);
     }
 
     /// Reports a value that the later checks cannot read.
-    fn unreadable(&mut self, node: &Node, pointer: &str, message: String, help: Option<String>) {
+    fn unreadable(
+        &mut self,
+        node: &JsonNode,
+        pointer: &str,
+        message: String,
+        help: Option<String>,
+    ) {
         self.problems.error_at(&node.place, pointer, message, help);
         self.broken.push(pointer.to_string());
     }
 
-    fn word(&mut self, schema: &Value, words: &[&str], node: &Node, pointer: &str) {
+    fn word(&mut self, schema: &Value, words: &[&str], node: &JsonNode, pointer: &str) {
         let text = node.text();
         if !text.is_some_and(|text| words.contains(&text)) {
             let wanted = expected(self.root, schema);
@@ -90,7 +96,7 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    fn tagged(&mut self, branches: &[&'a Value], node: &Node, pointer: &str) {
+    fn tagged(&mut self, branches: &[&'a Value], node: &JsonNode, pointer: &str) {
         let NodeKind::Object(members) = &node.kind else {
             return self.wrong(&serde_json::json!({ "type": "object" }), node, pointer);
         };
@@ -127,7 +133,7 @@ impl<'a> Walk<'a, '_> {
         &mut self,
         schema: &'a Value,
         variants: &[&Value],
-        node: &Node,
+        node: &JsonNode,
         members: &[Member],
         pointer: &str,
     ) {
@@ -181,7 +187,7 @@ impl<'a> Walk<'a, '_> {
         self.problems.error_at(&member.place, pointer, message, help);
     }
 
-    fn list(&mut self, schema: &'a Value, node: &Node, items: &[Node], pointer: &str) {
+    fn list(&mut self, schema: &'a Value, node: &JsonNode, items: &[JsonNode], pointer: &str) {
         let count = items.len() as u64;
         let short = schema["minItems"].as_u64().is_some_and(|min| count < min);
         let long = schema["maxItems"].as_u64().is_some_and(|max| count > max);
@@ -193,7 +199,7 @@ impl<'a> Walk<'a, '_> {
         }
     }
 
-    fn number(&mut self, schema: &Value, node: &Node, pointer: &str) {
+    fn number(&mut self, schema: &Value, node: &JsonNode, pointer: &str) {
         let integer = schema["type"] == "integer";
         let number = node.number().unwrap_or(f64::NAN);
         if !number.is_finite() {
@@ -218,7 +224,7 @@ impl<'a> Walk<'a, '_> {
 }
 
 /// Returns true if a number is within the bounds of the schema. Absent bounds always hold.
-fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
+fn in_range(schema: &Value, node: &JsonNode, number: f64) -> bool {
     let bound = |key: &str| schema[key].as_f64();
     if let (Some(n), "integer") = (node.integer(), schema["type"].as_str().unwrap_or_default()) {
         let bound =
@@ -233,7 +239,7 @@ fn in_range(schema: &Value, node: &Node, number: f64) -> bool {
         && bound("exclusiveMaximum").is_none_or(|b| number < b)
 }
 
-fn is_type(schema: &Value, node: &Node) -> bool {
+fn is_type(schema: &Value, node: &JsonNode) -> bool {
     if words(schema).is_some() {
         return node.text().is_some();
     }

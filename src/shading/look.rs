@@ -54,14 +54,14 @@ pub enum TextureChoice {
 
 /// The textures of the triangles of a mesh.
 #[derive(Debug, Clone)]
-pub struct FaceTextures {
+pub struct TexturesByFace {
     /// For each triangle, an index into `textures`, or a larger number for none.
     pub indices: Vec<u16>,
     /// Indices into [`Shapes::textures`]; `None` for an image that is missing.
     pub textures: Vec<Option<u32>>,
 }
 
-impl FaceTextures {
+impl TexturesByFace {
     fn of(&self, prim: u32) -> Option<u32> {
         self.textures.get(usize::from(self.indices[prim as usize])).copied().flatten()
     }
@@ -79,7 +79,7 @@ pub struct Shape {
     /// Colours that multiply the material's colour where there is no texture.
     pub colors: Option<MeshColors>,
     /// Textures of the triangles, if they have different ones.
-    pub textures: Option<Box<FaceTextures>>,
+    pub textures: Option<Box<TexturesByFace>>,
     /// What camera rays that hit the shape return.
     pub role: Role,
 }

@@ -27,7 +27,7 @@ pub use image_file::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
 pub use light::{Area, Distant, Emitter, Falloff, Light};
 pub use light_rays::{LightWeights, light_rays};
 pub use light_tree::{DrawnLights, LightTree};
-pub use look::{FaceTextures, Material, Owner, Shape, Shapes, TextureChoice};
+pub use look::{Material, Owner, Shape, Shapes, TextureChoice, TexturesByFace};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use mip_map::Footprint;
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};

@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
     paths::{named, seen_from},
-    scene::{Camera, Document, Loaded, Node, Overrides, ShapeKind, Trimesh, escaped},
+    scene::{Camera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped},
     world::{self, Bounds, placement, several_textures_warning},
 };
 
@@ -141,7 +141,7 @@ fn first_trimesh(template: &Template) -> Result<String> {
     let mut shapes = shapes.take_while(|shape| document.get(shape).is_some());
     let is_trimesh = |shape: &String| {
         let kind = document.get(&format!("{shape}/type"));
-        kind.and_then(Node::text) == Some("trimesh")
+        kind.and_then(JsonNode::text) == Some("trimesh")
     };
     shapes.find(is_trimesh).ok_or_else(|| {
         let message = "found no shape of type trimesh, expected one that the mesh replaces";
@@ -192,7 +192,7 @@ fn colour(
 fn material(template: &Template, shape: &str) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
-    let name = document.get(&inline).and_then(Node::text);
+    let name = document.get(&inline).and_then(JsonNode::text);
     let name = name.map(|name| format!("/scene/materials/{}", escaped(name)));
     Ok(name.unwrap_or(inline))
 }

@@ -11,7 +11,7 @@ use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
 /// Returns the colours that a shape needs from its file. `textured` is true if its material has a
 /// texture, which hides all colours.
 pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
-    use mesh::ColorSource as Source;
+    use mesh::ColorChoice as Source;
     let (source, place) = match &spec.color {
         _ if textured => (Source::Nothing, ""),
         None if spec.vertex_colors => (Source::Any, ""),

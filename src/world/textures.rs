@@ -9,7 +9,7 @@ use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{
-    DEFAULT_MAX_BYTES, FaceTextures, Material, Negative, Texture, TextureChoice, WHOLE_TEXELS,
+    DEFAULT_MAX_BYTES, Material, Negative, Texture, TextureChoice, TexturesByFace, WHOLE_TEXELS,
 };
 
 use super::sources::{ReadFiles, beside};
@@ -127,7 +127,7 @@ pub struct MeshMaterial {
     /// Index of the new material.
     pub material: u32,
     /// Textures of the triangles, if they have different ones.
-    pub textures: Option<FaceTextures>,
+    pub textures: Option<TexturesByFace>,
 }
 
 /// Returns a warning if a mesh names several images and only one of them is used.
@@ -221,7 +221,7 @@ pub fn load_mesh_images(
         let plain = &materials[scene.shapes[shape].material];
         // A scan's texture has far more texels than a picture has pixels.
         let material = Material { texture, filter: Filter::Trilinear, ..plain.clone() };
-        let textures = indices.map(|indices| FaceTextures { indices, textures: slots });
+        let textures = indices.map(|indices| TexturesByFace { indices, textures: slots });
         mesh_materials.push(MeshMaterial { shape, material: materials.len() as u32, textures });
         materials.push(material);
     }

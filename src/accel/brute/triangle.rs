@@ -9,7 +9,8 @@ use super::exact::{
 };
 use crate::accel::lane::LaneRay;
 
-/// Largest relative error of [`Crossing::t`]. Integers take over where f64 cannot guarantee it.
+/// Largest relative error of [`ExactCrossing::t`]. Integers take over where f64 cannot guarantee
+/// it.
 const T_ERROR: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Largest error of the barycentric weights. Integers take over where f64 cannot guarantee it.
@@ -17,7 +18,7 @@ const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
 
 /// The point where a ray hits a triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct Crossing {
+pub struct ExactCrossing {
     /// Ray parameter, with a relative error of at most 2^-40.
     pub t: f64,
     /// Barycentric weight of the second corner.
@@ -28,7 +29,7 @@ pub struct Crossing {
     pub ng: DVec3,
 }
 
-impl Crossing {
+impl ExactCrossing {
     /// Bound on the distance between `t` and the exact ray parameter.
     pub fn t_error(&self) -> f64 {
         self.t.abs() * T_ERROR
@@ -43,7 +44,7 @@ impl Crossing {
 /// of the three signs are opposite. The three determinants add up to d . n, which is 0 for a
 /// triangle seen edge-on.
 #[inline(always)]
-pub fn crossing(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<Crossing> {
+pub fn crossing(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<ExactCrossing> {
     let [a, b, c] = corners.map(|corner| corner - ray.origin);
     let d = ray.direction;
     let edges = [
@@ -61,12 +62,16 @@ pub fn crossing(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<Crossing> {
 
 /// [`crossing`] without its f64 filter: integers decide.
 #[cfg(test)]
-pub fn integers_only(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<Crossing> {
+pub fn integers_only(ray: &LaneRay, corners: &[DVec3; 3]) -> Option<ExactCrossing> {
     decide(ray, corners, [BoundedDeterminant { value: f64::NAN, error: f64::NAN }; 3])
 }
 
 #[inline(never)]
-fn decide(ray: &LaneRay, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -> Option<Crossing> {
+fn decide(
+    ray: &LaneRay,
+    corners: &[DVec3; 3],
+    edges: [BoundedDeterminant; 3],
+) -> Option<ExactCrossing> {
     let exact = Exact::new(ray, corners);
     let mut signs = [Equal; 3];
     for (i, edge) in edges.iter().enumerate() {
@@ -92,12 +97,12 @@ fn decide(ray: &LaneRay, corners: &[DVec3; 3], edges: [BoundedDeterminant; 3]) -
         && weights_error <= WEIGHT_ERROR * d.value.abs()
         && !sum.is_nan();
     let crossing = if sound {
-        Crossing { t, u: edges[1].value / sum, v: edges[2].value / sum, ng }
+        ExactCrossing { t, u: edges[1].value / sum, v: edges[2].value / sum, ng }
     } else {
         let d = exact.facing();
         let quotient = |n| Fraction::new(n, d.clone()).to_f64();
         let t = quotient(exact.distance());
-        Crossing { t, u: quotient(exact.edge(1)), v: quotient(exact.edge(2)), ng }
+        ExactCrossing { t, u: quotient(exact.edge(1)), v: quotient(exact.edge(2)), ng }
     };
     let beyond = |limit: f64| {
         if limit.is_finite() && (crossing.t - limit).abs() <= crossing.t_error() {

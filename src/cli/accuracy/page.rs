@@ -2,7 +2,7 @@
 
 use crate::{
     lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, WrongKind},
-    report::{Bar, Bars, Cell, Group, Page, Section, picture},
+    report::{Bar, BarGroup, Bars, Cell, Page, Section, picture},
     units,
 };
 
@@ -55,7 +55,7 @@ fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
 
 fn vertices(report: &AccuracyReport) -> String {
     let aimed = report.rows.iter().filter(|row| row.name.ends_with(", at vertices"));
-    let groups = aimed.map(|row| Group {
+    let groups = aimed.map(|row| BarGroup {
         label: row.name.trim_end_matches(", at vertices").into(),
         bars: row
             .entries

@@ -5,7 +5,7 @@ use crate::{
         growth::{Growth, Quantity},
         result::{BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind},
     },
-    report::{Bar, Bars, Cell, ChartLine, Group, LineChart, Page, Ratio, Ratios, Section},
+    report::{Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section},
     units,
 };
 
@@ -141,13 +141,13 @@ fn names(scene: &SceneResult) -> Vec<String> {
     scene.backends.iter().map(|backend| backend.name.clone()).collect()
 }
 
-fn group(label: String, row: &TimingRow) -> Group {
+fn group(label: String, row: &TimingRow) -> BarGroup {
     let bars = row.entries.iter().map(|entry| Bar {
         value: entry.rate.value,
         interval: Some([entry.rate.low, entry.rate.high]),
         wrong: wrong(entry),
     });
-    Group { label, bars: bars.collect() }
+    BarGroup { label, bars: bars.collect() }
 }
 
 fn rates(scene: &SceneResult, threads: usize, mode: &str) -> String {
@@ -170,7 +170,7 @@ fn rest(scene: &SceneResult, what: WorkKind, title: &str, unit: &str) -> String 
 fn memory(scene: &SceneResult) -> String {
     let per =
         |bytes: u64| Bar { value: bytes as f64 / scene.triangles.max(1) as f64, ..Bar::default() };
-    let group = |label: &str, bars: Vec<Bar>| Group { label: label.into(), bars };
+    let group = |label: &str, bars: Vec<Bar>| BarGroup { label: label.into(), bars };
     let held = scene.backends.iter().map(|b| per(b.bytes)).collect();
     let peak = scene.backends.iter().map(|b| per(b.peak_bytes)).collect();
     Bars {
@@ -191,7 +191,7 @@ fn visits(scene: &SceneResult) -> String {
         let group = |label: &str, value: fn(&TimingEntry) -> Option<f64>| {
             let value = |e: &TimingEntry| value(e).unwrap_or(f64::NAN);
             let bars = row.entries.iter().map(|e| Bar { value: value(e), ..Bar::default() });
-            Group { label: format!("{}: {label}", row.label()), bars: bars.collect() }
+            BarGroup { label: format!("{}: {label}", row.label()), bars: bars.collect() }
         };
         [group("nodes", |e| e.nodes_per_ray), group("primitives", |e| e.primitives_per_ray)]
     });

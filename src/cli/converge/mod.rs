@@ -14,7 +14,9 @@ use crate::{
             file::{FileFormat, Picture},
             layer::{Meaning, PictureLayer},
         },
-        converge::{self, Limits, ReferencePicture, StudyGrid, StudyNames, StudySettings, report},
+        converge::{
+            self, ReferencePicture, StudyGrid, StudyLimits, StudyNames, StudySettings, report,
+        },
     },
     monitor::Monitor,
     output::exr_read,
@@ -90,12 +92,12 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     print::paths(&outputs.written())
 }
 
-fn limits(args: &ConvergeArgs) -> Result<Limits> {
+fn limits(args: &ConvergeArgs) -> Result<StudyLimits> {
     if !(args.budget > 0.0 && args.budget <= 1e6) {
         let message = format!("found {}, expected seconds in (0, 1e6]", args.budget);
         return Err(Error::invalid("--budget", message));
     }
-    Ok(Limits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
+    Ok(StudyLimits { budget: args.budget, repeats: args.repeats, seed: args.seed.unwrap_or(0) })
 }
 
 fn tested_backends(args: &ConvergeArgs, scene: &Scene, isa: Isa) -> Result<Vec<TestedBackend>> {

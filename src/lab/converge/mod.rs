@@ -30,7 +30,7 @@ pub use result::{
     CheapestPoint, MeanWithError, PointResult, ReferenceResult, SamplerRatio, Series, StudyNames,
     StudyReport, VERSION, report,
 };
-pub use study::{Limits, Study, StudyPoint};
+pub use study::{Study, StudyLimits, StudyPoint};
 
 use self::clock::Clock;
 use super::backend::TestedBackend;
@@ -55,7 +55,7 @@ pub struct StudySettings {
     /// Settings that are compared.
     pub grid: StudyGrid,
     /// Budget, number of renders and first seed.
-    pub limits: Limits,
+    pub limits: StudyLimits,
     /// Start of the study. Its budget counts from there.
     pub started: Instant,
     /// Instruction set of the shading.

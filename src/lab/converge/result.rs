@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fit::{Slope, front, slope};
 use super::grid::Setting;
-use super::study::{Limits, Study, StudyPoint};
+use super::study::{Study, StudyLimits, StudyPoint};
 use crate::lab::result::Machine;
 use crate::lab::stats::{mad, mean, median};
 use crate::units::plural;
@@ -179,7 +179,12 @@ pub struct StudyNames {
 }
 
 /// Computes the report of a finished study. `seconds` is its duration.
-pub fn report(study: &Study, subject: StudyNames, limits: Limits, seconds: f64) -> StudyReport {
+pub fn report(
+    study: &Study,
+    subject: StudyNames,
+    limits: StudyLimits,
+    seconds: f64,
+) -> StudyReport {
     let antialiased = study.points.iter().any(|point| point.setting.spp > 1);
     let measured = study.points.iter().filter(|point| !point.errors.is_empty());
     let measured: Vec<&StudyPoint> = measured.collect();

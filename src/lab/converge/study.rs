@@ -18,7 +18,7 @@ const FINER: f64 = 64.0;
 
 /// Limits of a study: time, number of renders and seeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct StudyLimits {
     /// Seconds for the whole study.
     pub budget: f64,
     /// Number of renders of each setting, each with its own seed.
@@ -70,7 +70,7 @@ pub struct StudyPoint {
 #[derive(Debug)]
 pub struct Study {
     grid: StudyGrid,
-    limits: Limits,
+    limits: StudyLimits,
     width: usize,
     stage: Stage,
     /// Seconds per unit of work, for each backend.
@@ -102,7 +102,7 @@ impl Study {
     /// rendered.
     pub fn new(
         grid: StudyGrid,
-        limits: Limits,
+        limits: StudyLimits,
         width: usize,
         reference: Option<ReferencePicture>,
     ) -> Self {
@@ -130,7 +130,7 @@ impl Study {
 
     /// Chooses the next render, `elapsed` seconds after the study began. `None` ends the study.
     pub fn next(&mut self, elapsed: f64) -> Option<StudyRender> {
-        let Limits { budget, seed, .. } = self.limits;
+        let StudyLimits { budget, seed, .. } = self.limits;
         let left = SHARES[1] * budget - elapsed;
         loop {
             match self.stage {

@@ -24,7 +24,7 @@ fn render(job: &StudyRender) -> Vec<f32> {
 }
 
 /// Runs a study whose renders take `per_work` seconds per unit of work.
-fn run_all(grid: &StudyGrid, limits: Limits, per_work: f64) -> (Study, Vec<StudyRender>, f64) {
+fn run_all(grid: &StudyGrid, limits: StudyLimits, per_work: f64) -> (Study, Vec<StudyRender>, f64) {
     let mut study = Study::new(grid.clone(), limits, WIDTH, None);
     let (mut now, mut jobs) = (0.0, Vec::new());
     while let Some(job) = study.next(now) {
@@ -45,11 +45,11 @@ fn grid() -> StudyGrid {
     }
 }
 
-fn limits(budget: f64) -> Limits {
-    Limits { budget, repeats: 3, seed: 5 }
+fn limits(budget: f64) -> StudyLimits {
+    StudyLimits { budget, repeats: 3, seed: 5 }
 }
 
-fn found(study: &Study, limits: Limits) -> StudyReport {
+fn found(study: &Study, limits: StudyLimits) -> StudyReport {
     let machine =
         Machine { cpu: String::new(), cores: 1, isa: String::new(), versions: Default::default() };
     let subject = StudyNames {

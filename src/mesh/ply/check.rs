@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::mesh::arrays::{FaceTextures, Notes};
-use crate::mesh::normals::{Point, cross, sub};
+use crate::mesh::normals::{VertexPosition, cross, sub};
 
 /// A face: the name of its element and the index of its row.
 type Face = (&'static str, u64);
@@ -84,7 +84,7 @@ impl Tally {
     }
 
     /// Returns an error if a face uses an index out of range or a non-finite vertex.
-    pub(super) fn verdict<P: Point>(&mut self, positions: &[P], name: &str) -> Result<()> {
+    pub(super) fn verdict<P: VertexPosition>(&mut self, positions: &[P], name: &str) -> Result<()> {
         let mut problems = Vec::new();
         let count = positions.len();
         if let Some(((element, row), value)) = self.first_bad_index {
@@ -123,7 +123,7 @@ pub(super) struct Checker<'a, P> {
     pub(super) tally: Tally,
 }
 
-impl<'a, P: Point> Checker<'a, P> {
+impl<'a, P: VertexPosition> Checker<'a, P> {
     pub(super) fn new(positions: &'a [P], element: &'static str) -> Self {
         Self { positions, element, tally: Tally::default() }
     }

@@ -2,7 +2,7 @@
 //! property is one that is no list.
 
 use super::header::{Element, Header, PropertyType};
-use super::options::ColorSource;
+use super::options::ColorChoice;
 use super::options::ReadOptions;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
@@ -60,14 +60,14 @@ pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Resu
         Err(Error::invalid(place, message).help(choices(header)))
     };
     match request.source {
-        ColorSource::Nothing => Ok(chosen(MeshElement::Vertex, None)),
-        ColorSource::Any if vertices.is_none() => Ok(chosen(MeshElement::Face, faces)),
-        ColorSource::Any => Ok(chosen(MeshElement::Vertex, vertices)),
-        ColorSource::Vertices if vertices.is_none() => lacks("vertices"),
-        ColorSource::Vertices => Ok(chosen(MeshElement::Vertex, vertices)),
-        ColorSource::Faces if faces.is_none() => lacks("faces"),
-        ColorSource::Faces => Ok(chosen(MeshElement::Face, faces)),
-        ColorSource::Property(name) => {
+        ColorChoice::Nothing => Ok(chosen(MeshElement::Vertex, None)),
+        ColorChoice::Any if vertices.is_none() => Ok(chosen(MeshElement::Face, faces)),
+        ColorChoice::Any => Ok(chosen(MeshElement::Vertex, vertices)),
+        ColorChoice::Vertices if vertices.is_none() => lacks("vertices"),
+        ColorChoice::Vertices => Ok(chosen(MeshElement::Vertex, vertices)),
+        ColorChoice::Faces if faces.is_none() => lacks("faces"),
+        ColorChoice::Faces => Ok(chosen(MeshElement::Face, faces)),
+        ColorChoice::Property(name) => {
             let found = property(header, name);
             let usable = |element| !options.points || element == MeshElement::Vertex;
             let Some((element, at, kind)) = found.filter(|found| usable(found.0)) else {

@@ -16,7 +16,7 @@ use super::row::{Fault, Row, RowResult};
 use super::scalar::{Native, Scalar};
 use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
-use crate::mesh::normals::Point;
+use crate::mesh::normals::VertexPosition;
 use crate::reserve;
 
 /// Number of triangles that one task copies.
@@ -26,7 +26,11 @@ const GRAIN: usize = 1 << 14;
 const DROPPED: [u32; 3] = [u32::MAX; 3];
 
 /// Reads the faces of `table`, checks them and splits polygons into triangles.
-pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) -> Result<Faces> {
+pub(super) fn read<P: VertexPosition>(
+    table: &Table,
+    plan: &FacePlan,
+    positions: &[P],
+) -> Result<Faces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords && !plan.texnumbers {
             let faces = all_triangles(table, plan, uniform, big, positions)?;
@@ -45,7 +49,7 @@ pub(super) fn read<P: Point>(table: &Table, plan: &FacePlan, positions: &[P]) ->
 
 /// Reads an element in which every face is a triangle, every row has the same size, and no texture
 /// data is read.
-fn all_triangles<P: Point>(
+fn all_triangles<P: VertexPosition>(
     table: &Table,
     plan: &FacePlan,
     uniform: &Uniform,
@@ -84,7 +88,7 @@ fn all_triangles<P: Point>(
 
 /// Copies and checks the triangles of all rows. Their three indices of type `T` start at byte `at`
 /// of the row. Triangles to drop become [`DROPPED`].
-fn copy<T: Native + Into<i64>, P: Point>(
+fn copy<T: Native + Into<i64>, P: VertexPosition>(
     table: &Table,
     uniform: &Uniform,
     at: usize,
@@ -162,7 +166,7 @@ struct BlockFaces<'a, P> {
     split: Vec<[u32; 3]>,
 }
 
-impl<'a, P: Point> BlockFaces<'a, P> {
+impl<'a, P: VertexPosition> BlockFaces<'a, P> {
     fn new(plan: &'a FacePlan, context: ReadContext<'a>, positions: &'a [P]) -> Self {
         let element = if plan.strips { "tristrips" } else { "face" };
         Self {
@@ -315,7 +319,7 @@ impl<'a, P: Point> BlockFaces<'a, P> {
     }
 }
 
-impl<P: Point> RowConsumer for BlockFaces<'_, P> {
+impl<P: VertexPosition> RowConsumer for BlockFaces<'_, P> {
     fn take<R: Row>(&mut self, values: &mut R, row: u64) -> RowResult<()> {
         let plan = self.plan;
         self.texcoords.clear();

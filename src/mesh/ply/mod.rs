@@ -37,7 +37,7 @@ mod unused;
 mod vertex;
 mod whole;
 
-pub use options::{ColorRequest, ColorSource, ReadOptions};
+pub use options::{ColorChoice, ColorRequest, ReadOptions};
 pub use read::{read, read_bytes};
 pub use scalar::Scalar;
 pub use summary::{

@@ -5,7 +5,7 @@ use crate::reserve::MemoryLimit;
 
 /// The colours to read.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum ColorSource<'a> {
+pub enum ColorChoice<'a> {
     /// Colours of the vertices, or else of the faces, if the file has any.
     #[default]
     Any,
@@ -24,7 +24,7 @@ pub enum ColorSource<'a> {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ColorRequest<'a> {
     /// Source of the colours.
-    pub source: ColorSource<'a>,
+    pub source: ColorChoice<'a>,
     /// Place of the request in a scene, for messages. Empty: messages name the mesh file.
     pub place: &'a str,
 }

@@ -9,7 +9,7 @@ use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
 use crate::scene::{
     checked::Projection,
     description::{self, Axes, Intrinsics, Matrix},
-    node::Place,
+    node::JsonPlace,
 };
 
 use super::affine::{Refusal, split};
@@ -67,7 +67,7 @@ impl Check<'_, '_> {
             let node = self.document.get(&pointer);
             // Only an override of exactly this key counts: one of the whole camera has its own
             // intrinsics.
-            node.is_some_and(|node| matches!(&node.place, Place::Set(at) if **at == *pointer))
+            node.is_some_and(|node| matches!(&node.place, JsonPlace::Set(at) if **at == *pointer))
         };
         if set("fx") {
             return;

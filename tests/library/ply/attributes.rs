@@ -4,7 +4,7 @@
 use crate::support::ply_writer::{ALL, Ply, Rows, V, read, read_all};
 use lightpath::error::Error;
 use lightpath::mesh::{
-    ColorRequest, ColorSource, Colors, Mesh, MeshElement, ReadOptions, Scalars, read_ply_bytes,
+    ColorChoice, ColorRequest, Colors, Mesh, MeshElement, ReadOptions, Scalars, read_ply_bytes,
 };
 
 const XYZ: [&str; 3] = ["float x", "float y", "float z"];
@@ -36,7 +36,7 @@ fn with_faces(
 }
 
 /// Reads with a request, in every encoding, whole and through a small window. All must agree.
-fn requested(ply: &Ply, source: ColorSource) -> Result<Mesh, Error> {
+fn requested(ply: &Ply, source: ColorChoice) -> Result<Mesh, Error> {
     let options = ReadOptions::default().color(ColorRequest { source, place: "" });
     let mut first: Option<Mesh> = None;
     for encoding in ALL {
@@ -101,7 +101,7 @@ fn dropped_triangles_take_their_colours_with_them() {
         let more = [&RGB[..], &["float area"]].concat();
         let ply = with_faces(vertices(5, &[], |_, _| 0.0), &faces, &more, |face, _| face as f64);
         for (source, is_property) in
-            [(ColorSource::Any, false), (ColorSource::Property("area"), true)]
+            [(ColorChoice::Any, false), (ColorChoice::Property("area"), true)]
         {
             for encoding in ALL {
                 let options = ReadOptions::default().repair(true);
@@ -130,11 +130,11 @@ fn vertex_colours_come_before_face_colours_and_only_one_kind_is_stored() {
         let mesh = requested(&ply, source).unwrap();
         (mesh.colors.is_some(), mesh.face_colors.is_some(), mesh.property.is_some())
     };
-    assert_eq!(has(ColorSource::Any), (true, false, false));
-    assert_eq!(has(ColorSource::Vertices), (true, false, false));
-    assert_eq!(has(ColorSource::Faces), (false, true, false));
-    assert_eq!(has(ColorSource::Nothing), (false, false, false));
-    assert_eq!(has(ColorSource::Property("red")), (false, false, true));
+    assert_eq!(has(ColorChoice::Any), (true, false, false));
+    assert_eq!(has(ColorChoice::Vertices), (true, false, false));
+    assert_eq!(has(ColorChoice::Faces), (false, true, false));
+    assert_eq!(has(ColorChoice::Nothing), (false, false, false));
+    assert_eq!(has(ColorChoice::Property("red")), (false, false, true));
 }
 
 #[test]
@@ -173,7 +173,7 @@ fn scalars_of_every_type_keep_their_values() {
         let of_vertices = vertices(3, &[&property], |i, _| value - (i % 2) as f64);
         let of_vertices = of_vertices.faces(&[&[0, 1, 2]]);
         for name in ["quality", "vertex.quality"] {
-            let mesh = requested(&of_vertices, ColorSource::Property(name)).unwrap();
+            let mesh = requested(&of_vertices, ColorChoice::Property(name)).unwrap();
             assert_eq!(values(&mesh), [value, value - 1.0, value], "{kind}");
             let property = mesh.property.unwrap();
             assert_eq!(
@@ -185,7 +185,7 @@ fn scalars_of_every_type_keep_their_values() {
         let of_faces = with_faces(vertices(4, &[], |_, _| 0.0), &faces, &[&property], |i, _| {
             value - (i % 2) as f64
         });
-        let mesh = requested(&of_faces, ColorSource::Property("quality")).unwrap();
+        let mesh = requested(&of_faces, ColorChoice::Property("quality")).unwrap();
         assert_eq!(values(&mesh), [value, value - 1.0], "{kind}");
         assert_eq!(mesh.property.unwrap().element, MeshElement::Face);
         // Without a request the property is skipped.
@@ -197,9 +197,9 @@ fn scalars_of_every_type_keep_their_values() {
 fn a_property_that_has_another_use_can_be_shown_too() {
     let more = ["float nx", "float ny", "float nz"];
     let ply = vertices(4, &more, |i, k| (i + k) as f64).faces(&[&[0, 1, 2], &[1, 2, 3]]);
-    let mesh = requested(&ply, ColorSource::Property("y")).unwrap();
+    let mesh = requested(&ply, ColorChoice::Property("y")).unwrap();
     assert_eq!(values(&mesh), [0.0, 1.0, 4.0, 9.0]);
-    let mesh = requested(&ply, ColorSource::Property("nz")).unwrap();
+    let mesh = requested(&ply, ColorChoice::Property("nz")).unwrap();
     assert_eq!(values(&mesh), [2.0, 3.0, 4.0, 5.0]);
     assert!(mesh.normals.is_some());
     let ply = with_faces(
@@ -208,7 +208,7 @@ fn a_property_that_has_another_use_can_be_shown_too() {
         &["int texnumber"],
         |i, _| i as f64,
     );
-    let mesh = requested(&ply, ColorSource::Property("texnumber")).unwrap();
+    let mesh = requested(&ply, ColorChoice::Property("texnumber")).unwrap();
     assert_eq!(values(&mesh), [0.0, 1.0]);
 }
 
@@ -221,14 +221,14 @@ fn requests_that_a_file_cannot_meet() {
     }
     let lists = "its scalar properties are vertex.x, vertex.y, vertex.z, vertex.quality, face.area";
     for (source, message, help) in [
-        (ColorSource::Vertices, "t.ply has no colours of its vertices", lists),
-        (ColorSource::Faces, "t.ply has no colours of its faces", lists),
+        (ColorChoice::Vertices, "t.ply has no colours of its vertices", lists),
+        (ColorChoice::Faces, "t.ply has no colours of its faces", lists),
         (
-            ColorSource::Property("qualty"),
+            ColorChoice::Property("qualty"),
             "t.ply has no scalar property \"qualty\"",
             "did you mean `quality`? its scalar properties are vertex.x",
         ),
-        (ColorSource::Property("weights"), "t.ply has no scalar property \"weights\"", lists),
+        (ColorChoice::Property("weights"), "t.ply has no scalar property \"weights\"", lists),
     ] {
         let error = requested(&ply, source).unwrap_err();
         assert_eq!(error.exit_code(), 2);
@@ -236,7 +236,7 @@ fn requests_that_a_file_cannot_meet() {
         assert!(text.contains(&format!("t.ply: {message}")) && text.contains(help), "{text}");
     }
     let options = ReadOptions::default();
-    let request = ColorRequest { source: ColorSource::Faces, place: "s.json:3:9" };
+    let request = ColorRequest { source: ColorChoice::Faces, place: "s.json:3:9" };
     let bytes = ply.write(ALL[0]);
     let error = read_ply_bytes(&bytes, "t.ply", options.color(request)).unwrap_err().to_string();
     assert!(error.starts_with("error: s.json:3:9: t.ply has no colours"), "{error}");
@@ -257,10 +257,10 @@ fn points_are_read_without_their_faces() {
             let Some(Colors::U8(colors)) = &mesh.colors else { panic!("colours") };
             assert_eq!(colors[4], [4, 14, 24]);
             assert_eq!(mesh.used_vertices(), [true; 5]);
-            let color = ColorRequest { source: ColorSource::Property("quality"), place: "" };
+            let color = ColorRequest { source: ColorChoice::Property("quality"), place: "" };
             let mesh = read_ply_bytes(&bytes, "t.ply", options.color(color)).unwrap();
             assert_eq!(values(&mesh), [60.0, 61.0, 62.0, 63.0, 64.0]);
-            let color = ColorRequest { source: ColorSource::Faces, place: "" };
+            let color = ColorRequest { source: ColorChoice::Faces, place: "" };
             assert!(read_ply_bytes(&bytes, "t.ply", options.color(color)).is_err());
         }
     }
