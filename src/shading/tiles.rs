@@ -269,7 +269,7 @@ fn write_at(_: &File, _: &[u8], _: u64) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Kind;
+    use crate::error::ErrorKind;
 
     /// Bytes that differ between neighbours in any direction.
     fn byte(x: usize, y: usize, i: usize) -> u8 {
@@ -322,7 +322,7 @@ mod tests {
         assert_eq!((texel(0, 0), tiles.check()), (first, Ok(())));
         assert_eq!(texel(150, 90), [0; 3]);
         let error = tiles.check().unwrap_err();
-        assert_eq!(error.kind, Kind::Retry);
+        assert_eq!(error.kind, ErrorKind::Retry);
         assert!(error.to_string().contains("cannot read the texels"), "{error}");
     }
 

@@ -7,7 +7,7 @@ use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, Pa
 use png::{ColorType, DecodingError as PngError};
 
 use super::header::{explain, name, open};
-use crate::error::{Error, Kind, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
 use crate::shading::tiles::{TileWriter, Tiles};
 
@@ -27,7 +27,7 @@ pub fn read(path: &Path, tiles: Tiles, max_bytes: u64) -> Result<(Tiles, Option<
     let (color, depth) = reader.output_color_type();
     if (width, height) != tiles.size() || depth != png::BitDepth::Eight {
         let problem = Problem::new(name(path), "was changed while it was read");
-        return Err(Error::new(Kind::Retry, problem));
+        return Err(Error::new(ErrorKind::Retry, problem));
     }
     let mut writer = TileWriter::new(tiles, &name(path))?;
     let (mut row, mut rgb) = (vec![0; width as usize * color.samples()], Vec::new());

@@ -419,5 +419,5 @@ fn an_image_in_tiles_may_be_larger_than_the_memory() {
         assert!(decoded.image.tiles().is_some());
         assert_eq!(decoded.image.bytes(), size.stored);
     }
-    assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, Kind::Limit);
+    assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, ErrorKind::Limit);
 }
