@@ -10,6 +10,8 @@ pub type Slot = [f32; 8];
 /// Lane 3 of an inner node's box holds 2 x the distance to the slot of the right child. Lane 3 of a
 /// leaf's box holds 1 + 2 x the number of its references, + 64 for spheres. Lane 7 of a leaf's box
 /// holds the index of its first reference, and later the leaf's index among the leaves of its kind.
+/// Lane 7 of an inner node's box holds the number of wide nodes in its subtree if it becomes a wide
+/// node.
 #[derive(Debug, Clone, Copy)]
 pub struct BinaryNode(Bounds3);
 
@@ -57,10 +59,16 @@ impl BinaryNode {
         if bits & 1 == 0 { (bits / 2) as usize } else { 0 }
     }
 
-    /// Index of a leaf among the leaves of its kind, once it is set.
+    /// Index of a leaf among the leaves of its kind, or number of wide nodes in a subtree, once it
+    /// is set.
     #[inline(always)]
     pub fn number(&self) -> usize {
         self.0.0[7].to_bits() as usize
+    }
+
+    /// Sets what [`BinaryNode::number`] returns.
+    pub fn set_number(&mut self, number: usize) {
+        self.0.0[7] = f32::from_bits(number as u32);
     }
 
     /// Whether a leaf holds spheres. Meaningless for an inner node.

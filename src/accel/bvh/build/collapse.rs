@@ -65,23 +65,29 @@ impl Tree {
 /// From this many slots on, two subtrees are processed in parallel.
 const MIN_PARALLEL: usize = 1 << 16;
 
+/// From this many wide nodes on, the subtrees of a node are written in parallel.
+const MIN_PARALLEL_NODES: usize = 1 << 12;
+
 /// Collapses a binary tree. An empty tree becomes a root without children. Wide nodes refer to
 /// leaves by index; the leaves themselves are not made here.
 ///
 /// # Errors
 /// If there is too little memory.
-pub fn collapse(tree: &BinaryTree) -> Result<Tree> {
-    let binary = &tree.slots[..];
+pub fn collapse(tree: &mut BinaryTree) -> Result<Tree> {
+    let binary = &mut tree.slots[..];
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
-    // There is about one wide node for every 8 leaves. The probe allows one for every 6.
-    reserve::probe((tree.len / 12 * size_of::<Node>()) as u64, "bvh")?;
-    let (nodes, depth) = match binary {
-        [] => (vec![Node::EMPTY], 1),
-        _ => {
-            slots(binary, &mut plan, area_unit(&binary[0]));
-            wide(binary, &plan, 0)
-        }
-    };
+    let mut nodes = Vec::new();
+    let mut depth = 1;
+    if !binary.is_empty() {
+        slots(binary, &mut plan, area_unit(&binary[0]));
+    }
+    // If the whole tree is one leaf, the root is no binary node.
+    let number = if binary.is_empty() { 0 } else { count(binary, &plan, 1) }.max(1);
+    reserve::exact(&mut nodes, number, "bvh")?;
+    (0..number).into_par_iter().map(|_| Node::EMPTY).collect_into_vec(&mut nodes);
+    if !binary.is_empty() {
+        depth = write(binary, &plan, 0, &mut nodes, 0);
+    }
     Ok(Tree {
         nodes,
         blocks: Vec::new(),
@@ -152,58 +158,64 @@ fn slots(binary: &[Slot], plan: &mut [Plan], unit: f64) -> [f32; WIDTH] {
     cost
 }
 
-/// Returns the wide tree below a binary node, its root first, and the number of its levels.
-fn wide(binary: &[Slot], plan: &[Plan], root: usize) -> (Vec<Node>, usize) {
-    let children = Children::new(binary, plan, root);
-    let inner = children.indices().iter().filter(|&&i| !is_leaf(binary, i)).count();
-    let size = |&i: &usize| BinaryNode::read(&binary[i]).right();
-    if inner == 0 || children.indices().iter().map(size).sum::<usize>() < MIN_PARALLEL {
-        let mut nodes = Vec::new();
-        let depth = append(binary, plan, root, &mut nodes);
-        return (nodes, depth);
+/// Counts the wide nodes of the subtree whose root is the first node of `binary`, if it may fill
+/// `slots` slots. Stores in each binary node that becomes a wide one how many are in its subtree.
+fn count(binary: &mut [Slot], plan: &[Plan], slots: usize) -> usize {
+    let mut root = BinaryNode::read(&binary[0]);
+    let right = root.right();
+    if right == 0 {
+        return 0;
     }
-    let below: Vec<_> = children
-        .indices()
-        .par_iter()
-        .map(|&i| (!is_leaf(binary, i)).then(|| wide(binary, plan, i)))
-        .collect();
-    let mut starts = [0; WIDTH];
-    let mut next = 1;
-    for (start, part) in starts.iter_mut().zip(&below) {
-        *start = next;
-        next += part.as_ref().map_or(0, |(nodes, _)| nodes.len());
+    let shared = if slots < 2 { 0 } else { usize::from(plan[0][slots - 1]) };
+    let (own, left) = match shared {
+        0 => (1, usize::from(plan[0][0])),
+        left => (0, left),
+    };
+    let others = if own == 1 { WIDTH - left } else { slots - left };
+    let parallel = binary.len() >= MIN_PARALLEL;
+    let (below_left, below_right) = binary[1..].split_at_mut(right - 1);
+    let (a, b) = if parallel {
+        rayon::join(
+            || count(below_left, &plan[1..right], left),
+            || count(below_right, &plan[right..], others),
+        )
+    } else {
+        (count(below_left, &plan[1..right], left), count(below_right, &plan[right..], others))
+    };
+    let all = own + a + b;
+    if own == 1 {
+        root.set_number(all);
+        root.write(&mut binary[0]);
     }
-    let mut nodes = Vec::with_capacity(next);
-    nodes.push(children.node(binary, &starts));
-    let mut depth = 0;
-    for (mut part, levels) in below.into_iter().flatten() {
-        let base = nodes.len();
-        for child in part.iter_mut().flat_map(|node| &mut node.children) {
-            if let ChildKind::Node(index) = child.kind() {
-                *child = Child::node(base + index);
-            }
-        }
-        nodes.append(&mut part);
-        depth = depth.max(levels);
-    }
-    (nodes, depth + 1)
+    all
 }
 
-/// Appends the wide tree below a binary node. Returns the number of its levels.
-fn append(binary: &[Slot], plan: &[Plan], root: usize, nodes: &mut Vec<Node>) -> usize {
+/// Writes the wide tree below a binary node to `nodes`, its root first. The first of `nodes` has
+/// the index `base`. Returns the number of its levels.
+fn write(binary: &[Slot], plan: &[Plan], root: usize, nodes: &mut [Node], base: usize) -> usize {
+    let parallel = nodes.len() >= MIN_PARALLEL_NODES;
     let children = Children::new(binary, plan, root);
-    let place = nodes.len();
-    nodes.push(Node::EMPTY);
     let mut starts = [0; WIDTH];
-    let mut depth = 0;
+    let (node, mut rest) = nodes.split_at_mut(1);
+    let mut below: [Option<(usize, usize, &mut [Node])>; WIDTH] = [const { None }; WIDTH];
+    let mut next = base + 1;
     for (slot, &i) in children.indices().iter().enumerate() {
-        if !is_leaf(binary, i) {
-            starts[slot] = nodes.len();
-            depth = depth.max(append(binary, plan, i, nodes));
+        if is_leaf(binary, i) {
+            continue;
         }
+        let (own, others) = rest.split_at_mut(BinaryNode::read(&binary[i]).number());
+        (starts[slot], rest) = (next, others);
+        next += own.len();
+        below[slot] = Some((i, starts[slot], own));
     }
-    nodes[place] = children.node(binary, &starts);
-    depth + 1
+    node[0] = children.node(binary, &starts);
+    let levels =
+        |(i, start, nodes): (usize, usize, &mut [Node])| write(binary, plan, i, nodes, start);
+    let depth = match parallel {
+        true => below.into_par_iter().flatten().map(levels).max(),
+        false => below.into_iter().flatten().map(levels).max(),
+    };
+    depth.unwrap_or(0) + 1
 }
 
 fn is_leaf(binary: &[Slot], index: usize) -> bool {

@@ -72,7 +72,7 @@ pub fn build(
     drop(references);
     let leaves = binary::number_leaves(&mut binary)?;
     let sorted = sorted + size_of_val(&leaves[..]) as u64;
-    let mut tree = collapse::collapse(&binary)?;
+    let mut tree = collapse::collapse(&mut binary)?;
     let collapsing = sorted + collapse::scratch_bytes(&binary) + tree.bytes();
     let bounds =
         binary.slots.first().map_or(Bounds3::EMPTY, |root| *BinaryNode::read(root).bounds());
