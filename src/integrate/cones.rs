@@ -7,7 +7,7 @@
 use crate::geometry::Surfaces;
 use crate::ray::LANES;
 use crate::ray::Rays;
-use crate::shading::{Lanes, lane};
+use crate::shading::Lanes;
 use crate::world::World;
 
 /// The cones of a packet's rays.
@@ -38,10 +38,14 @@ impl Cones {
     }
 
     /// Grows the widths from the origins of the rays to their hits.
+    #[inline(always)]
     pub fn advance(&mut self, rays: &Rays, surfaces: &Surfaces) {
-        for i in (0..LANES).filter(|&i| surfaces.hit.0[i] != 0) {
-            let way = lane(&surfaces.position, i) - lane(&rays.org, i);
-            self.widths[i] += self.spread * way.length();
+        for i in 0..LANES {
+            let x = surfaces.position[0][i] - rays.org[0][i];
+            let y = surfaces.position[1][i] - rays.org[1][i];
+            let z = surfaces.position[2][i] - rays.org[2][i];
+            let grown = self.widths[i] + self.spread * (x * x + y * y + z * z).sqrt();
+            self.widths[i] = if surfaces.hit.0[i] != 0 { grown } else { self.widths[i] };
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use glam::{DVec2, Vec3};
 
+use super::footprints::{Footprints, UvChanges};
 use super::mesh_colors::MeshColors;
-use super::mip_map::Footprint;
-use super::points::{Lanes, Points, lane, set_lane};
+use super::points::{Lanes, Points, set_lane};
 use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
@@ -14,9 +14,6 @@ use crate::mesh::Normals;
 use crate::ray::{LANES, Mask, RayPacket};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Filter, Role, Wrap};
-
-/// Smallest cosine between normal and ray; it limits the length of the ray's footprint.
-const MIN_COSINE: f64 = 1e-3;
 
 /// Blinn-Phong coefficients, and the source of the base colour.
 #[derive(Debug, Clone)]
@@ -168,6 +165,11 @@ impl Shapes {
             }
             return;
         }
+        // No closures here: they would be compiled for the portable tier and called.
+        let areas = match cones {
+            Some(widths) => self.areas(geometry, packet, surfaces, widths),
+            None => None,
+        };
         let mut smooth = None;
         for i in 0..LANES {
             if surfaces.hit.0[i] == 0 {
@@ -179,7 +181,7 @@ impl Shapes {
             set(material, i, out);
             if material.texture.is_some() || shape.colors.is_some() {
                 let hit = Hit { geometry, packet, surfaces, i };
-                self.details(&hit, shape, cones, out);
+                self.details(&hit, shape, areas.as_ref(), out);
             }
             if let Some(normals) = &shape.normals {
                 let smooth = smooth.get_or_insert(SmoothTriangles::NONE);
@@ -322,9 +324,43 @@ impl Shapes {
         plain.then_some((material, shape.normals.as_ref()))
     }
 
-    /// Computes texture and colours of one lane.
+    /// Returns the areas of textures that cones of these widths cover. `None` if no lane needs one.
+    #[inline(always)]
+    fn areas(
+        &self,
+        geometry: &Geometry,
+        packet: &RayPacket,
+        surfaces: &Surfaces,
+        widths: &Lanes,
+    ) -> Option<Footprints> {
+        let mut changes = None;
+        for i in 0..LANES {
+            if surfaces.hit.0[i] == 0 {
+                continue;
+            }
+            let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+            let shape = &self.shapes[self.owners[geom as usize].like(prim) as usize];
+            let material = &self.materials[shape.material as usize];
+            if material.filter != Filter::Trilinear || material.texture.is_none() {
+                continue;
+            }
+            let changes = changes.get_or_insert(UvChanges::NONE);
+            match (shape.uv.of_triangle(geometry, geom, prim), mesh_corners(geometry, geom, prim)) {
+                (Some(uv), Some(corners)) => changes.set_triangle(i, corners, uv),
+                _ => {
+                    let gradients = shape.uv.gradients(geometry, packet, surfaces, i);
+                    changes.set_gradients(i, gradients);
+                }
+            }
+        }
+        let changes = changes.as_mut()?;
+        Some(changes.footprints(&surfaces.ng, &packet.rays.dir, widths))
+    }
+
+    /// Computes texture and colours of one lane. `areas` are those of the textures, if they are
+    /// averaged.
     #[inline(never)]
-    fn details(&self, hit: &Hit, shape: &Shape, cones: Option<&Lanes>, out: &mut Points) {
+    fn details(&self, hit: &Hit, shape: &Shape, areas: Option<&Footprints>, out: &mut Points) {
         let &Hit { geometry, packet, surfaces, i } = hit;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let weights = weights(surfaces, i);
@@ -340,9 +376,9 @@ impl Shapes {
                 let uv = uv * material.uv_scale;
                 let wrap = material.wrap.map_or_else(|| shape.uv.wrap(), |wrap| [wrap, wrap]);
                 let texture = &self.textures[texture as usize];
-                let color = match (material.filter, cones) {
-                    (Filter::Trilinear, Some(widths)) => {
-                        let area = footprint(hit, shape, material, f64::from(widths[i]));
+                let color = match (material.filter, areas) {
+                    (Filter::Trilinear, Some(areas)) => {
+                        let area = areas.of(i).scaled(material.uv_scale);
                         texture.lookup_area(uv, &area, wrap)
                     }
                     (filter, _) => texture.lookup(uv.x, uv.y, filter, wrap[0], wrap[1]),
@@ -367,23 +403,6 @@ struct Hit<'a> {
     i: usize,
 }
 
-/// The area of the texture that a cone of this width covers on the surface. It is longer in the
-/// direction of the ray, because the surface is seen at an angle. Akenine-Möller et al. 2021,
-/// "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), section 4.
-fn footprint(hit: &Hit, shape: &Shape, material: &Material, width: f64) -> Footprint {
-    let &Hit { geometry, packet, surfaces, i } = hit;
-    let n = lane(&surfaces.ng, i).as_dvec3();
-    let direction = lane(&packet.rays.dir, i).as_dvec3();
-    let cosine = n.dot(direction).abs().max(MIN_COSINE);
-    let ahead = (direction - n * n.dot(direction)).try_normalize();
-    let ahead = ahead.unwrap_or_else(|| n.any_orthonormal_vector());
-    let vectors = [ahead * (width / cosine), n.cross(ahead) * width];
-    let sides = shape.uv.along(geometry, packet, surfaces, i, vectors);
-    let finite =
-        |side: DVec2| if side.is_finite() { side * material.uv_scale } else { DVec2::ZERO };
-    Footprint { sides: sides.map(finite) }
-}
-
 /// Adds the triangle of lane `i`, which hit a mesh with these normals.
 #[inline(always)]
 fn gather(
@@ -396,13 +415,24 @@ fn gather(
 ) {
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
     let Some((mesh, placement)) = geometry.mesh(geom) else { return };
+    let Some(corners) = mesh_corners(geometry, geom, prim) else { return };
     let mut normals = normals.of(prim, mesh.triangles()[prim as usize]);
-    let mut corners = mesh.corners(prim);
     if let Some(placement) = placement {
-        corners = placement.corners(corners);
         normals = normals.map(|normal| placement.normal(normal));
     }
     smooth.set(i, corners, normals, weights(surfaces, i));
+}
+
+/// Corners of a triangle of a mesh, in the scene. `None` if the geometry is no mesh.
+#[inline(always)]
+fn mesh_corners(geometry: &Geometry, geom: u32, prim: u32) -> Option<[[f32; 3]; 3]> {
+    let (mesh, placement) = geometry.mesh(geom)?;
+    let corners = mesh.corners(prim);
+    // No closure: it would be compiled for the portable tier and called.
+    Some(match placement {
+        Some(placement) => placement.corners(corners),
+        None => corners,
+    })
 }
 
 /// Barycentric weights of the corners at the hit of lane `i`.

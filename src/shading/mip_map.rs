@@ -47,6 +47,13 @@ pub struct Footprint {
     pub sides: [DVec2; 2],
 }
 
+impl Footprint {
+    /// The area after u and v are multiplied by `scale`.
+    pub fn scaled(self, scale: DVec2) -> Self {
+        Self { sides: self.sides.map(|side| side * scale) }
+    }
+}
+
 impl Level {
     fn texel(&self, x: usize, y: usize) -> Vec3 {
         let at = y * self.width as usize + x;
@@ -63,7 +70,11 @@ impl Level {
             LevelTexels::Tiles(tiles) => tiles.with(|cache| {
                 bilinear(size, uv, wrap, |x, y| from_bytes(cache.texel(tiles, x, y)))
             }),
-            _ => bilinear(size, uv, wrap, |x, y| self.texel(x, y)),
+            LevelTexels::Words(words) => {
+                let width = self.width as usize;
+                bilinear(size, uv, wrap, |x, y| from_words(words[y * width + x]))
+            }
+            LevelTexels::Floats(_) => bilinear(size, uv, wrap, |x, y| self.texel(x, y)),
         }
     }
 
@@ -276,7 +287,7 @@ impl MipMap {
     pub fn lookup(&self, image: &TexelImage, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
         let (width, height) = image.size();
         let size = DVec2::new(f64::from(width), f64::from(height));
-        let [mut long, mut short] = area.sides.map(|side| (side, (side * size).length()));
+        let [mut long, mut short] = area.sides.map(|side| (side, (side * size).length_squared()));
         if short.1 > long.1 {
             std::mem::swap(&mut long, &mut short);
         }
@@ -284,8 +295,9 @@ impl MipMap {
         if !(long.1 > 1.0) {
             return image.bilinear(uv, wrap);
         }
-        let points = (long.1 / short.1.max(1.0)).ceil().clamp(1.0, MAX_POINTS);
-        let width = (long.1 / points).max(short.1);
+        let (length, thickness) = (long.1.sqrt(), short.1.sqrt());
+        let points = (length / thickness.max(1.0)).ceil().clamp(1.0, MAX_POINTS);
+        let width = (length / points).max(thickness);
         let level = width.log2().max(0.0);
         let mut sum = Vec3::ZERO;
         for point in 0..points as u32 {

@@ -3,6 +3,7 @@
 
 mod environment;
 mod environment_map;
+mod footprints;
 mod image_file;
 mod light;
 mod light_plane;

@@ -15,7 +15,7 @@ pub(super) fn nearest(
 ) -> (usize, usize) {
     // The products are exact for u, v that are f32 values, so floor is right at every border.
     let (x, y) = (uv.x * f64::from(width), uv.y * f64::from(height));
-    (index(x.floor(), 0, width, wrap_u), index(y.floor(), 0, height, wrap_v))
+    (index(floor(x), 0, width, wrap_u), index(floor(y), 0, height, wrap_v))
 }
 
 /// Interpolates between the four texels around `uv`.
@@ -27,19 +27,30 @@ pub(super) fn bilinear(
     mut texel: impl FnMut(usize, usize) -> Vec3,
 ) -> Vec3 {
     let (x, y) = (uv.x * f64::from(width) - 0.5, uv.y * f64::from(height) - 0.5);
-    let (column, row) = (x.floor(), y.floor());
-    let (x0, x1) = (index(column, 0, width, wrap_u), index(column, 1, width, wrap_u));
-    let (y0, y1) = (index(row, 0, height, wrap_v), index(row, 1, height, wrap_v));
-    let (s, t) = (fraction(x - column), fraction(y - row));
-    let upper = mix(texel(x0, y0), texel(x1, y0), s);
-    let lower = mix(texel(x0, y1), texel(x1, y1), s);
-    mix(upper, lower, t)
+    let (column, row) = (floor(x), floor(y));
+    let columns = [index(column, 0, width, wrap_u), index(column, 1, width, wrap_u)];
+    let rows = [index(row, 0, height, wrap_v), index(row, 1, height, wrap_v)];
+    let (s, t) = (fraction(x - column as f64), fraction(y - row as f64));
+    // A loop, so that the compiler inlines the closure: it is called in one place.
+    let mut texels = [Vec3::ZERO; 4];
+    for k in 0..4 {
+        texels[k] = texel(columns[k % 2], rows[k / 2]);
+    }
+    let [a, b, c, d] = texels;
+    mix(mix(a, b, s), mix(c, d, s), t)
 }
 
-/// Texel index `floor + offset` on an axis of `size` texels. Any `floor` is safe: `as` saturates
-/// and turns NaN into 0.
-fn index(floor: f64, offset: i64, size: u32, wrap: Wrap) -> usize {
-    let i = (floor as i64).saturating_add(offset);
+/// The largest integer <= x. Saturates; 0 for NaN. `f64::floor` would be a call.
+#[inline(always)]
+fn floor(x: f64) -> i64 {
+    let towards_zero = x as i64;
+    towards_zero.saturating_sub(i64::from(x < towards_zero as f64))
+}
+
+/// Texel index `floor + offset` on an axis of `size` texels, for any `floor`.
+#[inline(always)]
+fn index(floor: i64, offset: i64, size: u32, wrap: Wrap) -> usize {
+    let i = floor.saturating_add(offset);
     let size = i64::from(size);
     let inside = if (0..size).contains(&i) {
         i
@@ -52,13 +63,15 @@ fn index(floor: f64, offset: i64, size: u32, wrap: Wrap) -> usize {
     inside as usize
 }
 
-/// A filter weight; 0 if the coordinate was not finite.
+/// A filter weight; 0 if the coordinate was not finite or huge.
+#[inline(always)]
 fn fraction(value: f64) -> f32 {
-    if value.is_finite() { value as f32 } else { 0.0 }
+    if (0.0..1.0).contains(&value) { value as f32 } else { 0.0 }
 }
 
 /// Linear interpolation from `a` at t = 0 to `b` at t = 1. Exactly `a` for any t if the two are
 /// equal.
+#[inline(always)]
 fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
     a + (b - a) * t
 }

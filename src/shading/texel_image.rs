@@ -168,6 +168,13 @@ impl TexelImage {
     pub fn bilinear(&self, uv: DVec2, wrap: [Wrap; 2]) -> Vec3 {
         match &self.texels {
             Texels::Tiles(tiles, table) => bilinear_in_tiles(tiles, table, uv, wrap),
+            Texels::Bytes(bytes, table) => {
+                let width = self.width as usize;
+                texel_filter::bilinear(self.size(), uv, wrap, |x, y| {
+                    let at = 3 * (y * width + x);
+                    linear_rgb(&bytes[at..at + 3], table)
+                })
+            }
             _ => texel_filter::bilinear(self.size(), uv, wrap, |x, y| self.texel(x, y)),
         }
     }

@@ -60,38 +60,41 @@ impl UvSource {
         }
     }
 
-    /// Changes of (u, v) along two short vectors in the surface at the hit of lane `i`, which must
-    /// have hit this shape. v points down.
-    pub(super) fn along(
+    /// Coordinates of the file at the corners of a triangle of a mesh; v points up.
+    #[inline(always)]
+    pub(super) fn of_triangle(
+        &self,
+        geometry: &Geometry,
+        geom: u32,
+        prim: u32,
+    ) -> Option<[[f32; 2]; 3]> {
+        match self {
+            Self::PerVertex(uv) => {
+                let [a, b, c] = geometry.mesh(geom)?.0.triangles()[prim as usize];
+                Some([uv[a as usize], uv[b as usize], uv[c as usize]])
+            }
+            Self::PerCorner(uv) => Some(uv[prim as usize]),
+            _ => None,
+        }
+    }
+
+    /// Gradients of u and v over the position in the surface of a sphere or a flat shape, at the hit
+    /// of lane `i`. v points down. Zero for the triangles of [`UvSource::of_triangle`].
+    pub(super) fn gradients(
         &self,
         geometry: &Geometry,
         packet: &RayPacket,
         surfaces: &Surfaces,
         i: usize,
-        vectors: [DVec3; 2],
-    ) -> [DVec2; 2] {
+    ) -> [DVec3; 2] {
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-        let prim_index = prim as usize;
-        let of_file = |uv: [[f32; 2]; 3]| match geometry.triangles(geom, prim).next() {
-            Some((corners, _)) => vectors.map(|vector| file_uv_along(&corners, uv, vector)),
-            None => [DVec2::ZERO; 2],
-        };
         match (self, geometry.kind(geom)) {
             (Self::Sphere { pole }, GeometryKind::Spheres) => {
                 let position = lane(&surfaces.position, i).as_dvec3();
-                let arm = position - geometry.spheres[prim_index].center;
-                vectors.map(|vector| sphere_uv_along(arm, vector, *pole))
+                sphere_gradients(position - geometry.spheres[prim as usize].center, *pole)
             }
-            (Self::Linear(frame), _) => vectors.map(|vector| frame.along(vector)),
-            (Self::PerVertex(uv), _) => match geometry.mesh(geom) {
-                Some((mesh, _)) => {
-                    let corners = mesh.triangles()[prim_index];
-                    of_file(corners.map(|corner| uv[corner as usize]))
-                }
-                None => [DVec2::ZERO; 2],
-            },
-            (Self::PerCorner(uv), _) => of_file(uv[prim_index]),
-            _ => [DVec2::ZERO; 2],
+            (Self::Linear(frame), _) => [frame.u, frame.v],
+            _ => [DVec3::ZERO; 2],
         }
     }
 
@@ -122,24 +125,13 @@ fn file_uv(corners: [[f32; 2]; 3], weights: [f64; 3]) -> DVec2 {
     DVec2::new(mean.x, 1.0 - mean.y)
 }
 
-/// Change of a file's coordinates along a vector in the plane of a triangle, with v flipped.
-/// Infinite for a triangle without area.
-fn file_uv_along(&[a, b, c]: &[DVec3; 3], uv: [[f32; 2]; 3], vector: DVec3) -> DVec2 {
-    let (e1, e2) = (b - a, c - a);
-    let n = e1.cross(e2);
-    let scale = n / n.dot(n);
-    let (s, t) = (vector.cross(e2).dot(scale), e1.cross(vector).dot(scale));
-    let [a, b, c] = uv.map(|uv| DVec2::from(uv.map(f64::from)));
-    let change = (b - a) * s + (c - a) * t;
-    DVec2::new(change.x, -change.y)
-}
-
-/// Change of [`sphere_uv`] along a short vector across the arm `p`; infinite at the poles.
-fn sphere_uv_along(p: DVec3, vector: DVec3, pole: u8) -> DVec2 {
+/// Gradients of [`sphere_uv`] over the sphere at the arm `p`; not finite at the poles.
+fn sphere_gradients(p: DVec3, pole: u8) -> [DVec3; 2] {
     use std::f64::consts::{PI, TAU};
-    let [p, d] = [p, vector].map(|p| to_poles(p, pole));
+    let p = to_poles(p, pole);
     let square = p.x * p.x + p.y * p.y;
-    DVec2::new((p.x * d.y - p.y * d.x) / (TAU * square), -d.z / (PI * square.sqrt()))
+    let (u, v) = (DVec3::new(-p.y, p.x, 0.0) / (TAU * square), -1.0 / (PI * square.sqrt()));
+    [u, DVec3::new(0.0, 0.0, v)].map(|gradient| from_poles(gradient, pole))
 }
 
 /// Moves the axis `pole` to z.
@@ -147,6 +139,15 @@ fn to_poles(p: DVec3, pole: u8) -> DVec3 {
     match pole {
         0 => DVec3::new(p.y, p.z, p.x),
         1 => DVec3::new(p.z, p.x, p.y),
+        _ => p,
+    }
+}
+
+/// Moves z back to the axis `pole`.
+fn from_poles(p: DVec3, pole: u8) -> DVec3 {
+    match pole {
+        0 => DVec3::new(p.z, p.x, p.y),
+        1 => DVec3::new(p.y, p.z, p.x),
         _ => p,
     }
 }
@@ -186,10 +187,6 @@ impl UvFrame {
         Self { corner: v0, start, u: -e / range, v: h / h.dot(h) }
     }
 
-    fn along(&self, vector: DVec3) -> DVec2 {
-        DVec2::new(vector.dot(self.u), vector.dot(self.v))
-    }
-
     fn at(&self, position: DVec3) -> DVec2 {
         let d = position - self.corner;
         self.start + DVec2::new(d.dot(self.u), d.dot(self.v))
@@ -225,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn changes_along_vectors_are_differences() {
+    fn changes_on_a_sphere_are_differences() {
         let h = 1e-6;
         for pole in 0..3 {
             for p in [
@@ -236,17 +233,12 @@ mod tests {
                 for across in [p.cross(DVec3::X), p.cross(DVec3::new(0.2, 0.5, -1.0))] {
                     let d = across * h;
                     let expected = sphere_uv(p + d / 2.0, pole) - sphere_uv(p - d / 2.0, pole);
-                    let found = sphere_uv_along(p, d, pole);
+                    let [u, v] = sphere_gradients(p, pole);
+                    let found = DVec2::new(d.dot(u), d.dot(v));
                     assert!((found - expected).length() < 1e-4 * expected.length(), "{p} {pole}");
                 }
             }
         }
-        let corners = [DVec3::ZERO, DVec3::new(2.0, 0.0, 1.0), DVec3::new(0.0, 3.0, -1.0)];
-        let uv = [[0.1, 0.2], [0.7, 0.3], [0.2, 0.9]];
-        let [a, b, c] = corners;
-        let along = |d| file_uv_along(&corners, uv, d);
-        assert!((along(b - a) - DVec2::new(0.6, -0.1)).length() < 1e-7);
-        assert!((along(c - b) - DVec2::new(-0.5, -0.6)).length() < 1e-7);
     }
 
     #[test]
