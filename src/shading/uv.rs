@@ -78,8 +78,8 @@ impl UvSource {
         }
     }
 
-    /// Gradients of u and v over the position in the surface of a sphere or a flat shape, at the hit
-    /// of lane `i`. v points down. Zero for the triangles of [`UvSource::of_triangle`].
+    /// Gradients of u and v over the position in the surface of a sphere or a flat shape, at the
+    /// hit of lane `i`. v points down. Zero for the triangles of [`UvSource::of_triangle`].
     pub(super) fn gradients(
         &self,
         geometry: &Geometry,
