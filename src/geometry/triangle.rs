@@ -39,8 +39,7 @@ const SHARP: f64 = 2.5e-7;
 #[inline(always)]
 pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
     // Unlike `clamp`, `max` and `min` return the other operand if one is NaN.
-    let unit = |x: f64| f64::min(x.max(0.0), 1.0);
-    let (u, v) = (unit(u), unit(v));
+    let (u, v) = (f64::min(u.max(0.0), 1.0), f64::min(v.max(0.0), 1.0));
     // The nearest point of the third edge, without a division.
     let beyond = (u + v - 1.0).max(0.0) * 0.5;
     (u - beyond, v - beyond)

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::batch::RayBatch;
-use super::batch::Refined;
 use super::progress;
+use super::refine::Hits;
 use super::scene::RayScene;
 use crate::accel::bvh::{Bvh, Crossing};
 use crate::error::Result;
@@ -75,10 +75,10 @@ impl RayScene {
             parts.push((&chunk.hits, ids, values));
         }
         parts.into_par_iter().for_each(|(hits, (primitive, mesh), (t, weights))| {
-            for (i, (number, refined)) in hits.iter().enumerate() {
-                let place = self.place(*number);
+            for (i, hit) in hits.iter().enumerate() {
+                let place = self.place(hit.primitive);
                 (mesh[i], primitive[i]) = (place.0 as i32, place.1 as i64);
-                (t[i], weights[i]) = (refined.t, refined.barycentrics);
+                (t[i], weights[i]) = (hit.t, hit.barycentrics);
             }
         });
         Ok(all)
@@ -114,18 +114,30 @@ impl RayScene {
         let rounded = self.round(rays, first);
         found.clear();
         bvh.crossings(&rounded.active, &rounded.packet.rays, found);
+        let mut start = hits.hits.len();
+        for found in found.chunks(LANES) {
+            let mut batch = Hits::EMPTY;
+            for hit in found {
+                let lane = hit.lane as usize;
+                let t = rounded.t(lane, hit.t);
+                batch.push(first + lane, hit.primitive, t, [f64::NAN; 2]);
+            }
+            let refined = self.refine(rays, &batch);
+            hits.hits.extend((0..batch.count).map(|i| RayHit {
+                t: refined.t[i],
+                primitive: batch.primitives[i],
+                barycentrics: refined.weights(i),
+            }));
+        }
         let mut rest = &found[..];
         for lane in 0..lanes {
             let count = rest.iter().take_while(|hit| hit.lane as usize == lane).count();
-            let (own, others) = rest.split_at(count);
-            rest = others;
-            let start = hits.hits.len();
-            hits.hits.extend(own.iter().map(|hit| {
-                let found = (rounded.t(lane, hit.t), (f64::NAN, f64::NAN));
-                (hit.primitive, self.refine(rays, first + lane, hit.primitive, found))
-            }));
-            hits.hits[start..]
-                .sort_unstable_by(|a, b| a.1.t.total_cmp(&b.1.t).then_with(|| a.0.cmp(&b.0)));
+            rest = &rest[count..];
+            let own = &mut hits.hits[start..start + count];
+            own.sort_unstable_by(|a, b| {
+                a.t.total_cmp(&b.t).then_with(|| a.primitive.cmp(&b.primitive))
+            });
+            start += count;
             hits.counts.push(count as u32);
         }
     }
@@ -143,6 +155,13 @@ fn first_part<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 struct ChunkHits {
     /// Number of hits of each ray.
     counts: Vec<u32>,
-    /// Triangle in the scene and its refined values.
-    hits: Vec<(u32, Refined)>,
+    hits: Vec<RayHit>,
+}
+
+/// A hit of a ray.
+struct RayHit {
+    t: f64,
+    /// Index of the triangle in the scene.
+    primitive: u32,
+    barycentrics: [f64; 2],
 }

@@ -36,8 +36,11 @@ impl Vertices<'_> {
     #[inline(always)]
     pub(super) fn get(&self, i: usize) -> Option<DVec3> {
         match self {
-            Self::F32(all) => all.get(i).map(|v| DVec3::from(v.map(f64::from))),
-            Self::F64(all) => all.get(i).map(|&v| DVec3::from(v)),
+            Self::F32(all) => {
+                let [x, y, z] = *all.get(i)?;
+                Some(DVec3::new(x.into(), y.into(), z.into()))
+            }
+            Self::F64(all) => Some(DVec3::from(*all.get(i)?)),
         }
     }
 }
@@ -74,11 +77,24 @@ impl Faces<'_> {
     /// Vertex indices of a triangle; `None` for a negative index.
     #[inline(always)]
     pub(super) fn get(&self, i: usize) -> [Option<u64>; 3] {
+        // Without closures, which would be called.
         match self {
-            Self::U32(all) => all[i].map(|v| Some(v.into())),
-            Self::I32(all) => all[i].map(|v| v.try_into().ok()),
-            Self::U64(all) => all[i].map(Some),
-            Self::I64(all) => all[i].map(|v| v.try_into().ok()),
+            Self::U32(all) => {
+                let [a, b, c] = all[i];
+                [Some(a.into()), Some(b.into()), Some(c.into())]
+            }
+            Self::I32(all) => {
+                let [a, b, c] = all[i];
+                [a.try_into().ok(), b.try_into().ok(), c.try_into().ok()]
+            }
+            Self::U64(all) => {
+                let [a, b, c] = all[i];
+                [Some(a), Some(b), Some(c)]
+            }
+            Self::I64(all) => {
+                let [a, b, c] = all[i];
+                [a.try_into().ok(), b.try_into().ok(), c.try_into().ok()]
+            }
         }
     }
 
@@ -120,8 +136,20 @@ impl MeshArrays for Mesh {
 /// Corners of a face. NaN where an index is out of range.
 #[inline(always)]
 pub(super) fn corners(mesh: &dyn MeshArrays, face: usize) -> [DVec3; 3] {
-    let (vertices, faces) = (mesh.vertices(), mesh.faces());
-    faces.get(face).map(|index| index.and_then(|i| vertices.get(i as usize)).unwrap_or(DVec3::NAN))
+    positions(mesh, mesh.faces().get(face))
+}
+
+/// Positions of the corners of a face. NaN where an index is out of range.
+#[inline(always)]
+pub(super) fn positions(mesh: &dyn MeshArrays, face: [Option<u64>; 3]) -> [DVec3; 3] {
+    let vertices = mesh.vertices();
+    let mut positions = [DVec3::NAN; 3];
+    for (position, index) in positions.iter_mut().zip(face) {
+        if let Some(vertex) = index.and_then(|i| vertices.get(i as usize)) {
+            *position = vertex;
+        }
+    }
+    positions
 }
 
 /// The box of some vertices.

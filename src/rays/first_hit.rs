@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::batch::RayBatch;
 use super::progress::{self, CHUNK};
+use super::refine::Hits;
 use super::scene::RayScene;
 use crate::accel::Accelerator;
 use crate::error::Result;
@@ -71,10 +72,11 @@ impl RayScene {
     ) {
         let first = chunk.first + at;
         let mut rounded = self.round(rays, first);
-        let coherence = rounded.coherence(self.size());
         let active = rounded.active;
-        accelerator.closest(&active, &mut rounded.packet, coherence);
+        accelerator.closest(&active, &mut rounded.packet, rounded.coherence);
         let hit = rounded.packet.hit(&active);
+        let found = &rounded.packet.hits;
+        let mut hits = Hits::EMPTY;
         for i in 0..LANES.min(chunk.t.len() - at) {
             let out = at + i;
             if hit.0[i] == 0 {
@@ -82,15 +84,20 @@ impl RayScene {
                 (chunk.uv[out], chunk.normal[out]) = ([f64::NAN; 2], [0.0; 3]);
                 continue;
             }
-            let hits = &rounded.packet.hits;
-            let (mesh, face) = (hits.geom[i], hits.prim[i]);
+            let (mesh, face) = (found.geom[i], found.prim[i]);
+            (chunk.primitive[out], chunk.mesh[out]) = (face.into(), mesh as i32);
             let primitive = self.geometry().primitive(mesh, face);
             let t = rounded.t(i, rounded.packet.rays.tfar[i].into());
-            let found = (t, (hits.u[i].into(), hits.v[i].into()));
-            let refined = self.refine(rays, first + i, primitive, found);
-            (chunk.t[out], chunk.primitive[out]) = (refined.t, face.into());
-            (chunk.mesh[out], chunk.uv[out]) = (mesh as i32, refined.barycentrics);
-            chunk.normal[out] = refined.normal;
+            hits.push(first + i, primitive, t, [found.u[i].into(), found.v[i].into()]);
+        }
+        if hits.count == 0 {
+            return;
+        }
+        let refined = self.refine(rays, &hits);
+        for i in 0..hits.count {
+            let out = hits.rays[i] - chunk.first;
+            (chunk.t[out], chunk.uv[out]) = (refined.t[i], refined.weights(i));
+            chunk.normal[out] = refined.normal(i);
         }
     }
 
@@ -99,14 +106,13 @@ impl RayScene {
     /// # Errors
     /// The errors of [`RayScene::closest`].
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
-        let (accelerator, size) = (self.accelerator(), self.size());
+        let accelerator = self.accelerator();
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;
         progress::fill(&mut occluded, monitor, |first, occluded| {
             for (packet, occluded) in occluded.chunks_mut(LANES).enumerate() {
                 let mut rounded = self.round(rays, first + packet * LANES);
-                let coherence = rounded.coherence(size);
                 let active = rounded.active;
-                accelerator.occluded(&active, &mut rounded.packet.rays, coherence);
+                accelerator.occluded(&active, &mut rounded.packet.rays, rounded.coherence);
                 for (i, occluded) in occluded.iter_mut().enumerate() {
                     let end = rounded.packet.rays.tfar[i];
                     *occluded = active.0[i] != 0 && end == f32::NEG_INFINITY;

@@ -1,7 +1,8 @@
 //! Rays and points on meshes whose arrays stay with the caller: [`RayScene`].
 //!
-//! `arrays` reads the caller's arrays. `batch` rounds rays for the tree and refines hits.
-//! `first_hit`, `all_hits`, `inside`, `nearest` and `visible` are one kind of query each.
+//! `arrays` reads the caller's arrays. `batch` checks rays, `rounded` rounds them for the tree, and
+//! `refine` computes their hits in f64. `first_hit`, `all_hits`, `inside`, `nearest` and `visible`
+//! are one kind of query each.
 
 mod all_hits;
 mod arrays;
@@ -11,6 +12,8 @@ mod first_hit;
 mod inside;
 mod nearest;
 mod progress;
+mod refine;
+mod rounded;
 mod scene;
 mod visible;
 
