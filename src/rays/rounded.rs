@@ -104,8 +104,8 @@ impl Kernel for Round<'_> {
     }
 }
 
-/// Compared with lane 0, directions must differ by less than 0.1 in each component (some 6 degrees),
-/// and origins by less than a thousandth of the scene's size.
+/// Compared with lane 0, directions must differ by less than 0.1 in each component (some 6
+/// degrees), and origins by less than a thousandth of the scene's size.
 #[inline(always)]
 fn coherence(packet: &RayPacket, active: &Mask, size: f32) -> Coherence {
     let rays = &packet.rays;
