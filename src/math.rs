@@ -101,6 +101,24 @@ pub fn angle(y: f64, x: f64) -> f64 {
     if x < 0.0 { PI - angle } else { angle }
 }
 
+/// Returns `a - b`.
+#[inline(always)]
+pub fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// Returns the dot product.
+#[inline(always)]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Returns the cross product.
+#[inline(always)]
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// Luminance of linear RGB with the primaries of ITU-R BT.709.
 #[inline(always)]
 pub fn luminance([r, g, b]: [f32; 3]) -> f64 {

@@ -10,13 +10,12 @@ use std::{
 use serde::Serialize;
 
 use crate::{
-    accel::{MemoryFootprint, memory_footprint},
+    accel::MemoryFootprint,
     error::{Error, ErrorKind, Problem, Result},
     film::Window,
     layers::LayerPlan,
     mesh::{self, ReadOptions},
     output::tonemap::Depth,
-    reserve::MemoryLimit,
     scene::{Filter, Scene, ShapeKind, Smooth},
     shading::{EnvironmentMap, Texture, WHOLE_TEXELS},
     units,
@@ -24,12 +23,14 @@ use crate::{
 };
 
 mod available;
+mod budget;
 mod freed;
 mod limits;
 
 pub use self::freed::{release_freed, return_large_arrays};
 
 pub use available::available_bytes;
+pub use budget::{Budget, limit_for_meshes};
 pub use limits::{
     ensure_build_fits, limit_before_kill, limit_of_machine, machine_limit_for, peak_bytes,
 };
@@ -302,81 +303,6 @@ fn over_limit(message: String) -> Error {
     Error::new(ErrorKind::Limit, problem.help("render a --crop, or a smaller mesh"))
 }
 
-/// The limit of `--max-memory`, with a prediction that fits into it.
-#[derive(Debug)]
-pub struct Budget {
-    limit: u64,
-    prediction: Prediction,
-}
-
-impl Budget {
-    /// Checks that a scene fits. The film is given by its window, its number of channels besides R,
-    /// G, B, A, and further bytes. Reads the headers of all files. For Embree, also builds two
-    /// small meshes to measure the footprint.
-    ///
-    /// # Errors
-    /// `Limit`, with the numbers; headers that cannot be read; a backend that cannot run.
-    pub fn check(
-        limit: u64,
-        scene: &Scene,
-        (window, words, other_bytes): (Window, usize, u64),
-        threads: usize,
-    ) -> Result<Self> {
-        let prediction = predict_words(scene, window, words)?.with_film_bytes(other_bytes);
-        prediction.check(limit)?;
-        Self::new(limit, prediction.with(&memory_footprint(scene.backend, threads)?))
-    }
-
-    /// Checks that a prediction fits into the limit.
-    ///
-    /// # Errors
-    /// `Limit`, with the numbers.
-    pub fn new(limit: u64, prediction: Prediction) -> Result<Self> {
-        prediction.check(limit)?;
-        Ok(Self { limit, prediction })
-    }
-
-    fn without_program(&self) -> u64 {
-        self.limit.saturating_sub(self.prediction.program_bytes())
-    }
-
-    /// Returns the bytes left for images: the limit without the program and the predicted meshes.
-    pub fn for_textures(&self) -> u64 {
-        self.without_program().saturating_sub(self.prediction.mesh_bytes)
-    }
-
-    /// Returns the memory left for meshes: the limit without the program.
-    pub fn for_meshes(&self) -> MemoryLimit {
-        limit_for_meshes(self.limit)
-    }
-
-    /// Returns the bytes left for the accelerator after a world of `world_bytes` is subtracted.
-    pub fn for_accelerator(&self, world_bytes: u64) -> u64 {
-        self.without_program().saturating_sub(world_bytes)
-    }
-
-    /// Checks that the film fits in addition to `held` bytes of world and accelerator.
-    ///
-    /// # Errors
-    /// `Limit`, with the numbers.
-    pub fn check_film(&self, held: u64) -> Result<()> {
-        let film = self.prediction.film_bytes;
-        let program = self.prediction.program_bytes();
-        let needed = program.saturating_add(held).saturating_add(film);
-        if self.limit >= needed {
-            return Ok(());
-        }
-        let message = format!(
-            "found {}, expected at least {}: film {} beside meshes, textures and accelerator of {}",
-            units::bytes(self.limit),
-            units::bytes_rounded_up(needed),
-            units::bytes(film),
-            units::bytes(held),
-        );
-        Err(over_limit(message))
-    }
-}
-
 impl std::fmt::Display for Prediction {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let built = self.accelerator_bytes.unwrap_or(0);
@@ -395,9 +321,4 @@ impl std::fmt::Display for Prediction {
             parts.map(|(name, bytes)| format!("{name} {}", units::bytes(bytes))).collect();
         f.write_str(&parts.join(", "))
     }
-}
-
-/// Returns the memory that the user's limit of `limit` bytes leaves for meshes.
-pub fn limit_for_meshes(limit: u64) -> MemoryLimit {
-    MemoryLimit { bytes: limit.saturating_sub(BASE_BYTES), set_by_user: true }
 }

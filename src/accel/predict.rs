@@ -19,7 +19,8 @@ use crate::scene::Backend;
 /// Both are built in some 20 ms. They are large compared with the blocks in which Embree allocates.
 const ROWS: [u32; 2] = [64, 128];
 
-/// Bytes of the files of Embree 4 and TBB, rounded up.
+/// Bytes of the files that `make setup` installs, rounded up: Embree 4.4.0 has 39.9 million bytes,
+/// TBB 4.2 million.
 const EMBREE_LIBRARY_BYTES: u64 = 44 << 20;
 
 /// Returns the memory of `backend` with `threads` build threads. Embree is measured, in the

@@ -5,8 +5,8 @@
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE_BYTES: libc::c_int = 4 << 20;
 
-/// Most freed bytes at the end of the heap, which holds all smaller arrays. The allocator's default
-/// of 128 KiB would be returned and taken again in every build of a small mesh.
+/// Up to so many freed bytes at the end of the heap are kept. The heap holds all smaller arrays.
+/// With glibc's default of 128 KiB, every build of a small mesh would take its pages anew.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const KEPT_BYTES: libc::c_int = 4 << 20;
 

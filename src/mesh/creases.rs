@@ -10,9 +10,10 @@
 
 use rayon::prelude::*;
 
-use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, dot, unit, vertex_normals};
+use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_normals};
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
+use crate::math::dot;
 use crate::reserve;
 
 /// Unit normals of a smooth mesh: per vertex, and at creases per corner.
@@ -323,8 +324,8 @@ fn is_zero(normal: [f32; 3]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::normals::{cross, sub};
     use super::*;
+    use crate::math::{cross, sub};
 
     /// A cube with shared vertices, two triangles per side, facing outwards.
     fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {

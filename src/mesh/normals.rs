@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::vertex_faces::VertexFaces;
-use crate::math;
+use crate::math::{self, cross, dot, sub};
 use crate::simd::{self, Isa, Kernel, prefetch};
 
 /// A vertex position in single or double precision.
@@ -30,21 +30,6 @@ impl VertexPosition for [f64; 3] {
     fn xyz(self) -> [f64; 3] {
         self
     }
-}
-
-#[inline(always)]
-pub(super) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Number of vertices that one task handles.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::batch::RayBatch;
 use super::progress;
-use super::refine::Hits;
+use super::refine::HitBatch;
 use super::scene::RayScene;
 use crate::accel::bvh::{Bvh, Crossing};
 use crate::error::Result;
@@ -116,7 +116,7 @@ impl RayScene {
         bvh.crossings(&rounded.active, &rounded.packet.rays, found);
         let mut start = hits.hits.len();
         for found in found.chunks(LANES) {
-            let mut batch = Hits::EMPTY;
+            let mut batch = HitBatch::EMPTY;
             for hit in found {
                 let lane = hit.lane as usize;
                 let t = rounded.t(lane, hit.t);

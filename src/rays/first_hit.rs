@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::batch::RayBatch;
 use super::progress::{self, CHUNK};
-use super::refine::Hits;
+use super::refine::HitBatch;
 use super::scene::RayScene;
 use crate::accel::Accelerator;
 use crate::error::Result;
@@ -76,7 +76,7 @@ impl RayScene {
         accelerator.closest(&active, &mut rounded.packet, rounded.coherence);
         let hit = rounded.packet.hit(&active);
         let found = &rounded.packet.hits;
-        let mut hits = Hits::EMPTY;
+        let mut hits = HitBatch::EMPTY;
         for i in 0..LANES.min(chunk.t.len() - at) {
             let out = at + i;
             if hit.0[i] == 0 {

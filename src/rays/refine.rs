@@ -5,6 +5,7 @@ use super::batch::RayBatch;
 use super::rounded::Doubles;
 use super::scene::RayScene;
 use crate::geometry::clamp_barycentrics;
+use crate::math::{cross, dot, sub};
 use crate::ray::LANES;
 use crate::simd::{self, Isa, Kernel};
 
@@ -12,7 +13,7 @@ use crate::simd::{self, Isa, Kernel};
 type Doubles3 = [Doubles; 3];
 
 /// Up to 16 hits of any rays.
-pub(super) struct Hits {
+pub(super) struct HitBatch {
     pub count: usize,
     /// Indices of the rays.
     pub rays: [usize; LANES],
@@ -23,7 +24,7 @@ pub(super) struct Hits {
     pub uv: [Doubles; 2],
 }
 
-impl Hits {
+impl HitBatch {
     pub const EMPTY: Self = Self {
         count: 0,
         rays: [0; LANES],
@@ -66,7 +67,7 @@ impl Refined {
 
 impl RayScene {
     /// Computes hits in f64, from the caller's arrays.
-    pub(super) fn refine(&self, rays: &RayBatch, hits: &Hits) -> Refined {
+    pub(super) fn refine(&self, rays: &RayBatch, hits: &HitBatch) -> Refined {
         let mut corners = [[[1.0; LANES]; 3]; 3];
         // All faces before the first vertex, so that the reads do not wait for each other.
         let mut faces = [(0, [None; 3]); LANES];
@@ -87,7 +88,7 @@ impl RayScene {
 /// The work of [`RayScene::refine`].
 struct Refine<'a> {
     rays: &'a RayBatch<'a>,
-    hits: &'a Hits,
+    hits: &'a HitBatch,
     /// By corner.
     corners: &'a [Doubles3; 3],
 }
@@ -113,8 +114,8 @@ impl Kernel for Refine<'_> {
             Refined { t: [0.0; LANES], uv: [[0.0; LANES]; 2], normals: [[0.0; LANES]; 3] };
         for i in 0..LANES {
             let a = of_lane(v0, i);
-            let (e1, e2) = (difference(of_lane(v1, i), a), difference(of_lane(v2, i), a));
-            let (to_v0, d) = (difference(a, of_lane(&from, i)), of_lane(&direction, i));
+            let (e1, e2) = (sub(of_lane(v1, i), a), sub(of_lane(v2, i), a));
+            let (to_v0, d) = (sub(a, of_lane(&from, i)), of_lane(&direction, i));
             let normal = cross(e1, e2);
             let inverse = 1.0 / dot(normal, d);
             let r = cross(to_v0, d);
@@ -137,19 +138,4 @@ impl Kernel for Refine<'_> {
 #[inline(always)]
 fn of_lane([x, y, z]: &Doubles3, i: usize) -> [f64; 3] {
     [x[i], y[i], z[i]]
-}
-
-#[inline(always)]
-fn difference([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ax - bx, ay - by, az - bz]
-}
-
-#[inline(always)]
-fn dot([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> f64 {
-    ax * bx + ay * by + az * bz
-}
-
-#[inline(always)]
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }

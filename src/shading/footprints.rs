@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::mip_map::Footprint;
 use super::points::{Lanes, Lanes3};
+use crate::math::{cross, dot, sub};
 use crate::ray::{LANES, Mask};
 
 /// Smallest cosine between normal and ray; it limits the length of an area.
@@ -98,8 +99,8 @@ impl UvChanges {
     fn complete(&mut self) {
         for i in 0..LANES {
             let a = doubles(&self.corners[0], i);
-            let e1 = difference(doubles(&self.corners[1], i), a);
-            let e2 = difference(doubles(&self.corners[2], i), a);
+            let e1 = sub(doubles(&self.corners[1], i), a);
+            let e2 = sub(doubles(&self.corners[2], i), a);
             let n = cross(e1, e2);
             let scale = 1.0 / dot(n, n);
             // Gradients of the weights of the second and third corner.
@@ -149,21 +150,6 @@ fn doubles([x, y, z]: &Lanes3, i: usize) -> [f64; 3] {
 #[inline(always)]
 fn select(first: bool, [ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
     [if first { ax } else { bx }, if first { ay } else { by }, if first { az } else { bz }]
-}
-
-#[inline(always)]
-fn difference([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ax - bx, ay - by, az - bz]
-}
-
-#[inline(always)]
-fn dot([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> f64 {
-    ax * bx + ay * by + az * bz
-}
-
-#[inline(always)]
-fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
 /// A unit vector perpendicular to a unit vector. Duff et al. 2017, "Building an Orthonormal Basis,

@@ -176,8 +176,7 @@ impl Shapes {
                 continue;
             }
             let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-            let shape = &self.shapes[self.owners[geom as usize].like(prim) as usize];
-            let material = &self.materials[shape.material as usize];
+            let (shape, material) = self.shape_like(geom, prim);
             set(material, i, out);
             if material.texture.is_some() || shape.colors.is_some() {
                 let hit = Hit { geometry, packet, surfaces, i };
@@ -324,6 +323,13 @@ impl Shapes {
         plain.then_some((material, shape.normals.as_ref()))
     }
 
+    /// The shape whose data of vertices and faces a primitive has, and its material.
+    #[inline(always)]
+    fn shape_like(&self, geom: u32, prim: u32) -> (&Shape, &Material) {
+        let shape = &self.shapes[self.owners[geom as usize].like(prim) as usize];
+        (shape, &self.materials[shape.material as usize])
+    }
+
     /// Returns the areas of textures that cones of these widths cover. `None` if no lane needs one.
     #[inline(always)]
     fn areas(
@@ -339,8 +345,7 @@ impl Shapes {
                 continue;
             }
             let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-            let shape = &self.shapes[self.owners[geom as usize].like(prim) as usize];
-            let material = &self.materials[shape.material as usize];
+            let (shape, material) = self.shape_like(geom, prim);
             if material.filter != Filter::Trilinear || material.texture.is_none() {
                 continue;
             }

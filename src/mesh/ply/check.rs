@@ -4,8 +4,9 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::math::{cross, sub};
 use crate::mesh::arrays::{FaceTextures, Notes};
-use crate::mesh::normals::{VertexPosition, cross, sub};
+use crate::mesh::normals::VertexPosition;
 
 /// A face: the name of its element and the index of its row.
 type Face = (&'static str, u64);

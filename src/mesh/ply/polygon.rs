@@ -5,7 +5,7 @@
 //! of consecutive corners. This keeps convexity and orientation. Convex polygons become a fan from
 //! their first corner. The others are split by ear clipping.
 
-use crate::mesh::normals::{cross, sub};
+use crate::math::{cross, sub};
 
 /// Maximum number of corners of a polygon that is not convex: ear clipping takes quadratic time.
 pub(super) const MAX_CONCAVE: usize = 1 << 14;

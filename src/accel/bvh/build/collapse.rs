@@ -76,18 +76,18 @@ const MIN_PARALLEL_NODES: usize = 1 << 12;
 pub fn collapse(tree: &mut BinaryTree) -> Result<Tree> {
     let binary = &mut tree.slots[..];
     let mut plan = reserve::filled([0; WIDTH], binary.len(), "bvh")?;
-    let mut nodes = Vec::new();
-    let mut depth = 1;
+    let mut number = 0;
     if !binary.is_empty() {
         slots(binary, &mut plan, area_unit(&binary[0]));
+        number = count(binary, &plan, 1);
     }
-    // If the whole tree is one leaf, the root is no binary node.
-    let number = if binary.is_empty() { 0 } else { count(binary, &plan, 1) }.max(1);
+    // The root is there even if the whole tree is empty or one leaf.
+    let number = number.max(1);
+    let mut nodes = Vec::new();
     reserve::exact(&mut nodes, number, "bvh")?;
+    // In parallel, because the first touch of the memory takes longer than the nodes do.
     (0..number).into_par_iter().map(|_| Node::EMPTY).collect_into_vec(&mut nodes);
-    if !binary.is_empty() {
-        depth = write(binary, &plan, 0, &mut nodes, 0);
-    }
+    let depth = if binary.is_empty() { 1 } else { write(binary, &plan, 0, &mut nodes, 0) };
     Ok(Tree {
         nodes,
         blocks: Vec::new(),
@@ -166,12 +166,12 @@ fn count(binary: &mut [Slot], plan: &[Plan], slots: usize) -> usize {
     if right == 0 {
         return 0;
     }
+    // It becomes a wide node, with all slots of its own, or shares those of the node above.
     let shared = if slots < 2 { 0 } else { usize::from(plan[0][slots - 1]) };
-    let (own, left) = match shared {
-        0 => (1, usize::from(plan[0][0])),
-        left => (0, left),
+    let (own, left, others) = match shared {
+        0 => (1, usize::from(plan[0][0]), WIDTH - usize::from(plan[0][0])),
+        left => (0, left, slots - left),
     };
-    let others = if own == 1 { WIDTH - left } else { slots - left };
     let parallel = binary.len() >= MIN_PARALLEL;
     let (below_left, below_right) = binary[1..].split_at_mut(right - 1);
     let (a, b) = if parallel {
