@@ -221,13 +221,14 @@ impl Band {
     }
 }
 
-fn failed(action: &str, error: &io::Error) -> Error {
+/// Makes the error of the disk that holds the texels.
+pub fn failed(action: &str, error: &io::Error) -> Error {
     Error::io(Path::new("temporary file"), &format!("{action} the texels of a texture"), error)
 }
 
 /// A file without a name, on a disk, with `length` bytes of reserved space.
 #[cfg(target_os = "linux")]
-fn on_disk(length: u64) -> Option<File> {
+pub fn on_disk(length: u64) -> Option<File> {
     use rustix::fs::{FallocateFlags, fallocate, fstatfs};
     let reserved = |folder: &Path| {
         let file = tempfile::tempfile_in(folder).ok()?;
@@ -239,7 +240,7 @@ fn on_disk(length: u64) -> Option<File> {
 
 /// Other systems have no calls for this: large images are held in memory.
 #[cfg(not(target_os = "linux"))]
-fn on_disk(_: u64) -> Option<File> {
+pub fn on_disk(_: u64) -> Option<File> {
     None
 }
 
@@ -247,7 +248,7 @@ fn on_disk(_: u64) -> Option<File> {
 use std::os::unix::fs::FileExt;
 
 #[cfg(unix)]
-fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
+pub fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
     file.read_exact_at(bytes, start)
 }
 
@@ -257,7 +258,7 @@ fn write_at(file: &File, bytes: &[u8], start: u64) -> io::Result<()> {
 }
 
 #[cfg(not(unix))]
-fn read_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
+pub fn read_at(_: &File, _: &mut [u8], _: u64) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 

@@ -2,14 +2,14 @@
 
 use std::{
     fs::File,
-    io::{self, BufRead, BufReader},
+    io::{self, BufRead, BufReader, Seek},
     path::Path,
 };
 
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::Layout;
-use super::pnm;
+use super::{jpeg_rows, jpeg_segments, pnm};
 use crate::shading::{mip_map, tiles};
 use crate::{
     error::{Error, ErrorKind, Problem, Result},
@@ -41,14 +41,17 @@ pub struct TextureSize {
 
 impl TextureSize {
     /// Memory of an image that is held whole.
-    pub(super) fn of(source: &Source) -> Self {
-        let (stored, decoding) = match source {
+    pub(super) fn of(opened: &Opened) -> Self {
+        let (stored, decoding) = match &opened.source {
             // Decoded directly into the texture.
             Source::Exr(layout, _) => {
                 let stored = layout.pixels().saturating_mul(12);
                 (stored, stored)
             }
-            Source::Image(_, decoder, _) => Self::of_image(decoder),
+            Source::Image(format, decoder, _) => {
+                let (stored, decoding) = Self::of_image(decoder);
+                (stored, decoding.saturating_add(opened.held_bytes(*format)))
+            }
         };
         // The copies have a third of the texels. Where the image has 8 bits a channel, they have
         // 16, so they take two thirds.
@@ -57,15 +60,18 @@ impl TextureSize {
 
     /// Memory of an image in tiles; `whole` is the most texels of a copy that is held whole, times
     /// 4.
-    pub(super) fn in_tiles(source: &Source, interlaced: bool, whole: u64) -> Self {
-        let size = source.dimensions();
+    pub(super) fn in_tiles(opened: &Opened, whole: u64) -> Self {
+        let size = opened.source.dimensions();
         let stored = tiles::max_bytes(size, 3) + size_of::<[f32; 256]>() as u64;
-        let decoding = match source {
-            Source::Image(ImageFormat::Png, ..) if !interlaced => {
-                // Twice a row of tiles, and a row of up to 4 channels.
+        let decoding = match &opened.source {
+            // Twice a row of tiles, and a row of up to 4 channels.
+            Source::Image(ImageFormat::Png, ..) if opened.by_rows => {
                 stored.max(u64::from(size.0) * (2 * 3 * tiles::SIDE as u64 + 4))
             }
-            _ => Self::of(source).decoding,
+            Source::Image(format, ..) if opened.by_rows => {
+                stored.max(jpeg_rows::max_bytes(size.0)).max(opened.held_bytes(*format))
+            }
+            _ => Self::of(opened).decoding,
         };
         Self { stored, decoding, mip_map: mip_map::max_bytes(size, whole) }
     }
@@ -105,11 +111,18 @@ pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
 pub(super) struct Opened {
     pub(super) source: Source,
     pub(super) stamp: Option<Stamp>,
-    /// Whether the rows of a PNG are not in order.
-    pub(super) interlaced: bool,
+    /// Whether the file is a PNG or a JPEG that is decoded row by row.
+    pub(super) by_rows: bool,
+    /// Size of the file.
+    pub(super) bytes: u64,
 }
 
 impl Opened {
+    /// Bytes of the file that its decoder holds. That of a JPEG holds all.
+    fn held_bytes(&self, format: ImageFormat) -> u64 {
+        if format == ImageFormat::Jpeg { self.bytes } else { 0 }
+    }
+
     /// Whether an image of more than `whole` texels is kept in tiles: if it has 8 bits a channel.
     /// Narrow images would fill tiles in part. Rows of tiles of wide images need much memory.
     pub(super) fn is_for_tiles(&self, whole: u64) -> bool {
@@ -142,30 +155,41 @@ impl Source {
 pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     let (mut file, stamp) = open(path)?;
     let failed = |e| Error::io(path, "read the texture", &e);
-    let interlaced = file.fill_buf().map_err(failed)?.get(PNG_INTERLACING).is_some_and(|&b| b != 0);
-    let mut reader = ImageReader::new(file)
-        .with_guessed_format()
-        .map_err(|e| Error::io(path, "read the texture", &e))?;
+    let bytes = file.get_ref().metadata().map_err(failed)?.len();
+    let interlacing = file.fill_buf().map_err(failed)?.get(PNG_INTERLACING).copied();
+    let mut reader = ImageReader::new(file).with_guessed_format().map_err(failed)?;
     let Some(format) = reader.format() else {
         return Err(Error::invalid(name(path), "not an image of a known format")
             .help(format!("textures are {FORMATS}")));
     };
+    let by_rows = match format {
+        ImageFormat::Png => interlacing == Some(0),
+        ImageFormat::Jpeg => {
+            let mut file = reader.into_inner();
+            let in_order = jpeg_segments::rows_are_in_order(&mut file).map_err(failed)?;
+            file.rewind().map_err(failed)?;
+            reader = ImageReader::with_format(file, format);
+            in_order
+        }
+        _ => false,
+    };
     let failed = |error| explain(path, error);
-    if format == ImageFormat::Pnm {
-        let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
-        decoder.set_limits(limits(max_bytes)).map_err(failed)?;
-        let source = Source::Image(format, Box::new(decoder), white);
-        return Ok(Opened { source, stamp, interlaced });
-    }
-    if format == ImageFormat::OpenExr {
-        let mut file = reader.into_inner();
-        let source = Source::Exr(Layout::read_header(&mut file, path)?, file);
-        return Ok(Opened { source, stamp, interlaced });
-    }
-    reader.limits(limits(max_bytes));
-    let decoder = reader.into_decoder().map_err(failed)?;
-    let source = Source::Image(format, Box::new(decoder), None);
-    Ok(Opened { source, stamp, interlaced })
+    let source = match format {
+        ImageFormat::Pnm => {
+            let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
+            decoder.set_limits(limits(max_bytes)).map_err(failed)?;
+            Source::Image(format, Box::new(decoder), white)
+        }
+        ImageFormat::OpenExr => {
+            let mut file = reader.into_inner();
+            Source::Exr(Layout::read_header(&mut file, path)?, file)
+        }
+        _ => {
+            reader.limits(limits(max_bytes));
+            Source::Image(format, Box::new(reader.into_decoder().map_err(failed)?), None)
+        }
+    };
+    Ok(Opened { source, stamp, by_rows, bytes })
 }
 
 /// Limits on what the decoders allocate themselves. [`check_size`] limits the rest.
@@ -176,8 +200,8 @@ fn limits(max_bytes: u64) -> Limits {
 }
 
 /// Compares the memory that the header announces with the limit. Returns the peak memory in bytes.
-pub(super) fn check_size(path: &Path, source: &Source, max_bytes: u64) -> Result<u64> {
-    check_needed(path, source, TextureSize::of(source).decoding, max_bytes)
+pub(super) fn check_size(path: &Path, opened: &Opened, max_bytes: u64) -> Result<u64> {
+    check_needed(path, &opened.source, TextureSize::of(opened).decoding, max_bytes)
 }
 
 /// The same for an image that needs `needed` bytes.
@@ -209,29 +233,10 @@ pub(super) fn check_needed(
 
 /// Rejects a JPEG without its end marker. The decoder would fill the missing part with grey.
 pub(super) fn check_jpeg_end(path: &Path) -> Result<()> {
-    let data = std::fs::read(path).map_err(|e| Error::io(path, "read the texture", &e))?;
-    if jpeg_is_complete(&data) { Ok(()) } else { Err(truncated(path)) }
-}
-
-/// Follows the segments to the end-of-image marker.
-fn jpeg_is_complete(data: &[u8]) -> bool {
-    let mut at = 2;
-    loop {
-        // Search for the next marker. In entropy-coded data, FF occurs only before 00 or a restart
-        // marker (D0-D7).
-        while at + 1 < data.len() && (data[at] != 0xff || matches!(data[at + 1], 0 | 0xff)) {
-            at += 1;
-        }
-        match data.get(at + 1) {
-            None => return false,
-            Some(0xd9) => return true,
-            Some(0x01 | 0xd0..=0xd8) => at += 2,
-            Some(_) => match data.get(at + 2..at + 4) {
-                Some(length) => at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]])),
-                None => return false,
-            },
-        }
-    }
+    let (file, _) = open(path)?;
+    let complete =
+        jpeg_segments::has_end(file).map_err(|e| Error::io(path, "read the texture", &e))?;
+    if complete { Ok(()) } else { Err(truncated(path)) }
 }
 
 pub(super) fn name(path: &Path) -> String {

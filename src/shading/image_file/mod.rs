@@ -16,7 +16,10 @@
 //! - float images with texels that are not finite
 
 mod exr;
+mod file_pages;
 mod header;
+mod jpeg_rows;
+mod jpeg_segments;
 mod png_rows;
 mod pnm;
 #[cfg(test)]
@@ -34,6 +37,7 @@ use crate::files::Stamp;
 use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::Layout;
+use file_pages::FilePages;
 use header::{Opened, Source, check_jpeg_end, check_needed, check_size, explain, name, source};
 
 pub use header::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
@@ -57,8 +61,8 @@ pub struct DecodedImage {
 pub fn size(path: &Path, whole: u64) -> Result<((u32, u32), TextureSize)> {
     let opened = source(path, u64::MAX)?;
     let size = match opened.is_for_tiles(whole) {
-        true => TextureSize::in_tiles(&opened.source, opened.interlaced, whole),
-        false => TextureSize::of(&opened.source),
+        true => TextureSize::in_tiles(&opened, whole),
+        false => TextureSize::of(&opened),
     };
     Ok((opened.source.dimensions(), size))
 }
@@ -77,7 +81,7 @@ pub fn read(
     if opened.is_for_tiles(whole) {
         return read_in_tiles(path, opened, color_space, max_bytes, whole);
     }
-    let needed = check_size(path, &opened.source, max_bytes)?;
+    let needed = check_size(path, &opened, max_bytes)?;
     read_whole(path, opened, color_space, needed)
 }
 
@@ -89,25 +93,52 @@ fn read_in_tiles(
     max_bytes: u64,
     whole: u64,
 ) -> Result<DecodedImage> {
-    let Opened { source, interlaced, .. } = &opened;
     // A small file can declare an image that fills a disk.
-    check_size(path, source, max_bytes.max(DEFAULT_MAX_BYTES))?;
-    let needed = TextureSize::in_tiles(source, *interlaced, whole).decoding;
-    check_needed(path, source, needed, max_bytes)?;
-    let Some(tiles) = Tiles::new(source.dimensions(), 3) else {
-        let needed = check_size(path, source, max_bytes)?;
-        return read_whole(path, opened, color_space, needed);
-    };
+    check_size(path, &opened, max_bytes.max(DEFAULT_MAX_BYTES))?;
+    let needed = TextureSize::in_tiles(&opened, whole).decoding;
+    check_needed(path, &opened.source, needed, max_bytes)?;
     reserve::probe(needed, &name(path))?;
-    if let (Source::Image(ImageFormat::Png, decoder, _), false) = (source, *interlaced) {
-        let had_alpha = decoder.color_type().has_alpha();
-        let (tiles, stamp) = png_rows::read(path, tiles, max_bytes)?;
-        let linear = byte_table(color_space, 255);
-        return Ok(DecodedImage { image: TexelImage::from_tiles(tiles, linear), had_alpha, stamp });
-    }
+    let opened = match opened.source {
+        Source::Image(format, decoder, _) if opened.by_rows => {
+            let decoded = read_by_rows(path, format, decoder, color_space, max_bytes)?;
+            match decoded {
+                Some(decoded) => return Ok(decoded),
+                None => source(path, max_bytes)?,
+            }
+        }
+        source => Opened { source, ..opened },
+    };
+    let tiles = Tiles::new(opened.source.dimensions(), 3);
+    let needed = check_size(path, &opened, max_bytes)?;
     let decoded = read_whole(path, opened, color_space, needed)?;
+    let Some(tiles) = tiles else { return Ok(decoded) };
     let image = decoded.image.into_tiles(TileWriter::new(tiles, &name(path))?)?;
     Ok(DecodedImage { image, ..decoded })
+}
+
+/// [`read_in_tiles`] for a PNG or a JPEG that is decoded row by row. `None` if no disk has space.
+/// `header` is the decoder of the header. One of a JPEG has the whole file in memory, so that it is
+/// dropped first.
+fn read_by_rows(
+    path: &Path,
+    format: ImageFormat,
+    header: Box<dyn ImageDecoder>,
+    color_space: Option<ColorSpace>,
+    max_bytes: u64,
+) -> Result<Option<DecodedImage>> {
+    let (size, bytes) = (header.dimensions(), header.total_bytes());
+    let had_alpha = header.color_type().has_alpha();
+    drop(header);
+    let Some(tiles) = Tiles::new(size, 3) else { return Ok(None) };
+    let (tiles, stamp) = if format == ImageFormat::Png {
+        png_rows::read(path, tiles, max_bytes)?
+    } else {
+        check_jpeg_end(path)?;
+        let Some(pixels) = FilePages::new(bytes) else { return Ok(None) };
+        jpeg_rows::read(path, tiles, pixels)?
+    };
+    let image = TexelImage::from_tiles(tiles, byte_table(color_space, 255));
+    Ok(Some(DecodedImage { image, had_alpha, stamp }))
 }
 
 /// Reads an image into memory. Decoding takes `needed` bytes.

@@ -410,14 +410,15 @@ fn damaged_files_have_the_same_errors_in_tiles() {
 
 #[test]
 fn an_image_in_tiles_may_be_larger_than_the_memory() {
-    let flat = DynamicImage::new_rgb8(2048, 2048);
-    let (_folder, path) = saved("flat.png", &flat);
-    let size = super::size(&path, 0).unwrap().1;
-    assert!(2 * size.decoding < 6 * 2048 * 2048 + 4096, "{size:?}");
-    // Without a disk for temporary files, the image must fit.
-    if let Ok(decoded) = read_tiles(&path, size.decoding) {
-        assert!(decoded.image.tiles().is_some());
-        assert_eq!(decoded.image.bytes(), size.stored);
+    for (file, side) in [("flat.png", 2048), ("flat.jpg", 4096)] {
+        let (_folder, path) = saved(file, &DynamicImage::new_rgb8(side, side));
+        let size = super::size(&path, 0).unwrap().1;
+        assert!(2 * size.decoding < 6 * u64::from(side * side) + 4096, "{size:?}");
+        // Without a disk for temporary files, the image must fit.
+        if let Ok(decoded) = read_tiles(&path, size.decoding) {
+            assert!(decoded.image.tiles().is_some());
+            assert_eq!(decoded.image.bytes(), size.stored);
+        }
+        assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, ErrorKind::Limit);
     }
-    assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, ErrorKind::Limit);
 }

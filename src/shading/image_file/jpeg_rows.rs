@@ -1,0 +1,150 @@
+//! Decodes a JPEG into a temporary file, so that few of its pixels are in memory at once.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use image::error::{
+    DecodingError, LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind,
+};
+use image::{ImageError, ImageFormat};
+use zune_core::{colorspace::ColorSpace, options::DecoderOptions};
+use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
+
+use super::file_pages::{FilePages, Release};
+use super::header::{explain, name, open};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::files::Stamp;
+use crate::shading::tiles::{SIDE, TileWriter, Tiles};
+
+/// Bytes of the file that are decoded before the finished pixels leave memory. Each time takes some
+/// 0.1 ms, for 0.8 GB of pixels.
+const READ_BYTES: usize = 1 << 15;
+
+/// Upper bound of the bytes of pixels that come from one byte of the file. A block of 64 pixels of
+/// 3 channels takes at least 2 bits: its mean, and the end of its coefficients.
+const PIXEL_BYTES_OF_BYTE: usize = 3 * 64 * 8 / 2;
+
+/// Upper bound of the memory that [`read`] needs, in bytes, without the texture.
+pub fn max_bytes(width: u32) -> u64 {
+    // The decoder has up to 32 rows of 3 channels in 16 bits, and as much space to enlarge them.
+    // After it, there are two rows of tiles.
+    let row = (2 * 32 * 3 * 2).max(2 * 3 * SIDE as u64);
+    (READ_BYTES * PIXEL_BYTES_OF_BYTE) as u64 + u64::from(width) * row
+}
+
+/// Reads an image whose rows are in order into `tiles`. It has 1 or 3 channels. `pixels` is as
+/// large as the image. The errors are those of the crate `image`, which reads the smaller images
+/// with the same decoder.
+///
+/// # Errors
+/// Damaged files; errors of the disk.
+pub fn read(path: &Path, tiles: Tiles, mut pixels: FilePages) -> Result<(Tiles, Option<Stamp>)> {
+    let failed = |error| explain(path, image_error(error));
+    let (width, height) = tiles.size();
+    let row_bytes = pixels.bytes().len() / height as usize;
+    let is_grey = row_bytes == width as usize;
+    let (file, stamp) = open(path)?;
+    let file = Releasing { file: file.into_inner(), pixels: pixels.release() };
+    let options = DecoderOptions::default()
+        .jpeg_set_out_colorspace(if is_grey { ColorSpace::Luma } else { ColorSpace::RGB })
+        .set_strict_mode(false)
+        .set_max_width(usize::MAX)
+        .set_max_height(usize::MAX);
+    let file = Buffered { file: BufReader::with_capacity(READ_BYTES, file), position: 0 };
+    let mut decoder = JpegDecoder::new_with_options(file, options);
+    decoder.decode_headers().map_err(failed)?;
+    if decoder.dimensions() != Some((width as usize, height as usize)) {
+        let problem = Problem::new(name(path), "was changed while it was read");
+        return Err(Error::new(ErrorKind::Retry, problem));
+    }
+    decoder.decode_into(pixels.bytes()).map_err(failed)?;
+    pixels.release().leave_memory();
+
+    let mut writer = TileWriter::new(tiles, &name(path))?;
+    let (mut row, mut rgb) = (vec![0; row_bytes], Vec::new());
+    for y in 0..u64::from(height) {
+        pixels.read(y * row_bytes as u64, &mut row)?;
+        if is_grey {
+            rgb.clear();
+            rgb.extend(row.iter().flat_map(|&grey| [grey; 3]));
+            writer.push(&rgb)?;
+        } else {
+            writer.push(&row)?;
+        }
+    }
+    Ok((writer.finish()?, stamp))
+}
+
+/// A file. Each time that it is read, the pixels decoded so far leave memory.
+struct Releasing {
+    file: File,
+    pixels: Release,
+}
+
+impl Read for Releasing {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.pixels.leave_memory();
+        self.file.read(bytes)
+    }
+}
+
+impl Seek for Releasing {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+/// A buffered file. The decoder often goes back some bytes, which keeps this buffer. `BufReader`
+/// alone would read its buffer again.
+struct Buffered {
+    file: BufReader<Releasing>,
+    position: u64,
+}
+
+impl Read for Buffered {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let length = self.file.read(bytes)?;
+        self.position += length as u64;
+        Ok(length)
+    }
+}
+
+impl BufRead for Buffered {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        self.file.fill_buf()
+    }
+
+    fn consume(&mut self, length: usize) {
+        self.file.consume(length);
+        self.position += length as u64;
+    }
+}
+
+impl Seek for Buffered {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.position = match to {
+            SeekFrom::Current(by) => {
+                self.file.seek_relative(by)?;
+                self.position.saturating_add_signed(by)
+            }
+            to => self.file.seek(to)?,
+        };
+        Ok(self.position)
+    }
+}
+
+/// Converts an error as the crate `image` does.
+fn image_error(error: DecodeErrors) -> ImageError {
+    let format = || ImageFormat::Jpeg.into();
+    match error {
+        DecodeErrors::Unsupported(what) => {
+            let kind = UnsupportedErrorKind::GenericFeature(format!("{what:?}"));
+            ImageError::Unsupported(UnsupportedError::from_format_and_kind(format(), kind))
+        }
+        DecodeErrors::LargeDimensions(_) => {
+            ImageError::Limits(LimitError::from_kind(LimitErrorKind::DimensionError))
+        }
+        error => ImageError::Decoding(DecodingError::new(format(), error)),
+    }
+}
