@@ -200,7 +200,10 @@ impl Failures {
                         if all.kind == ErrorKind::Retry {
                             all.kind = error.kind;
                         }
-                        all.problems.extend(error.problems);
+                        // A key that many objects share has one problem.
+                        let new = |problem: &Problem| !all.problems.contains(problem);
+                        let new: Vec<_> = error.problems.into_iter().filter(new).collect();
+                        all.problems.extend(new);
                     }
                 }
                 None
@@ -224,7 +227,9 @@ mod tests {
         assert_eq!(failures.keep(Ok(1)), Some(1));
         let retry = Error::new(ErrorKind::Retry, Problem::new("a", "full"));
         assert_eq!(failures.keep::<()>(Err(retry)), None);
-        assert_eq!(failures.keep::<()>(Err(Error::invalid("b", "bad"))), None);
+        for _ in 0..2 {
+            assert_eq!(failures.keep::<()>(Err(Error::invalid("b", "bad"))), None);
+        }
         let error = failures.check().unwrap_err();
         assert_eq!((error.kind, error.problems.len()), (ErrorKind::Invalid, 2));
         assert_eq!(Failures::default().check(), Ok(()));

@@ -23,6 +23,10 @@ const MODELS: [&str; 7] = [
     "SIMPLE_RADIAL_FISHEYE",
 ];
 
+/// Help where a picture does not have the size of its calibration.
+const CALIBRATED_SIZE: &str = "the intrinsics are those of one size: use the picture that was calibrated, or scale fl_x, \
+     fl_y, cx, cy, w and h with it";
+
 /// Reads all frames. `folder` is the folder of the file.
 pub fn read(document: &Document, folder: &Path) -> Result<Vec<Pose>> {
     let count = match document.get("/frames").map(|node| &node.kind) {
@@ -81,6 +85,7 @@ impl Frame<'_> {
         let image = self.get("file_path").and_then(|(node, _)| node.text());
         let image = image.ok_or_else(|| self.missing("file_path", "the name of the picture"))?;
         let [width, height] = self.size(folder, image)?;
+        self.check_principal_point(image, [width, height])?;
         let (w, h) = (f64::from(width), f64::from(height));
         let by_angle = |side: f64, angle: Option<f64>| angle.map(|a| side / 2.0 / (a / 2.0).tan());
         let fx = self.number("fl_x")?.or(by_angle(w, self.number("camera_angle_x")?));
@@ -106,34 +111,55 @@ impl Frame<'_> {
         Ok(Pose { image: image.to_string(), camera, place })
     }
 
-    /// The size by the keys `w` and `h`, or else of the picture itself.
+    /// The size by the keys `w` and `h`, or else of the picture itself. A picture of another size
+    /// was scaled after it was calibrated.
     fn size(&self, folder: &Path, image: &str) -> Result<[u32; 2]> {
+        let picture = size_of_picture(folder, image);
         let mut size = [0; 2];
         for (side, key) in size.iter_mut().zip(["w", "h"]) {
             let Some(number) = self.number(key)? else {
-                return self.size_of_image(folder, image);
+                return picture.ok_or_else(|| {
+                    self.missing("w", "the width and height of the picture in `w` and `h`").help(
+                        "or put the pictures where `file_path` names them: their size is read",
+                    )
+                });
             };
             let whole = number.fract() == 0.0 && (1.0..=f64::from(i32::MAX)).contains(&number);
             if !whole {
-                let pointer = self.get(key).map(|(_, pointer)| pointer).unwrap_or_default();
                 let message = format!("found {number}, expected a number of pixels");
-                return Err(Error::invalid(self.document.place(&pointer), message));
+                return Err(self.invalid(key, message));
             }
             *side = number as u32;
         }
-        Ok(size)
+        match picture.filter(|&picture| picture != size) {
+            None => Ok(size),
+            Some([width, height]) => {
+                let message = format!(
+                    "found {} x {}, but {image} is {width} x {height}, expected the same size",
+                    size[0], size[1]
+                );
+                Err(self.invalid("w", message).help(CALIBRATED_SIZE))
+            }
+        }
     }
 
-    fn size_of_image(&self, folder: &Path, image: &str) -> Result<[u32; 2]> {
-        let path = folder.join(image);
-        // NeRF's files leave the ending out.
-        let with_ending = folder.join(format!("{image}.png"));
-        let found = [path, with_ending].into_iter().find(|path| path.is_file());
-        let size = found.and_then(|path| image::image_dimensions(path).ok());
-        size.map(|(width, height)| [width, height]).ok_or_else(|| {
-            self.missing("w", "the width and height of the picture in `w` and `h`")
-                .help("or put the pictures where `file_path` names them: their size is read")
-        })
+    /// Checks that a principal point lies in a picture whose size is not in the list. Otherwise the
+    /// picture was scaled after it was calibrated.
+    fn check_principal_point(&self, image: &str, [width, height]: [u32; 2]) -> Result<()> {
+        for (key, size, side) in [("cx", "w", width), ("cy", "h", height)] {
+            let Some(c) = self.number(key)?.filter(|_| self.get(size).is_none()) else { continue };
+            if !(0.0..=f64::from(side)).contains(&c) {
+                let message = format!("found {c}, outside of {image}, which is {width} x {height}");
+                return Err(self.invalid(key, message).help(CALIBRATED_SIZE));
+            }
+        }
+        Ok(())
+    }
+
+    /// An error at a key of the frame, or else of the file.
+    fn invalid(&self, key: &str, message: String) -> Error {
+        let pointer = self.get(key).map(|(_, pointer)| pointer).unwrap_or_default();
+        Error::invalid(self.document.place(&pointer), message)
     }
 
     fn distortion(&self) -> Result<Option<Distortion>> {
@@ -161,9 +187,8 @@ impl Frame<'_> {
         }
         if k4 != 0.0 {
             // nerfstudio's k4 belongs to r^8, which OpenCV's model lacks.
-            let pointer = self.get("k4").map(|(_, pointer)| pointer).unwrap_or_default();
             let message = format!("found {k4}, expected 0: OpenCV's model has no term of r^8");
-            return Err(Error::invalid(self.document.place(&pointer), message));
+            return Err(self.invalid("k4", message));
         }
         let lens = BrownConrady { k1, k2, k3, p1, p2, ..BrownConrady::default() };
         Ok(Some(Distortion::BrownConrady(lens)))
@@ -190,4 +215,13 @@ impl Frame<'_> {
         }
         Ok(Matrix(rows))
     }
+}
+
+/// Width and height of the picture, if it is there.
+fn size_of_picture(folder: &Path, image: &str) -> Option<[u32; 2]> {
+    // NeRF's files leave the ending out.
+    let paths = [folder.join(image), folder.join(format!("{image}.png"))];
+    let found = paths.into_iter().find(|path| path.is_file());
+    let (width, height) = found.and_then(|path| image::image_dimensions(path).ok())?;
+    Some([width, height])
 }

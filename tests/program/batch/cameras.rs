@@ -344,11 +344,7 @@ fn sizes_come_from_pictures_where_the_list_has_none() {
     scratch.write("nerf.json", &list.to_string());
     let done = batch(&scratch, "nerf.json", &[]);
     assert!(done.code() == 2 && done.stderr().contains("missing key `w`"), "{}", done.stderr());
-    scratch.write("train/x", "");
-    let mut encoder =
-        png::Encoder::new(std::fs::File::create(scratch.path("train/r_0.png")).unwrap(), 24, 28);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.write_header().unwrap().write_image_data(&[0; 24 * 28]).unwrap();
+    write_picture(&scratch, [24, 28]);
     batch(&scratch, "nerf.json", &[]).good();
     let floats = scratch.floats("out/scan/train/r_0.exr");
     assert_eq!(floats["P.X"].len(), 24 * 28);
@@ -362,6 +358,41 @@ fn sizes_come_from_pictures_where_the_list_has_none() {
         let [u, v] = square.project(DVec3::from(p));
         let (i, j) = ((pixel % 24) as f64, (pixel / 24) as f64);
         assert!((u - i).abs() < 1e-3 && (v - j).abs() < 1e-3, "{u} {v} at {i} {j}");
+    }
+}
+
+/// Writes `train/r_0.png`.
+fn write_picture(scratch: &Scratch, [width, height]: [u32; 2]) {
+    scratch.write("train/x", "");
+    let file = std::fs::File::create(scratch.path("train/r_0.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    let pixels = vec![0; (width * height) as usize];
+    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+}
+
+#[test]
+fn a_picture_of_another_size_than_its_calibration_is_refused() {
+    let scratch = scratch();
+    write_picture(&scratch, [24, 28]);
+    let with = |more: Value| {
+        let mut list = json!({ "fl_x": 30, "frames": [{ "file_path": "train/r_0.png",
+            "transform_matrix": views()[2].transform() }] });
+        list.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        scratch.write("list.json", &list.to_string());
+        batch(&scratch, "list.json", &[])
+    };
+    with(json!({ "w": 24, "h": 28, "cx": 40 })).good();
+    with(json!({ "cx": 24, "cy": 0 })).good();
+    std::fs::remove_dir_all(scratch.path("out")).unwrap();
+    for (more, expected) in [
+        (json!({ "w": 48, "h": 56 }), "(/w): found 48 x 56, but train/r_0.png is 24 x 28"),
+        (json!({ "cx": 24.5 }), "(/cx): found 24.5, outside of train/r_0.png, which is 24 x 28"),
+        (json!({ "cy": -1 }), "(/cy): found -1, outside of train/r_0.png, which is 24 x 28"),
+    ] {
+        let done = with(more);
+        assert!(done.code() == 2 && done.stderr().contains(expected), "{}", done.stderr());
+        assert!(!scratch.path("out").exists());
     }
 }
 
