@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::environment_map::{Arrival, EnvironmentMap};
+use super::environment_map::{Arrivals, EnvironmentMap};
 use super::light_rays::LightWeights;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::reach;
@@ -25,7 +25,7 @@ const MAP_SHARE: f32 = 0.5;
 /// directions has no error except that of their visibility. A white surface of a convex body
 /// returns exactly the radiance.
 ///
-/// With a map that is not flat, half of the directions have a density that follows the map, over
+/// With a map that is not smooth, half of the directions have a density that follows the map, over
 /// the whole sphere.
 #[derive(Debug, Clone)]
 pub struct Environment {
@@ -77,19 +77,21 @@ impl TurnedMap {
     /// Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", eq. 9.13.
     #[inline(always)]
     pub fn weigh(&self, points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights) -> Lanes3 {
-        let mut radiance = [[0.0; LANES]; 3];
-        let share = if self.map.is_uniform() { 0.0 } else { MAP_SHARE };
+        let (mut directions, mut cosine) = ([[0.0; LANES]; 3], [0.0; LANES]);
         for i in 0..LANES {
             let to_light = lane(q, i) - lane(&points.position, i);
             let direction = to_light * (1.0 / to_light.dot(to_light).sqrt());
-            let Arrival { radiance: sent, density } = self.map.arrival(self.in_map(direction));
-            let cosine = lane(&points.n, i).dot(direction).max(0.0);
-            let density = share * std::f32::consts::PI * density + (1.0 - share) * cosine;
+            cosine[i] = lane(&points.n, i).dot(direction).max(0.0);
+            set_lane(&mut directions, i, self.in_map(direction));
+        }
+        let Arrivals { radiance, density } = self.map.arrivals(&directions);
+        let share = if self.map.is_smooth() { 0.0 } else { MAP_SHARE };
+        for i in 0..LANES {
+            let density = share * std::f32::consts::PI * density[i] + (1.0 - share) * cosine[i];
             // A light point behind the surface has no ray and no weight.
             let weight = if density > 0.0 { 1.0 / density } else { 0.0 };
             weights.diffuse[i] *= weight;
             weights.specular[i] *= weight;
-            set_lane(&mut radiance, i, sent);
         }
         radiance
     }
@@ -116,7 +118,7 @@ impl Environment {
     #[inline(always)]
     pub fn points(&self, square: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
         match &self.map {
-            Some(map) if !map.map.is_uniform() => self.map_points(map, square, from),
+            Some(map) if !map.map.is_smooth() => self.map_points(map, square, from),
             _ => self.cosine_points(square, from),
         }
     }

@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use glam::{DVec2, Vec3};
 
+use super::points::{Lanes3, set_lane};
 use super::texel_filter;
 use super::tiles::{TileCache, TileWriter, Tiles};
 use crate::error::Result;
+use crate::ray::LANES;
 use crate::scene::Wrap;
 
 /// An image in linear RGB; rows from the top.
@@ -154,6 +156,23 @@ impl TexelImage {
             Texels::Floats(floats) => Vec3::from_slice(&floats[at..at + 3]),
             Texels::Part(part) => part.texel(x, y),
         }
+    }
+
+    /// 16 texels, by column and row.
+    #[inline(always)]
+    pub fn texels(&self, x: &[u32; LANES], y: &[u32; LANES]) -> Lanes3 {
+        let mut all = [[0.0; LANES]; 3];
+        if let Texels::Floats(floats) = &self.texels {
+            for i in 0..LANES {
+                let at = 3 * (y[i] as usize * self.width as usize + x[i] as usize);
+                set_lane(&mut all, i, Vec3::from_slice(&floats[at..at + 3]));
+            }
+        } else {
+            for i in 0..LANES {
+                set_lane(&mut all, i, self.texel(x[i] as usize, y[i] as usize));
+            }
+        }
+        all
     }
 
     /// The texel at `uv`. Any u, v are safe.

@@ -8,10 +8,12 @@ use glam::{DVec2, Vec3};
 
 use super::image_file::{self, DEFAULT_MAX_BYTES, DecodedImage, TextureSize};
 use super::mip_map::{self, Footprint, MipMap};
+use super::points::Lanes3;
 use super::texel_image::{Negative, TexelImage};
 use super::tiles::Tiles;
 use crate::error::Result;
 use crate::files::Stamp;
+use crate::ray::LANES;
 use crate::scene::{ColorSpace, Filter, Wrap};
 
 /// An image, and smaller copies of it where it is averaged over areas.
@@ -156,6 +158,12 @@ impl Texture {
     #[inline(always)]
     pub(super) fn texel(&self, x: usize, y: usize) -> Vec3 {
         self.image.texel(x, y)
+    }
+
+    /// 16 texels, by column and row.
+    #[inline(always)]
+    pub(super) fn texels(&self, x: &[u32; LANES], y: &[u32; LANES]) -> Lanes3 {
+        self.image.texels(x, y)
     }
 }
 
