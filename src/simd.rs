@@ -11,8 +11,10 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 /// An instruction set for which kernels are compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
-    /// The instructions that the target guarantees: SSE2 on x86-64.
+    /// The instructions that the target guarantees: SSE2 on x86-64, NEON on 64-bit ARM.
     Portable,
+    /// 64-bit ARM: NEON by name in the kernels of the tree. The rest is [`Isa::Portable`].
+    Neon,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
     /// AVX-512 F, BW, DQ, VL, and all of [`Isa::Avx2`]. Compiled in only by rustc >= 1.89.
@@ -49,6 +51,9 @@ impl Isa {
                 return Self::Avx2;
             }
         }
+        #[cfg(target_arch = "aarch64")]
+        return Self::Neon;
+        #[cfg(not(target_arch = "aarch64"))]
         Self::Portable
     }
 
@@ -65,7 +70,9 @@ impl Isa {
         return &[Self::Portable, Self::Avx2, Self::Avx512];
         #[cfg(all(target_arch = "x86_64", not(lightpath_avx512)))]
         return &[Self::Portable, Self::Avx2];
-        #[cfg(not(target_arch = "x86_64"))]
+        #[cfg(target_arch = "aarch64")]
+        return &[Self::Portable, Self::Neon];
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
         return &[Self::Portable];
     }
 
@@ -93,6 +100,7 @@ impl fmt::Display for Isa {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Portable => "portable",
+            Self::Neon => "NEON",
             Self::Avx2 => "AVX2",
             Self::Avx512 => "AVX-512",
         })

@@ -50,6 +50,7 @@ names! { AcceleratorName:
 
 names! { Isa:
     Portable = "portable", "Baseline of the processor architecture";
+    Neon = "neon", "64-bit ARM";
     Avx2 = "avx2", "AVX2 and FMA";
     Avx512 = "avx512", "AVX-512 F, BW, DQ, VL";
 }

@@ -56,7 +56,8 @@ impl TestedBackend {
             (Backend::Bvh(_), Some(forced)) => {
                 let isa = ISA_NAMES.into_iter().find(|(name, _)| *name == forced);
                 let (_, isa) = isa.ok_or_else(|| {
-                    let message = format!("found {forced:?}, expected portable, avx2 or avx512");
+                    let message =
+                        format!("found {forced:?}, expected portable, neon, avx2 or avx512");
                     Error::invalid(flag, message)
                 })?;
                 Backend::Bvh(isa.supported(flag)?)
@@ -164,8 +165,12 @@ impl TestedBackend {
 }
 
 /// Instruction sets that may follow `bvh:`, under their names on the command line.
-const ISA_NAMES: [(&str, Isa); 3] =
-    [("portable", Isa::Portable), ("avx2", Isa::Avx2), ("avx512", Isa::Avx512)];
+const ISA_NAMES: [(&str, Isa); 4] = [
+    ("portable", Isa::Portable),
+    ("neon", Isa::Neon),
+    ("avx2", Isa::Avx2),
+    ("avx512", Isa::Avx512),
+];
 
 /// Largest [`TestedBackend::error_factor`]: that of Embree. Embree's own bound is not published, so
 /// the factor 4 is an assumption, not a derived bound.

@@ -151,7 +151,13 @@ fn a_missing_instruction_set_is_refused_with_a_list() {
     use lightpath::simd::Isa;
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
-    for (name, isa) in [("portable", Isa::Portable), ("avx2", Isa::Avx2), ("avx512", Isa::Avx512)] {
+    let all = [
+        ("portable", Isa::Portable),
+        ("neon", Isa::Neon),
+        ("avx2", Isa::Avx2),
+        ("avx512", Isa::Avx512),
+    ];
+    for (name, isa) in all {
         let done = scratch.run(&["render", "s.json", "--isa", name, "-o", "none/x"]);
         let said = match Isa::available().any(|found| found == isa) {
             // The instruction set is accepted; the folder is missing.

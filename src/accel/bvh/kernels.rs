@@ -2,10 +2,10 @@
 
 use super::exact::{Ray64, ShearedTriangle};
 use super::query::{Lane, Query};
-use super::simd::{Stack, Tier, portable::Portable};
+use super::simd::{self, Stack, Tier};
 use super::tree::Bvh;
 use crate::ray::Rays;
-use crate::simd::{Isa, Kernel, dispatch};
+use crate::simd::Kernel;
 
 /// Number of nodes, leaves or triangles per call. Few enough for the cache.
 pub const COUNT: usize = 256;
@@ -23,19 +23,13 @@ pub enum Which {
 
 impl Bvh<'_> {
     /// Runs a kernel for ray 0 on [`COUNT`] nodes, leaves or triangles, repeating them if the tree
-    /// has fewer. Returns a checksum of the results. For AVX2 these are the portable kernels,
-    /// compiled for AVX2.
+    /// has fewer. Returns a checksum of the results.
     ///
     /// # Panics
     /// If the tree has no leaf of triangles, except for [`Which::Node`].
     pub fn run_kernel(&self, which: Which, rays: &Rays) -> f64 {
-        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
-        if self.isa == Isa::Avx512 {
-            if let Some(tier) = super::simd::avx512::Avx512::new() {
-                return dispatch(self.isa, Run { tier, bvh: self, which, rays });
-            }
-        }
-        dispatch(self.isa.min(Isa::Avx2), Run { tier: Portable, bvh: self, which, rays })
+        let bvh = self;
+        with_tier!(self.isa, tier => tier.run(Run { tier, bvh, which, rays }));
     }
 }
 

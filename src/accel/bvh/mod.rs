@@ -20,6 +20,11 @@ macro_rules! with_tier {
         if let ($crate::simd::Isa::Avx2, Some($tier)) = ($isa, simd::avx2::Avx2::new()) {
             return $run;
         }
+        #[cfg(target_arch = "aarch64")]
+        if $isa == $crate::simd::Isa::Neon {
+            let $tier = simd::neon::Neon;
+            return $run;
+        }
         let $tier = simd::portable::Portable;
         return $run;
     };

@@ -52,6 +52,14 @@ impl<T: Tier> HorizontalMin for Counting<'_, T> {
 impl<T: Tier> Tier for Counting<'_, T> {
     const FUSED: bool = T::FUSED;
 
+    fn lesser(a: f32, b: f32) -> f32 {
+        T::lesser(a, b)
+    }
+
+    fn larger(a: f32, b: f32) -> f32 {
+        T::larger(a, b)
+    }
+
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         self.tier.run(kernel)
     }

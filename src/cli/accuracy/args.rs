@@ -12,9 +12,9 @@ use crate::cli::{
 /// Arguments of `lightpath accuracy`.
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
-    /// Backends to measure: bvh (each instruction set of this machine), bvh:portable, bvh:avx2,
-    /// bvh:avx512, embree, embree-fast, embree-compact, coursework, brute [default: all that can
-    /// run here, without embree-compact]
+    /// Backends to measure: bvh (each instruction set of this machine), bvh:portable, bvh:neon,
+    /// bvh:avx2, bvh:avx512, embree, embree-fast, embree-compact, coursework, brute [default: all
+    /// that can run here, without embree-compact]
     #[arg(long, visible_alias = "backends", value_name = "NAME,...", value_delimiter = ',')]
     pub backend: Vec<String>,
 

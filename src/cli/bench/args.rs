@@ -17,7 +17,7 @@ pub struct BenchArgs {
     pub inputs: Vec<PathBuf>,
 
     /// Backends to compare: bvh, embree, embree-fast, embree-compact, coursework, brute; bvh:TIER
-    /// forces an instruction set (portable, avx2, avx512). All are compared with the first
+    /// forces an instruction set (portable, neon, avx2, avx512). All are compared with the first
     /// [default: embree,bvh; bvh alone without Embree]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,

@@ -24,8 +24,9 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
     pub reference: Option<PathBuf>,
 
-    /// Some of bvh, bvh:portable, bvh:avx2, bvh:avx512, embree, embree-fast, embree-compact,
-    /// coursework, brute; the first one renders the reference [default: the scene's]
+    /// Some of bvh, bvh:portable, bvh:neon, bvh:avx2, bvh:avx512, embree, embree-fast,
+    /// embree-compact, coursework, brute; the first one renders the reference [default: the
+    /// scene's]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Vec<String>,
 

@@ -117,7 +117,7 @@ fn hits_and_shadows_are_those_of_copies() {
     assert_eq!(shared.geometry.instances.len(), 8);
     assert_eq!((copies.geometry.instances.len(), copies.geometry.copies), (0, 8));
     assert_eq!(shared.geometry.count(), copies.geometry.count());
-    for isa in [Isa::Portable, Isa::Avx2, Isa::Avx512] {
+    for &isa in Isa::compiled() {
         let [one, other] =
             [&shared, &copies].map(|world| backends::build(&world.geometry, Backend::Bvh(isa)));
         let mut random = Random(3);

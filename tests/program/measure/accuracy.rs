@@ -126,7 +126,7 @@ fn bad_use_exits_2_before_the_work() {
         (&["accuracy", "--times", "3", "--full"], "cannot be used with"),
         (&["accuracy", "--backend", "gpu"], "expected some of bvh"),
         (&["accuracy", "--backend", "bvh,bvh:portable"], "twice"),
-        (&["accuracy", "--backend", "bvh:sse9"], "portable, avx2 or avx512"),
+        (&["accuracy", "--backend", "bvh:sse9"], "portable, neon, avx2 or avx512"),
         (&["accuracy", "--case", "no such case"], "groups: watertight"),
         (&["accuracy", "--json", "a", "--html", "a"], "or another output"),
         (&["accuracy", "--json", "missing/a.json"], "no such folder"),

@@ -228,7 +228,7 @@ fn bad_use_is_refused_and_nothing_is_written() {
         (&["p.ply", "--backends", "embree,embree"], "found embree twice"),
         (&["p.ply", "--backends", "embree-compat"], "embree-fast, embree-compact, coursework"),
         (&["p.ply", "--backends", "embree:avx2"], "an instruction set only after bvh"),
-        (&["p.ply", "--backends", "bvh:sse9"], "found \"sse9\", expected portable, avx2 or avx512"),
+        (&["p.ply", "--backends", "bvh:sse9"], "expected portable, neon, avx2 or avx512"),
         (&["p.ply", "--isa", "mmx"], "invalid value 'mmx' for '--isa"),
         (
             &["p.ply", "--classes", "primry"],

@@ -122,8 +122,8 @@ impl<T: Tier> Packet<'_, T> {
             for i in 0..LANES {
                 let t0 = T::mul_sub(enter, q.near_inverse[axis][i], q.near_offset[axis][i]);
                 let t1 = T::mul_sub(leave, q.far_inverse[axis][i], q.far_offset[axis][i]);
-                near[i] = if t0 > near[i] { t0 } else { near[i] };
-                far[i] = if t1 < far[i] { t1 } else { far[i] };
+                near[i] = T::larger(t0, near[i]);
+                far[i] = T::lesser(t1, far[i]);
             }
         }
         (near, far)

@@ -80,11 +80,13 @@ impl<T: Tier> Packet<'_, T> {
             // set.
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
             (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
-            let slack = max(max(q0.abs(), q1.abs()), q2.abs()) * EDGE_SLACK + EDGE_FLOOR;
-            let (lowest, highest) = (min(min(u, v), w), max(max(u, v), w));
+            let largest = T::larger(T::larger(q0.abs(), q1.abs()), q2.abs());
+            let slack = largest * EDGE_SLACK + EDGE_FLOOR;
+            let (lowest, highest) = (T::lesser(T::lesser(u, v), w), T::larger(T::larger(u, v), w));
             let misses = (lowest < -slack) & (highest > slack);
             let sure = (lowest > slack) | (highest < -slack);
-            let (lowest, highest) = (min(min(az, bz), cz), max(max(az, bz), cz));
+            let (lowest, highest) =
+                (T::lesser(T::lesser(az, bz), cz), T::larger(T::larger(az, bz), cz));
             (first[i], last[i]) = if backward { (-highest, -lowest) } else { (lowest, highest) };
             maybe[i] &= -i32::from(!misses);
             unsure[i] = maybe[i] & -i32::from(!sure);

@@ -8,7 +8,10 @@
 pub mod avx2;
 #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
 pub mod avx512;
+mod loops;
 pub mod min8;
+#[cfg(target_arch = "aarch64")]
+pub mod neon;
 pub mod portable;
 mod stack;
 #[cfg(test)]
@@ -18,7 +21,7 @@ pub use self::stack::{MAX_DEPTH, Path, Stack};
 
 use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};
-use super::query::Lane;
+use super::query::{Lane, max, min};
 use crate::ray::Mask;
 use crate::simd::Kernel;
 
@@ -52,6 +55,20 @@ pub trait Tier: HorizontalMin {
     #[inline(always)]
     fn mul_sub(a: f32, b: f32, c: f32) -> f32 {
         if Self::FUSED { a.mul_add(b, -c) } else { a * b - c }
+    }
+
+    /// Returns the smaller number; `b` if `a` is NaN, and either if `b` is. Only for bounds,
+    /// because the sign of a zero depends on the instruction set.
+    #[inline(always)]
+    fn lesser(a: f32, b: f32) -> f32 {
+        min(a, b)
+    }
+
+    /// Returns the larger number; `b` if `a` is NaN, and either if `b` is. Only for bounds,
+    /// because the sign of a zero depends on the instruction set.
+    #[inline(always)]
+    fn larger(a: f32, b: f32) -> f32 {
+        max(a, b)
     }
 
     /// Runs a kernel that is compiled for this instruction set. In other code the functions of this

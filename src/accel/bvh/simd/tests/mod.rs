@@ -108,6 +108,11 @@ macro_rules! every_tier {
             let $tier = portable::Portable;
             answers.push((Isa::Portable, $tier.run($ask)));
         }
+        #[cfg(target_arch = "aarch64")]
+        {
+            let $tier = neon::Neon;
+            answers.push((Isa::Neon, $tier.run($ask)));
+        }
         #[cfg(target_arch = "x86_64")]
         if let Some($tier) = avx2::Avx2::new() {
             answers.push((Isa::Avx2, $tier.run($ask)));
