@@ -3,7 +3,7 @@
 #
 #   lightpath-VERSION-x86_64-linux-glibc2.28.tar.xz   with the Embree of vendor/embree, if it is there
 #   lightpath-VERSION-x86_64-linux-static.tar.xz      needs nothing; `bvh` is inside, Embree is not
-#   lightpath-VERSION-aarch64-linux-static.tar.xz     the same for 64-bit ARM, with the portable kernels
+#   lightpath-VERSION-aarch64-linux-static.tar.xz     the same for 64-bit ARM
 #   lightpath-VERSION.cdx.json                        their dependencies (CycloneDX)
 #   SHA256SUMS                                        of everything in the folder
 #
@@ -13,21 +13,13 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
-tools=$target/portable-tools
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 dist=$target/dist
 : "${SOURCE_DATE_EPOCH:=$(git log -1 --format=%ct 2>/dev/null || date +%s)}"
 export SOURCE_DATE_EPOCH
 
-command -v rustup >/dev/null ||
-    { echo "portable: found no rustup, which installs Rust's libraries for other systems: https://rustup.rs" >&2; exit 2; }
-scripts/setup.sh python
-[ -x "$tools/bin/cargo-zigbuild" ] || {
-    echo "portable: installing Zig 0.17.1 and cargo-zigbuild 0.24.1 from PyPI into $tools"
-    python3 -m venv "$tools"
-    "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 cargo-zigbuild==0.24.1
-}
-PATH=$tools/bin:$PATH
+# shellcheck source=scripts/zig.sh
+. scripts/zig.sh
 
 # The programs must not contain paths of this machine.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src

@@ -1,0 +1,30 @@
+#!/bin/bash
+# Builds the program and its core tests for 64-bit ARM Linux, and runs them in an emulator, QEMU:
+#
+#   PLY files of many writers
+#   pictures of all shipped scenes and of the reference scenes: every instruction set must give the same
+#   bytes, and those of this machine, up to last bits of the C library
+#   with the argument `kernels`, also the unit tests of the tree, which compare the kernels of every
+#   instruction set with f64 (they compile the library twice, so .ci/run leaves them out)
+#
+# The compiler optimises little, because that takes longer than the tests save.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
+qemu=$(command -v qemu-aarch64-static || command -v qemu-aarch64) ||
+    { echo "aarch64: found no QEMU, which runs programs for ARM: apt install qemu-user-static" >&2; exit 2; }
+# shellcheck source=scripts/zig.sh
+. scripts/zig.sh
+triple=aarch64-unknown-linux-musl
+emulated=$(realpath -m "${CARGO_TARGET_DIR:-target}")/emulated
+rustup target add "$triple"
+
+tests=(--test alone)
+[ "${1:-}" != kernels ] || tests+=(--lib)
+CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER=$qemu cargo-zigbuild test --locked --release --no-default-features \
+    --target "$triple" --target-dir "$emulated" --config profile.release.opt-level=1 \
+    --config profile.release.codegen-units=64 --config 'profile.release.lto="off"' \
+    "${tests[@]}" -- ply_corpus:: simd:: bvh::
+
+export LIGHTPATH_OTHER="$qemu $emulated/$triple/release/lightpath" LIGHTPATH_TIERS="portable neon"
+cargo test --locked --release --test program -- --ignored the_same_on_another_machine
