@@ -42,7 +42,7 @@ test: setup python ## all tests, Python's included, and a check that it compiles
 python: setup ## the Python package and its tests, in a virtual environment under target/
 	scripts/python.sh test
 
-wheel: setup ## a wheel of the Python package in target/wheels/, tested in a fresh virtual environment
+wheel: setup ## a wheel of the Python package in target/wheels/, tested in a fresh environment (MACHINE=aarch64: cross-built)
 	scripts/python.sh wheel
 
 bench: setup ## the benchmarks

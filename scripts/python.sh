@@ -1,6 +1,7 @@
 #!/bin/bash
 # Builds and tests the Python package. `python.sh test` puts it into a virtual environment that is
-# kept under target/; `python.sh wheel` makes a wheel and tests it in a fresh one.
+# kept under target/; `python.sh wheel` makes a wheel and tests it in a fresh one. `MACHINE=aarch64
+# python.sh wheel` makes a wheel for 64-bit ARM in target/wheels-aarch64/, and inspects it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/setup.sh python
@@ -23,6 +24,16 @@ run_tests() {
     (cd "$target" && PYTHONPATH=$tests "$1/bin/python" -m pytest -q -p no:cacheprovider "$tests")
 }
 
+# Prints the processor and the newest glibc symbols of the module in a wheel.
+inspect() {
+    local folder
+    folder=$(mktemp -d)
+    "$python" -m zipfile -e "$1" "$folder"
+    readelf -h "$folder"/lightpath/_lightpath*.so | grep Machine
+    readelf -V "$folder"/lightpath/_lightpath*.so | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1
+    rm -r "$folder"
+}
+
 case ${1:-test} in
 test)
     venv=$target/python-venv
@@ -43,11 +54,20 @@ wheel)
     builder=$target/python-builder
     # Zig links against the symbols of an old glibc, which decide on which systems the wheel runs.
     environment "$builder" 'maturin[zig]>=1.8,<2'
-    rm -rf "$target/wheels"
+    own=$(uname -m) machine=${MACHINE:-$(uname -m)} wheels=$target/wheels
+    if [ "$machine" != "$own" ]; then
+        wheels=$target/wheels-$machine
+        rustup target add "$machine-unknown-linux-gnu"
+    fi
+    rm -rf "$wheels"
     PATH=$builder/bin:$PATH "$builder/bin/maturin" build --release --locked --zig \
-        --target "$(uname -m)-unknown-linux-gnu" --compatibility "${COMPATIBILITY:-manylinux_2_28}" \
-        --manifest-path python/Cargo.toml --target-dir "$target" --out "$target/wheels" \
+        --target "$machine-unknown-linux-gnu" --compatibility "${COMPATIBILITY:-manylinux_2_28}" \
+        --manifest-path python/Cargo.toml --target-dir "$target" --out "$wheels" \
         --interpreter "$python"
+    if [ "$machine" != "$own" ]; then
+        inspect "$wheels"/*.whl
+        exit
+    fi
     "$builder/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$target/wheels"
     venv=$target/wheel-venv
     rm -rf "$venv"
