@@ -162,7 +162,7 @@ impl Drop for Cluster {
 #[test]
 fn a_cluster_that_loses_nodes_loses_no_frame() {
     let Some(cluster) = Cluster::up("3", "2") else { return };
-    let scratch = scratch("160x120", 24, FRAMES);
+    let scratch = scratch("160x120", 120, FRAMES);
     cluster.submit(&scratch, "job.json", "farm", "2");
     let finished = || {
         let names = std::fs::read_dir(scratch.path("farm/pyramid")).into_iter().flatten();
