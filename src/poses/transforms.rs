@@ -24,8 +24,8 @@ const MODELS: [&str; 7] = [
 ];
 
 /// Help where a picture does not have the size of its calibration.
-const CALIBRATED_SIZE: &str = "the intrinsics are those of one size: use the picture that was calibrated, or scale fl_x, \
-     fl_y, cx, cy, w and h with it";
+const CALIBRATED_SIZE: &str = "the intrinsics are those of one size: use the picture that was \
+     calibrated, or scale fl_x, fl_y, cx, cy, w and h with it";
 
 /// Reads all frames. `folder` is the folder of the file.
 pub fn read(document: &Document, folder: &Path) -> Result<Vec<Pose>> {

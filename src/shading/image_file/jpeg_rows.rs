@@ -25,7 +25,8 @@ const READ_BYTES: usize = 1 << 15;
 /// 3 channels takes at least 2 bits: its mean, and the end of its coefficients.
 const PIXEL_BYTES_OF_BYTE: usize = 3 * 64 * 8 / 2;
 
-/// Upper bound of the memory that [`read`] needs, in bytes, without the texture.
+/// Upper bound of the memory that [`read`] needs, in bytes, without the texture. If the data of a
+/// damaged file end early, the rest becomes grey at once, in pages that the system can write back.
 pub fn max_bytes(width: u32) -> u64 {
     // The decoder has up to 32 rows of 3 channels in 16 bits, and as much space to enlarge them.
     // After it, there are two rows of tiles.
