@@ -2,8 +2,9 @@
 //!
 //! Large arrays are reserved first, and a failure is an ordinary error (`reserve`). The remaining
 //! allocations are small. If one fails, Rust's library prints a message and aborts, which raises
-//! SIGABRT in the same thread. The handler here removes part files and ends the process with the
-//! exit code for failures worth retrying. An abort for any other reason stays an abort.
+//! SIGABRT in the same thread. The handler here removes unfinished `.part` files, if no other
+//! thread holds their list. It ends the process with the exit code for failures worth retrying. An
+//! abort of a thread whose allocations all succeeded stays an abort.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -11,8 +12,9 @@ use std::{
 };
 
 thread_local! {
-    /// True after a failed allocation of this thread. It is never cleared: between the failure and
-    /// the abort, Rust's library may allocate for a backtrace, with success.
+    /// True once an allocation of this thread has failed, also one that `reserve` reports as an
+    /// error. Never cleared: before it aborts, Rust's library may allocate memory for a backtrace,
+    /// and that may succeed.
     static FAILED: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -66,12 +68,12 @@ pub fn exit_instead_of_abort() {
     }
 }
 
-/// Does nothing: this system has no SIGABRT handlers.
+/// Does nothing: outside Unix, Rust's library aborts without a signal that a handler can catch.
 #[cfg(not(unix))]
 pub fn exit_instead_of_abort() {}
 
-/// Handles SIGABRT in the thread that aborts, outside any allocator call. The process aborts if
-/// this function returns.
+/// Handles SIGABRT in the thread that aborts. A failed allocation has returned by then, so removing
+/// files is safe. The process aborts if this function returns.
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
     if !FAILED.get() {

@@ -11,29 +11,30 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES};
 
-/// Largest relative difference of two t that count as the same: some 84 times 2^-23. A larger
-/// difference is judged in f64.
+/// Two values of t count as the same up to this relative difference, some 84 times 2^-23. Beyond
+/// it, [`refute`] tests in f64 which answer is wrong.
 const SAME_T: f32 = 1e-5;
 
-/// Numbers of rays by how the answers of two backends compare.
+/// Numbers of rays on which two backends agree or differ, by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Agreement {
-    /// The same primitive at the same t, two misses, or the same occlusion.
+    /// The same primitive at the same t, two misses, two occlusions, or two hits at infinite t.
     pub same: u64,
-    /// Different primitives at the same t.
+    /// Different primitives at the same finite t.
     pub tie: u64,
     /// Hits at different t.
     pub depth: u64,
-    /// One backend hits, the other misses.
+    /// One backend reports a hit or an occlusion, the other a miss.
     pub missed: u64,
 }
 
 impl Agreement {
-    /// Counts one ray. Returns whether its two answers agree, up to a tie.
+    /// Counts one ray. Returns true if its two answers agree or tie.
     fn add(&mut self, a: &Answer, b: &Answer) -> bool {
         // Backends report t in f32.
         let [s, t] = [a, b].map(|answer| answer.t() as f32);
         let near = (s - t).abs() <= SAME_T * s.abs().max(t.abs());
+        // Both t are infinite for occlusions, and for hits beyond the range of f32.
         let (hit, no_t) = (a.is_hit(), s == f32::INFINITY && t == f32::INFINITY);
         let count = match (hit == b.is_hit(), !hit || no_t, near) {
             (false, ..) => &mut self.missed,
@@ -95,6 +96,9 @@ pub fn compare(
     (scores, pairs)
 }
 
+/// Returns for each backend whether its answer in lane `lane` is provably wrong.
+///
+/// An occlusion names no primitive. So the closest hits of all backends are tested in its place.
 fn judged(
     geometry: &Geometry,
     backends: &[&dyn Accelerator],

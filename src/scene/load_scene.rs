@@ -1,4 +1,5 @@
-//! Loads a scene: text, overrides, structure, checks. All problems come back together.
+//! Loads a scene: parses the text, applies overrides, checks the structure, checks the values.
+//! After the parsing, all problems are reported together.
 
 use std::{fs::File, io::Read, path::Path};
 
@@ -46,14 +47,15 @@ pub struct Loaded {
     /// Valid values that are most likely mistakes, in text order.
     pub warnings: Vec<Problem>,
     /// SHA-256 (hexadecimal) of the canonical JSON. Two files have the same hash if they differ
-    /// only in spacing, comments, key order, or defaults written out.
+    /// only in spacing, `comment` keys, key order, or defaults written out.
     pub hash: String,
 }
 
 /// Loads a scene and applies `--set` overrides (`/json/pointer=VALUE`) in order.
 ///
 /// # Errors
-/// Every problem of the file in text order, then every problem of the overrides.
+/// A file that cannot be read, or the first syntax error. Otherwise every problem of the file in
+/// text order, then every problem of the overrides.
 pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     match source {
         Source::Text { name, text, folder } => {
@@ -66,10 +68,11 @@ pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     }
 }
 
-/// Checks a scene made by code as if it had been read from a file in `folder`.
+/// Checks a scene made by code as if it had been read from a file in `folder`. Messages name it as
+/// `name`.
 ///
 /// # Errors
-/// The same as [`load`].
+/// Every problem of the scene, then every problem of the overrides.
 pub fn from_description(
     name: &str,
     description: &Description,
@@ -88,14 +91,14 @@ impl Loaded {
     pub fn with_camera(&self, name: &str, camera: &written::Camera, folder: &Path) -> Result<Self> {
         let description = Description { camera: camera.clone(), ..self.description.clone() };
         let mut found = self.with_description(name, &description, folder)?;
-        // A description does not hold the user's paths of meshes.
+        // A mesh keeps the path that the user gave. Only the shapes hold it, not the description.
         found.scene.shapes.clone_from(&self.scene.shapes);
         Ok(found)
     }
 
-    /// Returns the scene of another description with the backend of this scene. A description does
-    /// not hold the options of the backend. Messages name the description as `name`. Its paths are
-    /// relative to `folder`.
+    /// Returns the scene of another description, with the backend of this scene. A description
+    /// holds only the name of a backend, not its mode or instruction set. Messages name the
+    /// description as `name`. Its paths are relative to `folder`.
     ///
     /// # Errors
     /// Every problem of the description.
@@ -112,7 +115,7 @@ impl Loaded {
 }
 
 /// Reads a document as any type that has a schema, such as a job file. The structural checks are
-/// those of scene files: no unknown keys, places in messages, nearest keys as help.
+/// those of scene files: no unknown keys, places in messages, the nearest known key as help.
 ///
 /// # Errors
 /// Every structural problem, in text order.
@@ -159,7 +162,8 @@ const OTHER_MESHES: [&str; 11] =
 /// Reads the scene file at `path`.
 ///
 /// # Errors
-/// A file that cannot be read, that holds a mesh of another format, or that is longer than 256 MiB.
+/// A file that cannot be read, whose name ends like a mesh of another format than PLY, or that is
+/// longer than 256 MiB.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::IsADirectory => {

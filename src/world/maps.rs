@@ -1,4 +1,4 @@
-//! Loads the images of environments. Each image is opened once.
+//! Loads the images of environment lights. An image that several lights use is loaded once.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,10 +16,12 @@ use super::sources::ReadFiles;
 pub struct Maps(Vec<(PathBuf, Arc<EnvironmentMap>)>);
 
 impl Maps {
-    /// Loads the images that the scene's environments name, within `budget`.
+    /// Loads the images that the scene's environments name. `budget` limits their memory together;
+    /// without it, each may take 4 GiB while it is decoded. Appends the files that were read, and
+    /// warnings.
     ///
     /// # Errors
-    /// All images that cannot be read, do not fit, or have negative texels.
+    /// Lists every image that cannot be read, does not fit, or has negative texels.
     pub fn load(
         scene: &Scene,
         budget: Option<MemoryLimit>,
@@ -54,6 +56,7 @@ impl Maps {
     }
 }
 
+/// Loads one image. `left` is what the other images leave of the budget.
 fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
     let shown = spec.path.display().to_string();
     let needed = EnvironmentMap::size(&spec.path)?.decoding;

@@ -1,4 +1,4 @@
-//! Cases with degenerate triangles: without area, duplicated, slivers, tiny, huge.
+//! Cases with degenerate triangles: zero area, duplicates, slivers, tiny and huge triangles.
 
 use glam::DVec3;
 
@@ -12,9 +12,11 @@ const GROUP: &str = "degenerate";
 
 const AMOUNT: Amount = Amount { packets: 160, slow_stride: 4, oracle_stride: 1 };
 
-/// Rays from a sphere of radius `distance` at triangles: for [`Expect::Oracle`] at corners, edges
-/// and insides, else only at insides.
+/// Makes 16 rays that start at `distance` from the origin. Each passes through a point of a random
+/// triangle: a corner, a point of an edge or a point inside. Only inside, unless `expect` is
+/// [`Expect::Oracle`].
 fn aim(random: &mut Random, mesh: &TriangleMesh, distance: f64, expect: Expect) -> AimedPacket {
+    // Half of the packets have one common origin.
     let together = random.below(2) == 0;
     let mut from = DVec3::ZERO;
     AimedPacket::each(expect, |aimed, i| {
@@ -39,19 +41,20 @@ fn case(
     make: fn(&mut Random) -> TriangleMesh,
 ) -> Case {
     Case::new(GROUP, name, what, PassCriterion::Exact, move |run| {
+        // The packets use the random sequences from 0 on, so the mesh takes the last one.
         let geometry = scene(make(&mut run.random(u64::MAX)));
         run.trace(&geometry, AMOUNT, |random| aim(random, &geometry.meshes[0], distance, expect))
     })
 }
 
-/// A triangle of about `size` around a random point in [-1, 1)^3.
+/// A triangle whose corners lie at distance `size` from a random point in [-1, 1)^3.
 fn some(random: &mut Random, size: f64) -> [DVec3; 3] {
     let at = random.cube();
     [0; 3].map(|_| at + random.direction() * size)
 }
 
-/// A mesh of ordinary triangles mixed with `others`. Rays that miss the others may hit an ordinary
-/// triangle behind them.
+/// A mesh of 150 ordinary triangles and 150 of `others`. Rays that miss the others may hit an
+/// ordinary triangle behind them.
 fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> TriangleMesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..150).map(|_| some(random, 0.2)).collect();
     triangles.extend((0..150).map(|_| others(random)));
@@ -59,7 +62,8 @@ fn crowd(random: &mut Random, others: impl Fn(&mut Random) -> [DVec3; 3]) -> Tri
 }
 
 fn fan(random: &mut Random) -> TriangleMesh {
-    // Two parts of cones. Each consists of needles of 1:3400 around one vertex.
+    // Two sectors of cones, each a tenth of a turn. A sector is 2,000 needles with a common apex,
+    // each 3,400 times as long as wide.
     let mut triangles = Vec::new();
     for _ in 0..2 {
         let apex = random.cube() * 0.5;
@@ -159,10 +163,11 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// A mesh in which every triangle occurs three times.
+/// A mesh in which every triangle occurs three times. The two copies have the opposite winding if
+/// `opposite`.
 fn copied(random: &mut Random, opposite: bool) -> TriangleMesh {
     let mut triangles: Vec<[DVec3; 3]> = (0..60).map(|_| some(random, 0.3)).collect();
-    // The copies have a different order.
+    // The copies stand in a different order than the first triangles.
     for k in 0..120 {
         let [a, b, c] = triangles[k * 7 % 60];
         triangles.push(if opposite { [a, c, b] } else { [a, b, c] });

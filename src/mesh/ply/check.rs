@@ -1,4 +1,5 @@
-//! Validates triangles and counts the invalid ones.
+//! Checks the triangles of a PLY file: drops the invalid ones, counts them and keeps the first
+//! errors.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -11,14 +12,14 @@ use crate::mesh::normals::VertexPosition;
 /// A face: the name of its element and the index of its row.
 type Face = (&'static str, u64);
 
-/// Counts and first errors of consecutive faces.
+/// Result of the check of consecutive faces: counts, and the first error of each kind.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     pub(super) faces: u64,
     pub(super) too_small: u64,
     pub(super) split: u64,
     pub(super) degenerate: u64,
-    /// The degenerate triangles between three different points.
+    /// The degenerate triangles between three different points: candidates for stitches.
     pub(super) stitches: Vec<[u32; 3]>,
     /// Number of triangles that use an index out of range or a non-finite vertex. In a cloud of
     /// points, the number of points that are not finite.
@@ -142,8 +143,8 @@ impl<'a, P: VertexPosition> Checker<'a, P> {
         }
     }
 
-    /// Returns the texture index `number` of a face if it is below `files`, else
-    /// [`FaceTextures::NO_TEXTURE`]. Any invalid index except -1 is recorded as an error.
+    /// Returns the texture index `number` of a face, rounded down, if it is in [0, `files`), else
+    /// [`FaceTextures::NO_TEXTURE`]. Any other number except -1 is recorded as an error.
     #[inline]
     pub(super) fn texture(&mut self, row: u64, number: f64, files: usize) -> u16 {
         if number >= 0.0 && number < files as f64 {
@@ -172,8 +173,7 @@ impl<'a, P: VertexPosition> Checker<'a, P> {
         let triangle = corners.map(|c| c as u32);
         let [a, b, c] = triangle.map(|v| self.positions[v as usize].xyz());
         let normal = cross(sub(b, a), sub(c, a));
-        // The size is zero if corners repeat or are collinear, and NaN or infinite if they are not
-        // finite.
+        // Zero if corners repeat or are collinear. NaN or infinite if a corner is not finite.
         let size = normal[0].abs() + normal[1].abs() + normal[2].abs();
         (size > 0.0 && size < f64::INFINITY).then_some(triangle)
     }
@@ -208,7 +208,7 @@ impl<'a, P: VertexPosition> Checker<'a, P> {
             return None;
         }
         // A non-finite corner makes this sum non-finite: infinite or NaN products never cancel out.
-        // Huge finite corners can do so too, so the corners decide.
+        // Huge finite corners can make it infinite, too. So the corners are checked themselves.
         if !(normal[0] + normal[1] + normal[2]).is_finite() && !self.all_finite(row, &[a, b, c]) {
             self.tally.unusable += 1;
             return None;

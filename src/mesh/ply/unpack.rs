@@ -7,14 +7,15 @@ use crate::reserve::MemoryLimit;
 use flate2::bufread::MultiGzDecoder;
 use zstd::stream::read::Decoder;
 
-/// log2 of the window that any zstd frame may use. It is the limit of the program `zstd`: all its
-/// levels and `--long` stay within it. Memory pages are touched only as data fills them.
+/// log2 of the window that a zstd frame may use in a file of any size. The program `zstd` has this
+/// limit by default: all its levels, and `--long` without a number, stay within it. A window takes
+/// memory only as data fills it.
 const WINDOW_LOG: u32 = 27;
 
 /// log2 of the smallest window of the format.
 const MIN_WINDOW_LOG: u32 = 10;
 
-/// log2 of the largest window of the format.
+/// log2 of the largest window that the zstd library accepts. The format allows larger ones.
 const MAX_WINDOW_LOG: u32 = 31;
 
 /// The compression of a file.
@@ -41,8 +42,8 @@ impl Packing {
         }
     }
 
-    /// Returns a reader of the unpacked bytes of `packed`, which has `length` bytes if that is
-    /// known. The window of a zstd decoder takes at most `memory_limit`.
+    /// Returns a reader of the unpacked bytes of `packed`. `length` is the number of packed bytes,
+    /// if known. The window of a zstd decoder takes at most `memory_limit`, or 1 KiB.
     ///
     /// # Errors
     /// If there is no memory for the decoder.
@@ -58,10 +59,10 @@ impl Packing {
             Self::Gzip => Box::new(MultiGzDecoder::new(packed)),
             Self::Zstd => {
                 let mut frames = Decoder::with_buffer(packed)?;
-                // A window above the usual limit may be up to twice the size of the packed file.
+                // A window above `WINDOW_LOG` may be up to twice the size of the packed file.
                 let double = length.unwrap_or(0).saturating_mul(2).max(1).ilog2();
                 let max_log = double.clamp(WINDOW_LOG, MAX_WINDOW_LOG);
-                // The window is held in addition to the arrays.
+                // The limit holds for the window alone. The arrays are checked separately.
                 let log_limit = memory_limit.map_or(max_log, |limit| limit.bytes.max(1).ilog2());
                 frames.window_log_max(max_log.min(log_limit).max(MIN_WINDOW_LOG))?;
                 Box::new(Frames(frames))

@@ -11,12 +11,13 @@ use super::reference::Reference;
 /// Number of bins along each axis.
 pub const BINS: usize = 16;
 
-/// Sets of at least this many references are subsampled: only every third one is binned. The trees
-/// have about the same SAH cost as without subsampling.
+/// Sets of at least this many references to primitives are subsampled: see [`SUBSAMPLE_STRIDE`].
+/// The trees have about the same SAH cost as without subsampling.
 const MIN_SUBSAMPLED: usize = 1024;
 
 /// Stride of the subsampling: every third reference is binned. It is odd because many 3D scans list
-/// the two triangles of a grid cell in turn. An even stride would bin only the first of each pair.
+/// the two triangles of a grid cell one after the other. An even stride would bin only the first of
+/// each pair.
 const SUBSAMPLE_STRIDE: usize = 3;
 
 /// Weight and bounding box of the references in each bin, along each axis. A reference is in the
@@ -79,8 +80,8 @@ impl Grid {
     }
 }
 
-/// Returns the bin of one coordinate: `(center2 - origin) * scale`, rounded down. An odd integer
-/// gives the bin below; all callers agree.
+/// Returns the bin of one coordinate: `(center2 - origin) * scale`, rounded down and clamped to the
+/// bins. An odd integer gives the bin below. That is harmless: every bin is computed here.
 #[inline(always)]
 fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
     // A floor without a conversion. After `- 0.5`, the nearest integer is the floor, except for the
@@ -127,9 +128,10 @@ impl Bins {
         self
     }
 
-    /// Returns the split with the smallest SAH cost: surface area times weight, summed over both
-    /// sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable extent:
-    /// all centroids coincide, or f32 cannot hold the scale. One side of the split may be empty.
+    /// Returns the split with the smallest SAH cost: half the surface area times the weight, summed
+    /// over both sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable
+    /// extent: all centroids coincide, or f32 cannot hold the scale. One side of the split may be
+    /// empty.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
         let mut right_cost = [[0.0; 3]; BINS];

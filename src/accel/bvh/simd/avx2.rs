@@ -1,4 +1,5 @@
-//! Kernels for AVX2 and FMA. A node or a leaf is two vectors of 8 lanes.
+//! Kernels for AVX2 and FMA. The 16 children of a node, or the 16 vertices of a leaf, fill two
+//! vectors of 8 lanes.
 
 use std::arch::x86_64::*;
 
@@ -20,7 +21,7 @@ impl Avx2 {
     }
 }
 
-/// Number of lanes of a vector.
+/// Number of lanes of a vector: half of [`WIDTH`].
 const HALF: usize = WIDTH / 2;
 
 /// 16 lanes as two vectors.
@@ -58,7 +59,7 @@ unsafe fn lanes(mask: u32) -> __m128i {
     unsafe { _mm_loadl_epi64(SET_LANES.as_ptr().add(mask as usize % SET_LANES.len()).cast()) }
 }
 
-/// Returns one ray's value in all lanes.
+/// Returns the value of one ray, from the array `member` of its query, in all 8 lanes.
 ///
 /// # Safety
 /// The processor must support AVX2.
@@ -98,7 +99,7 @@ unsafe fn pick([low, high]: Pair, index: __m256i) -> __m256 {
     }
 }
 
-/// Converts 16 lanes of 32 bits to bytes, saturated.
+/// Converts 16 signed integers of 32 bits to signed bytes, with saturation.
 ///
 /// # Safety
 /// The processor must support AVX2.
@@ -132,7 +133,8 @@ unsafe fn or4(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
     unsafe { _mm256_or_ps(_mm256_or_ps(a, b), _mm256_or_ps(c, d)) }
 }
 
-/// Returns the scaled ray parameters at one row of planes of half of the children.
+/// Returns the scaled ray parameters at which a ray crosses one row of [`Node::planes`], for half
+/// of the children.
 ///
 /// # Safety
 /// The processor must support AVX2 and FMA, `row < 6`, and `half < 2`.
@@ -145,9 +147,9 @@ unsafe fn plane(node: &Node, (row, half): (usize, usize), inverse: f32, offset: 
     }
 }
 
-/// Returns the scaled ray parameters at which the ray enters half of the children's boxes, and the
-/// lanes whose boxes the ray enters. `max` and `min` return their second operand if either is NaN,
-/// so NaN prunes nothing.
+/// Returns the scaled ray parameters at which the ray enters the boxes of half of the children, at
+/// least `tnear`, and the mask of the boxes that it enters before `tfar`. `max` and `min` return
+/// their second operand if either is NaN, so NaN prunes nothing.
 ///
 /// # Safety
 /// The processor must support AVX2 and FMA, and `half < 2`.
