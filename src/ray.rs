@@ -220,9 +220,10 @@ impl RayPacket {
 pub enum Coherence {
     /// Similar paths: camera rays, or shadow rays of neighbouring points.
     Coherent,
-    /// Different paths, as after several bounces.
+    /// Different paths, as after several bounces. `bvh` traces each ray on its own, several in
+    /// turns.
     Incoherent,
-    /// As [`Coherence::Incoherent`], but every lane is traced alone with the backend's query for
+    /// As [`Coherence::Incoherent`], but one ray after the other, with the backend's query for
     /// single rays. For measurements of single rays.
     Single,
 }

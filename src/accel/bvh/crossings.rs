@@ -13,9 +13,10 @@
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
 use super::exact::{Ray64, ShearedTriangle};
-use super::node::{Block, ChildKind, WIDTH};
+use super::interleaved::{Interleaved, LeafVisitor};
+use super::node::{Block, Child, ChildKind, WIDTH};
 use super::query::{Lane, Query};
-use super::simd::{self, Path, Tier};
+use super::simd::{self, Tier};
 use super::single::Single;
 use super::tree::Bvh;
 use crate::ray::{LANES, Mask, Rays};
@@ -55,45 +56,29 @@ impl<T: Tier> Kernel for AllCrossings<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, rays, found } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        let mut path = Path::new();
-        for i in 0..LANES {
-            if active.0[i] != 0 {
-                bvh.single(tier, &query, rays, i).crossings(&mut path, found);
-            }
+        let first = found.len();
+        let mut crossings = Crossings { found };
+        Interleaved::new(tier, bvh, &query, rays).visit(tier.bits(active), &mut crossings);
+        found[first..].sort_unstable_by_key(|crossing| crossing.lane);
+    }
+}
+
+/// Collects the crossings of rays.
+struct Crossings<'a> {
+    found: &'a mut Vec<Crossing>,
+}
+
+impl LeafVisitor for Crossings<'_> {
+    #[inline(always)]
+    fn visit<T: Tier>(&mut self, ray: &Single<T>, leaf: Child) -> bool {
+        if let ChildKind::Triangles(block) = leaf.kind() {
+            ray.crossings_in_block(block, self.found);
         }
+        false
     }
 }
 
 impl<T: Tier> Single<'_, T> {
-    /// Adds all crossings of this ray.
-    #[inline(always)]
-    fn crossings(&self, path: &mut Path, found: &mut Vec<Crossing>) {
-        let tfar = self.lane.value(&self.lane.query.tfar);
-        let mut index = 0;
-        let mut left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
-        loop {
-            while left == 0 {
-                let Some(step) = path.pop() else { return };
-                (index, left) = step;
-            }
-            let node = &self.tree.nodes[index];
-            let child = node.first(left);
-            left &= left - 1;
-            match child.kind() {
-                ChildKind::Node(below) => {
-                    if left != 0 {
-                        path.push(index, left);
-                        self.tree.prefetch(node.first(left));
-                    }
-                    index = below;
-                    left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);
-                }
-                ChildKind::Triangles(block) => self.crossings_in_block(block, found),
-                ChildKind::Spheres(_) | ChildKind::Empty => {}
-            }
-        }
-    }
-
     /// Adds the crossings with the triangles of a leaf.
     #[inline(always)]
     fn crossings_in_block(&self, index: usize, found: &mut Vec<Crossing>) {

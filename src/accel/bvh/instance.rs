@@ -26,7 +26,7 @@ impl<T: Tier> Single<'_, T> {
                 ChildKind::Node(index) => {
                     child = self.tier.first_in_order(&tree.nodes[index], &lane, tfar, &mut stack);
                     if let Some(later) = stack.last() {
-                        tree.prefetch(later);
+                        tree.prefetch_if_large(later);
                     }
                     if child != Child::EMPTY {
                         continue;

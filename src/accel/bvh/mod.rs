@@ -39,6 +39,7 @@ mod exact;
 mod frustum;
 mod hits;
 mod instance;
+mod interleaved;
 #[doc(hidden)]
 pub mod kernels;
 mod local_rays;
@@ -66,6 +67,7 @@ pub use self::validate::TreeStats;
 pub use self::winding::Dipoles;
 
 use self::hits::ClosestHits;
+use self::interleaved::{InterleavedClosest, InterleavedOccluded};
 use self::packet::{Bits, Packet, Stacks};
 use self::query::Query;
 use self::shaft::MayHit;
@@ -242,9 +244,8 @@ impl Bvh<'_> {
         let bvh = self;
         match coherence {
             Coherence::Coherent => tier.run(PacketClosest { tier, bvh, active, packet }),
-            Coherence::Incoherent | Coherence::Single => {
-                tier.run(SingleClosest { tier, bvh, active, packet });
-            }
+            Coherence::Incoherent => tier.run(InterleavedClosest { tier, bvh, active, packet }),
+            Coherence::Single => tier.run(SingleClosest { tier, bvh, active, packet }),
         }
     }
 
@@ -258,9 +259,8 @@ impl Bvh<'_> {
         let bvh = self;
         match coherence {
             Coherence::Coherent => tier.run(PacketOccluded { tier, bvh, active, rays }),
-            Coherence::Incoherent | Coherence::Single => {
-                tier.run(SingleOccluded { tier, bvh, active, rays });
-            }
+            Coherence::Incoherent => tier.run(InterleavedOccluded { tier, bvh, active, rays }),
+            Coherence::Single => tier.run(SingleOccluded { tier, bvh, active, rays }),
         }
     }
 }

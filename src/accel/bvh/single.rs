@@ -26,6 +26,10 @@ pub struct ClosestHit {
 }
 
 impl ClosestHit {
+    /// No hit, for lanes without a ray.
+    pub const NONE: Self =
+        Self { t: 0.0, tfar: 0.0, primitive: NONE, edges: [1.0, 0.0, 0.0], second_half: false };
+
     /// Returns the hit of a sphere.
     fn sphere(t: f64, tfar: f32, primitive: u32) -> Self {
         Self { t, tfar, primitive, edges: [1.0, 0.0, 0.0], second_half: false }
@@ -119,7 +123,7 @@ impl<'a, T: Tier> Single<'a, T> {
                 child =
                     self.tier.first_in_order(&self.tree.nodes[index], &self.lane, best.tfar, stack);
                 if let Some(later) = stack.last() {
-                    self.tree.prefetch(later);
+                    self.tree.prefetch_if_large(later);
                 }
                 if child != Child::EMPTY {
                     continue;
@@ -161,7 +165,7 @@ impl<'a, T: Tier> Single<'a, T> {
             if let ChildKind::Node(below) = child.kind() {
                 if left != 0 {
                     path.push(index, left);
-                    self.tree.prefetch(node.first(left));
+                    self.tree.prefetch_if_large(node.first(left));
                 }
                 index = below;
                 left = self.tier.hit_children(&self.tree.nodes[index], &self.lane, tfar);

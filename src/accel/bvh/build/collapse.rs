@@ -33,16 +33,21 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Prefetches a node or a leaf of triangles if the tree is larger than caches are.
+    /// Prefetches a node or a leaf of triangles.
     #[inline(always)]
     pub fn prefetch(&self, child: Child) {
-        if !self.is_large {
-            return;
-        }
         match child.kind() {
             ChildKind::Node(index) => prefetch_all(&self.nodes, index),
             ChildKind::Triangles(index) => prefetch_all(&self.blocks, index),
             ChildKind::Spheres(_) | ChildKind::Empty => {}
+        }
+    }
+
+    /// Prefetches a node or a leaf of triangles if the tree is larger than caches are.
+    #[inline(always)]
+    pub fn prefetch_if_large(&self, child: Child) {
+        if self.is_large {
+            self.prefetch(child);
         }
     }
 

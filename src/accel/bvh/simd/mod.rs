@@ -17,7 +17,7 @@ mod stack;
 #[cfg(test)]
 mod tests;
 
-pub use self::stack::{MAX_DEPTH, Path, Stack};
+pub use self::stack::{MAX_DEPTH, Path, Paths, Stack};
 
 use super::frustum::{Frustum, HorizontalMin};
 use super::node::{Block, Child, Node, WIDTH};

@@ -4,6 +4,7 @@
 use std::mem::MaybeUninit;
 
 use crate::accel::bvh::node::{Child, WIDTH};
+use crate::ray::LANES;
 
 /// Maximum number of levels of inner nodes. The builder never exceeds it.
 pub const MAX_DEPTH: usize = 64;
@@ -21,7 +22,7 @@ pub struct Stack {
 
 impl Stack {
     #[inline(always)]
-    pub fn new() -> Self {
+    pub const fn new() -> Self {
         Self {
             children: [const { MaybeUninit::uninit() }; CAPACITY],
             distances: [const { MaybeUninit::uninit() }; CAPACITY],
@@ -96,7 +97,7 @@ pub struct Path {
 
 impl Path {
     #[inline(always)]
-    pub fn new() -> Self {
+    pub const fn new() -> Self {
         Self { steps: [const { MaybeUninit::uninit() }; MAX_DEPTH], len: 0 }
     }
 
@@ -123,6 +124,39 @@ impl Path {
     #[inline(always)]
     pub fn clear(&mut self) {
         self.len = 0;
+    }
+}
+
+/// A [`Path`] for each ray of a packet.
+pub struct Paths {
+    steps: [[MaybeUninit<(u32, u32)>; MAX_DEPTH]; LANES],
+    /// Number of steps of each ray. All of them are initialised.
+    lengths: [u32; LANES],
+}
+
+impl Paths {
+    #[inline(always)]
+    pub fn new() -> Self {
+        let steps = [const { [const { MaybeUninit::uninit() }; MAX_DEPTH] }; LANES];
+        Self { steps, lengths: [0; LANES] }
+    }
+
+    /// Adds a node and its children that are still to be visited, as bits, to the path of ray `i`.
+    ///
+    /// # Panics
+    /// If the tree is deeper than [`MAX_DEPTH`].
+    #[inline(always)]
+    pub fn push(&mut self, i: usize, node: u32, children: u32) {
+        self.steps[i][self.lengths[i] as usize].write((node, children));
+        self.lengths[i] += 1;
+    }
+
+    /// Removes and returns the last node of ray `i`.
+    #[inline(always)]
+    pub fn pop(&mut self, i: usize) -> Option<(u32, u32)> {
+        self.lengths[i] = self.lengths[i].checked_sub(1)?;
+        // SAFETY: every step below `lengths[i]` is initialised, and within the array.
+        Some(unsafe { self.steps[i].get_unchecked(self.lengths[i] as usize).assume_init() })
     }
 }
 
@@ -181,5 +215,21 @@ mod tests {
         path.push(1, 2);
         path.clear();
         assert!(path.pop().is_none());
+    }
+
+    #[test]
+    fn the_paths_of_rays_are_separate() {
+        let mut paths = Paths::new();
+        for step in 0..MAX_DEPTH as u32 {
+            for i in 0..LANES {
+                paths.push(i, step, i as u32);
+            }
+        }
+        for i in 0..LANES {
+            for step in (0..MAX_DEPTH as u32).rev() {
+                assert_eq!(paths.pop(i), Some((step, i as u32)));
+            }
+            assert!(paths.pop(i).is_none());
+        }
     }
 }

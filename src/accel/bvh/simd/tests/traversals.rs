@@ -173,7 +173,7 @@ fn a_closed_mesh_has_no_gap_in_any_tier() {
     let mesh = icosphere(4);
     let packets = from_within(&mesh);
     let geometry = Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
-    for how in [Coherence::Single, Coherence::Coherent] {
+    for how in [Coherence::Single, Coherence::Incoherent, Coherence::Coherent] {
         let found = hits(&geometry, &packets, how);
         for (isa, packets) in &found {
             for (packet, expected) in packets.iter().zip(&found[0].1) {
@@ -200,6 +200,30 @@ fn packets_find_what_single_rays_find() {
                 let off = (a.hits.u[i] - b.hits.u[i]).abs() + (a.hits.v[i] - b.hits.v[i]).abs();
                 assert!(off < 1e-2, "{isa}: {off}");
             }
+        }
+    }
+}
+
+#[test]
+fn rays_in_turns_find_what_they_find_alone() {
+    let mut random = Random(4);
+    let geometry = soup();
+    for isa in Isa::available() {
+        let options = BuildOptions { threads: 1, max_bytes: None };
+        let bvh = Bvh::build(&geometry, isa, &options, &Monitor::default()).unwrap();
+        for lanes in 0..300u32 {
+            let packet = scattered(&mut random, lanes % 2 == 0);
+            // No ray, single rays, and all numbers of rays up to 16.
+            let bits_of_lanes = lanes.wrapping_mul(0x9E37_79B9) >> 16;
+            let bits_of_lanes = if lanes % 5 == 0 { 0xFFFF } else { bits_of_lanes & lanes };
+            let active = Mask(std::array::from_fn(|i| -(((bits_of_lanes >> i) & 1) as i32)));
+            let found = [Coherence::Single, Coherence::Incoherent].map(|how| {
+                let (mut closest, mut shadow) = (packet.clone(), packet.rays.clone());
+                bvh.closest(&active, &mut closest, how);
+                bvh.occluded(&active, &mut shadow, how);
+                (bits(&closest), shadow.tfar.map(f32::to_bits))
+            });
+            assert_eq!(found[0], found[1], "{isa}: {lanes}");
         }
     }
 }
