@@ -38,7 +38,10 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::{Mesh, ReadOptions},
     monitor::Monitor,
-    scene::{Loaded, Overrides, ShapeKind, Source, written},
+    scene::{
+        Loaded, Overrides, ShapeKind, Source,
+        written::{PlaneDescription, ShapeDescription},
+    },
     world::color_request,
 };
 
@@ -140,11 +143,11 @@ pub fn show_mesh(
 fn with_other_ground(
     loaded: Loaded,
     template: &Template,
-    change: impl Fn(&mut written::Plane) -> bool,
+    change: impl Fn(&mut PlaneDescription) -> bool,
 ) -> Result<Loaded> {
     let mut description = loaded.description.clone();
     description.scene.shapes.retain_mut(|shape| match shape {
-        written::Shape::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
+        ShapeDescription::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
             change(plane)
         }
         _ => true,

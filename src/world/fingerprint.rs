@@ -15,8 +15,10 @@ use crate::{
     files::{Stamp, changed},
     mesh,
     scene::{
-        Layer, LightKind, Loaded, Material, ShapeKind, hexadecimal,
-        written::{self, Light, MaterialUse, Name, Shape},
+        CheckedMaterial, Layer, LightKind, Loaded, ShapeKind, hexadecimal,
+        written::{
+            LightDescription, MaterialDescription, MaterialUse, Name, Output, ShapeDescription,
+        },
     },
 };
 
@@ -111,10 +113,10 @@ pub fn fingerprint(
     let mattes = scene.layers.iter().any(mattes);
     if !mattes {
         // Without mattes, the number of ranks does not matter.
-        description.output.cryptoranks = written::Output::default().cryptoranks;
+        description.output.cryptoranks = Output::default().cryptoranks;
     }
     if !scene.layers.contains(&Layer::Occlusion) {
-        let written::Output { aodistance, aosamples, .. } = written::Output::default();
+        let Output { aodistance, aosamples, .. } = Output::default();
         (description.output.aodistance, description.output.aosamples) = (aodistance, aosamples);
     }
 
@@ -128,7 +130,9 @@ pub fn fingerprint(
         }
     }
     for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
-        if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
+        if let (ShapeDescription::TriMesh(mesh), ShapeKind::Trimesh(spec)) =
+            (&mut *shape, &checked.kind)
+        {
             let Some(mut hash) = contents.sha256_of_mesh(&spec.path, spec.points.is_some())? else {
                 return Ok(None);
             };
@@ -146,8 +150,10 @@ pub fn fingerprint(
         }
     }
     for (light, checked) in description.scene.lightsources.iter_mut().zip(&scene.lights) {
-        if let (Light::Environment(light), LightKind::Environment { map: Some(map), .. }) =
-            (light, &checked.kind)
+        if let (
+            LightDescription::Environment(light),
+            LightKind::Environment { map: Some(map), .. },
+        ) = (light, &checked.kind)
         {
             let Some(hash) = contents.sha256_of(&map.path)? else { return Ok(None) };
             light.image = Some(Name(hash));
@@ -162,8 +168,8 @@ pub fn fingerprint(
 /// Replaces the path of a material's image by its hash. Returns false if the image is a pipe, which
 /// has no hash.
 fn replace_texture(
-    written: &mut written::Material,
-    checked: Option<&Material>,
+    written: &mut MaterialDescription,
+    checked: Option<&CheckedMaterial>,
     contents: &mut ContentHashes,
 ) -> Result<bool> {
     if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {

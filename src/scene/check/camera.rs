@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Camera, Lens, Projection},
-    description::{self, Direction, Interval, Point},
+    checked::{CheckedCamera, CheckedLens, Projection},
+    description::{CameraDescription, Direction, Interval, Panorama, Point},
 };
 
 use super::context::Check;
@@ -26,28 +26,28 @@ pub(super) struct CameraPose {
 
 impl Check<'_, '_> {
     /// Checks `/camera` and makes the checked camera.
-    pub(super) fn camera(&mut self) -> Option<Camera> {
-        let mut camera: description::Camera = self.part("/camera")?;
+    pub(super) fn camera(&mut self) -> Option<CheckedCamera> {
+        let mut camera: CameraDescription = self.part("/camera")?;
         let [width, height] = camera.size();
         let sized = self.picture_size(width, height);
         let projection = match &camera {
-            description::Camera::Pinhole(c) => {
+            CameraDescription::Pinhole(c) => {
                 Some(Projection::Perspective { fov_deg: c.fov, lens: None })
             }
-            description::Camera::Thinlens(c) => {
+            CameraDescription::Thinlens(c) => {
                 // A lens of diameter 0 is a pinhole.
-                let lens = Lens { aperture: c.aperture, focal_distance: c.focaldistance };
+                let lens = CheckedLens { aperture: c.aperture, focal_distance: c.focaldistance };
                 let lens = Some(lens).filter(|lens| lens.aperture > 0.0);
                 Some(Projection::Perspective { fov_deg: c.fov, lens })
             }
-            description::Camera::Intrinsics(c) => self.calibrated(c, sized),
-            description::Camera::Orthographic(c) => {
+            CameraDescription::Intrinsics(c) => self.calibrated(c, sized),
+            CameraDescription::Orthographic(c) => {
                 Some(Projection::Orthographic { width: c.viewwidth })
             }
-            description::Camera::Panorama(c) => self.panorama(c),
+            CameraDescription::Panorama(c) => self.panorama(c),
         };
         let pose = match &camera {
-            description::Camera::Intrinsics(c) => self.matrix_pose(c),
+            CameraDescription::Intrinsics(c) => self.matrix_pose(c),
             _ => None,
         };
         let pose = match camera.stand() {
@@ -57,7 +57,7 @@ impl Check<'_, '_> {
             None => pose,
         };
         let CameraPose { position, lookat, up } = pose?;
-        Some(Camera { width, height, position, lookat, up, projection: projection? })
+        Some(CheckedCamera { width, height, position, lookat, up, projection: projection? })
     }
 
     /// Checks position, view direction and up direction of a camera without a matrix.
@@ -99,7 +99,7 @@ impl Check<'_, '_> {
         pixels <= MAX_PIXELS
     }
 
-    fn panorama(&mut self, camera: &description::Panorama) -> Option<Projection> {
+    fn panorama(&mut self, camera: &Panorama) -> Option<Projection> {
         let Interval(longitude_deg @ [left, right]) = camera.longitude;
         let Interval(latitude_deg @ [low, high]) = camera.latitude;
         let mut good = true;

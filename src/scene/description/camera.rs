@@ -9,7 +9,8 @@ use super::values::{Direction, Interval, Matrix, Point};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
 #[expect(clippy::large_enum_variant, reason = "a scene has one camera")]
-pub enum Camera {
+#[schemars(rename = "Camera")]
+pub enum CameraDescription {
     /// A perspective camera with everything in focus.
     Pinhole(Pinhole),
     /// A perspective camera with depth of field.
@@ -104,7 +105,7 @@ pub struct Intrinsics {
     #[schemars(range(min = -1e6, max = 1e6))]
     pub skew: f64,
     /// Distortion of the lens. Default: none.
-    pub distortion: Option<Distortion>,
+    pub distortion: Option<DistortionDescription>,
     /// Rows of the matrix that takes world coordinates to camera coordinates.
     pub world_to_camera: Option<Matrix>,
     /// Rows of the matrix that takes camera coordinates to world coordinates.
@@ -128,7 +129,8 @@ pub enum Axes {
 /// Distortion of a lens, as OpenCV defines it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Distortion {
+#[schemars(rename = "Distortion")]
+pub enum DistortionDescription {
     /// OpenCV's model of `calib3d`: rational radial and tangential terms.
     BrownConrady(BrownConrady),
     /// OpenCV's model of `fisheye`, of Kannala and Brandt.
@@ -242,7 +244,7 @@ pub struct Stand<'a> {
     pub up: &'a mut Direction,
 }
 
-impl Camera {
+impl CameraDescription {
     /// Returns the width and the height of the picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         match self {

@@ -9,13 +9,14 @@ use super::values::{Color, Direction, Name, Point};
 /// A light source of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Light {
+#[schemars(rename = "Light")]
+pub enum LightDescription {
     /// A point that emits light in every direction.
     PointLight(PointLight),
     /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
     /// Light from all sides, from beyond the scene: of one radiance, or an image.
-    Environment(Environment),
+    Environment(EnvironmentDescription),
     /// Parallel light from beyond the scene: a sun of size 0.
     Directional(Directional),
     /// A disc in the sky, beyond the scene. Rays do not see it.
@@ -67,7 +68,8 @@ pub struct AreaLight {
 
 /// Light from all sides, from beyond the scene: of one radiance, or an image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Environment {
+#[schemars(rename = "Environment")]
+pub struct EnvironmentDescription {
     /// Name of the light in the EXR.
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
@@ -93,7 +95,7 @@ pub struct Environment {
     pub visible: bool,
 }
 
-impl Environment {
+impl EnvironmentDescription {
     /// Returns the factor of the image, or the radiance if there is no image.
     pub fn factor(&self) -> Color {
         self.radiance.unwrap_or(Color([1.0; 3]))

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::color::MeshColor;
+use super::color::MeshColorDescription;
 use super::material::{ColorSpace, MaterialUse};
 use super::values::{Angles, Matrix, Name, Point};
 use super::visible::Visible;
@@ -11,18 +11,19 @@ use super::visible::Visible;
 /// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Shape {
+#[schemars(rename = "Shape")]
+pub enum ShapeDescription {
     /// A sphere with centre and radius.
-    Sphere(Sphere),
+    Sphere(SphereDescription),
     /// A bounded planar convex quad.
-    Plane(Plane),
+    Plane(PlaneDescription),
     /// A triangle with three corners.
-    Triangle(Triangle),
+    Triangle(TriangleDescription),
     /// A mesh from a PLY file.
-    TriMesh(TriMesh),
+    TriMesh(TriMeshDescription),
 }
 
-impl Shape {
+impl ShapeDescription {
     /// Returns the name and the material of the shape.
     pub fn common(&self) -> (&Option<Name>, &MaterialUse) {
         match self {
@@ -66,7 +67,8 @@ impl Shape {
 
 /// A sphere with centre and radius.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Sphere {
+#[schemars(rename = "Sphere")]
+pub struct SphereDescription {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -110,7 +112,8 @@ pub enum Pole {
 
 /// A bounded planar convex quad. Its corners are in order around it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Plane {
+#[schemars(rename = "Plane")]
+pub struct PlaneDescription {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -141,7 +144,8 @@ pub struct Plane {
 
 /// A triangle. Its area must not be zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Triangle {
+#[schemars(rename = "Triangle")]
+pub struct TriangleDescription {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -170,7 +174,8 @@ pub struct Triangle {
 
 /// A mesh from a PLY file, placed by `fit`, then `rotate`, then `size` and `center`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct TriMesh {
+#[schemars(rename = "TriMesh")]
+pub struct TriMeshDescription {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -208,7 +213,7 @@ pub struct TriMesh {
     /// Interpolates vertex normals: true, false, or only across edges up to an angle. Unless false,
     /// normals of the file are used if there are any.
     #[serde(default)]
-    pub smooth: Smooth,
+    pub smooth: SmoothDescription,
     /// false: the `coursework` backend loops over the triangles of the mesh. Other backends ignore
     /// it.
     #[serde(default = "yes")]
@@ -221,7 +226,7 @@ pub struct TriMesh {
     /// What multiplies `diffusecolor`: `vertex` or `face` colours of the file, or a property
     /// through a colour map. Default: by `vertexcolors`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub color: Option<MeshColor>,
+    pub color: Option<MeshColorDescription>,
     /// Draws every vertex of the file as a sphere of this radius, in the units of the file, in
     /// place of its faces.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -237,7 +242,8 @@ pub struct TriMesh {
 /// Edges across which the normals of a mesh are interpolated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum Smooth {
+#[schemars(rename = "Smooth")]
+pub enum SmoothDescription {
     /// Across every edge (true) or no edge (false).
     Everywhere(bool),
     /// Only across edges up to an angle.
@@ -258,7 +264,7 @@ pub struct Crease {
     pub flat: Option<f64>,
 }
 
-impl Default for Smooth {
+impl Default for SmoothDescription {
     fn default() -> Self {
         Self::Everywhere(false)
     }
