@@ -42,19 +42,19 @@ pub fn read(document: &Document, folder: &Path) -> Result<Vec<Pose>> {
     let mut failures = Failures::default();
     let mut list = Vec::new();
     for number in 0..count {
-        let frame = Frame { document, pointer: format!("/frames/{number}") };
+        let frame = FrameEntry { document, pointer: format!("/frames/{number}") };
         list.extend(failures.keep(frame.pose(folder)));
     }
     failures.check()?;
     Ok(list)
 }
 
-struct Frame<'d> {
+struct FrameEntry<'d> {
     document: &'d Document,
     pointer: String,
 }
 
-impl Frame<'_> {
+impl FrameEntry<'_> {
     /// Returns a value of the frame, or else of the file, and its pointer.
     fn get(&self, key: &str) -> Option<(&JsonNode, String)> {
         let own = format!("{}/{key}", self.pointer);
