@@ -40,7 +40,7 @@ use crate::{
     monitor::Monitor,
     scene::{
         Loaded, Overrides, ShapeKind, Source,
-        written::{PlaneDescription, ShapeDescription},
+        written::{Name, ShapeCommon, ShapeDescription},
     },
     world::color_request,
 };
@@ -143,12 +143,13 @@ pub fn show_mesh(
 fn with_other_ground(
     loaded: Loaded,
     template: &Template,
-    change: impl Fn(&mut PlaneDescription) -> bool,
+    change: impl Fn(&mut ShapeCommon) -> bool,
 ) -> Result<Loaded> {
     let mut description = loaded.description.clone();
+    let is_ground = |name: &Option<Name>| name.as_ref().is_some_and(|name| name.0 == GROUND);
     description.scene.shapes.retain_mut(|shape| match shape {
-        ShapeDescription::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
-            change(plane)
+        ShapeDescription::Plane(plane) if is_ground(&plane.common.name) => {
+            change(&mut plane.common)
         }
         _ => true,
     });

@@ -75,11 +75,11 @@ impl Turntable {
         let point = |p: &mut [f64; 3]| {
             *p = (turn * (DVec3::from(*p) - pivot) + pivot).to_array();
         };
-        if let Some(camera) = scene.camera.stand() {
-            point(&mut camera.position.0);
-            camera.lookat.iter_mut().for_each(|v| direction(&mut v.0));
-            camera.target.iter_mut().for_each(|p| point(&mut p.0));
-            direction(&mut camera.up.0);
+        if let Some((position, aim)) = scene.camera.stand_mut() {
+            point(&mut position.0);
+            aim.lookat.iter_mut().for_each(|v| direction(&mut v.0));
+            aim.target.iter_mut().for_each(|p| point(&mut p.0));
+            direction(&mut aim.up.0);
         }
         if let CameraDescription::Intrinsics(camera) = &mut scene.camera {
             camera.camera_to_world.iter_mut().for_each(|m| turn_to_world(m, turn, pivot));
@@ -95,16 +95,8 @@ impl Turntable {
                             .for_each(|p| point(&mut p.0));
                     }
                     LightDescription::Environment(_) => {}
-                    LightDescription::Directional(light) => {
-                        if let Some(towards) = light.sky().towards() {
-                            light.set_direction(turn * -towards);
-                        }
-                    }
-                    LightDescription::Sun(light) => {
-                        if let Some(towards) = light.sky().towards() {
-                            light.set_direction(turn * -towards);
-                        }
-                    }
+                    LightDescription::Directional(light) => light.sky.turn(turn),
+                    LightDescription::Sun(light) => light.sky.turn(turn),
                 }
             }
         }
@@ -114,11 +106,10 @@ impl Turntable {
 
 /// Returns the up direction of a camera in world space, of any length.
 fn up(camera: &CameraDescription) -> DVec3 {
-    let mut camera = camera.clone();
-    if let Some(stand) = camera.stand() {
-        return stand.up.0.into();
+    if let Some((_, aim)) = camera.stand() {
+        return aim.up.0.into();
     }
-    let CameraDescription::Intrinsics(camera) = &camera else { return DVec3::Y };
+    let CameraDescription::Intrinsics(camera) = camera else { return DVec3::Y };
     let column = camera.camera_to_world.map(|Matrix(m)| DVec3::new(m[0][1], m[1][1], m[2][1]));
     let row = camera.world_to_camera.map(|Matrix(m)| DVec3::new(m[1][0], m[1][1], m[1][2]));
     let y = column.or(row).unwrap_or(DVec3::Y);
@@ -174,9 +165,8 @@ mod tests {
     }
 
     fn stand(scene: &SceneDescription) -> ([f64; 3], [f64; 3]) {
-        let mut camera = scene.camera.clone();
-        let stand = camera.stand().unwrap();
-        (stand.position.0, stand.lookat.unwrap().0)
+        let (position, aim) = scene.camera.stand().unwrap();
+        (position.0, aim.lookat.unwrap().0)
     }
 
     #[test]

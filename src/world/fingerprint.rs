@@ -137,7 +137,7 @@ pub fn fingerprint(
                 return Ok(None);
             };
             // Mattes of a mesh without a name are named after its file.
-            if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
+            if let (true, None, Some(stem)) = (mattes, &mesh.common.name, spec.path.file_stem()) {
                 hash += &stem.to_string_lossy();
             }
             mesh.path = Name(hash);

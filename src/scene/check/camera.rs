@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::scene::{
     checked::{CheckedCamera, CheckedLens, Projection},
-    description::{CameraDescription, Direction, Interval, Panorama, Point},
+    description::{Aim, CameraDescription, Direction, Interval, Panorama, Point},
 };
 
 use super::context::Check;
@@ -27,7 +27,7 @@ pub(super) struct CameraPose {
 impl Check<'_, '_> {
     /// Checks `/camera` and makes the checked camera.
     pub(super) fn camera(&mut self) -> Option<CheckedCamera> {
-        let mut camera: CameraDescription = self.part("/camera")?;
+        let camera: CameraDescription = self.part("/camera")?;
         let [width, height] = camera.size();
         let sized = self.picture_size(width, height);
         let projection = match &camera {
@@ -46,31 +46,19 @@ impl Check<'_, '_> {
             }
             CameraDescription::Panorama(c) => self.panorama(c),
         };
-        let pose = match &camera {
-            CameraDescription::Intrinsics(c) => self.matrix_pose(c),
-            _ => None,
-        };
-        let pose = match camera.stand() {
-            Some(stand) => {
-                self.stand_pose(*stand.position, *stand.lookat, *stand.target, *stand.up)
-            }
-            None => pose,
+        let pose = match (&camera, camera.stand()) {
+            (CameraDescription::Intrinsics(c), _) => self.matrix_pose(c),
+            (_, Some((position, aim))) => self.stand_pose(position.vec(), aim),
+            (_, None) => None,
         };
         let CameraPose { position, lookat, up } = pose?;
         Some(CheckedCamera { width, height, position, lookat, up, projection: projection? })
     }
 
     /// Checks position, view direction and up direction of a camera without a matrix.
-    fn stand_pose(
-        &mut self,
-        position: Point,
-        lookat: Option<Direction>,
-        target: Option<Point>,
-        up: Direction,
-    ) -> Option<CameraPose> {
-        let position = position.vec();
-        let lookat = self.view_direction(position, lookat, target);
-        let up = scaled_to_range(up);
+    fn stand_pose(&mut self, position: DVec3, aim: &Aim) -> Option<CameraPose> {
+        let lookat = self.view_direction(position, aim.lookat, aim.target);
+        let up = scaled_to_range(aim.up);
         if up == DVec3::ZERO {
             self.problems.error("/camera/up", "found a zero vector, expected a direction", None);
         } else if let Some(lookat) = lookat {

@@ -31,7 +31,7 @@ impl Check<'_, '_> {
                 }
                 LightDescription::Directional(l) => {
                     let kind = LightKind::Sun {
-                        towards: self.towards(&pointer, l.sky()),
+                        towards: self.towards(&pointer, l.sky),
                         angle_deg: 0.0,
                         samples: 1,
                     };
@@ -41,7 +41,7 @@ impl Check<'_, '_> {
                 LightDescription::Sun(l) => {
                     // A sun of size 0 has only one direction.
                     let samples = if l.angle > 0.0 { l.samples } else { 1 };
-                    let towards = self.towards(&pointer, l.sky());
+                    let towards = self.towards(&pointer, l.sky);
                     let kind = LightKind::Sun { towards, angle_deg: l.angle, samples };
                     let id = self.distant_color(&pointer, l.id, l.irradiance);
                     (kind, l.name, l.group, id, l.specular)

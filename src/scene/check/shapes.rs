@@ -3,9 +3,10 @@
 use glam::{DAffine3, DVec3};
 
 use crate::scene::{
-    checked::{CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh, Visible},
+    checked::{CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh},
     description::{
-        MeshColorDescription, ShapeDescription, SmoothDescription, StoredColor, TriMeshDescription,
+        MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, StoredColor,
+        TriMeshDescription,
     },
     node::NodeKind,
 };
@@ -27,15 +28,15 @@ impl Check<'_, '_> {
             let Some(shape) = self.part::<ShapeDescription>(&pointer) else {
                 continue;
             };
-            let name = self.name(&format!("{pointer}/name"), shape.common().0);
+            let name = self.name(&format!("{pointer}/name"), &shape.common().name);
             let mut kind = self.shape_kind(&pointer, &shape);
             let instances = self.instances(&pointer, &shape);
             let hides = |material: usize| materials.all[material].texture.is_some();
             if let (ShapeKind::Trimesh(mesh), true) = (&kind, material.is_some_and(hides)) {
                 self.warn_about_hidden_color(&pointer, mesh);
             }
-            let (visible, role) = self.plate(&pointer, &shape);
-            let semantic = shape.semantic();
+            let role = self.role(&pointer, shape.common());
+            let &ShapeCommon { visible, semantic, .. } = shape.common();
             let Some(material) = material else { continue };
             let mut instances = instances.into_iter().map(Box::new);
             if let ShapeKind::Trimesh(mesh) = &mut kind {
@@ -81,8 +82,8 @@ impl Check<'_, '_> {
     }
 
     /// Checks the keys for compositing over a plate: `visible`, `holdout` and `shadow_catcher`.
-    fn plate(&mut self, pointer: &str, shape: &ShapeDescription) -> (Visible, Role) {
-        let (visible, holdout, catcher) = shape.plate();
+    fn role(&mut self, pointer: &str, shape: &ShapeCommon) -> Role {
+        let &ShapeCommon { visible, holdout, shadow_catcher: catcher, .. } = shape;
         let key = if holdout { "holdout" } else { "shadow_catcher" };
         if holdout && catcher {
             let message = "found `shadow_catcher` with `holdout`, expected one of them: a holdout has no alpha";
@@ -99,12 +100,11 @@ impl Check<'_, '_> {
             let message = "found a shape that no ray can hit: it has no effect";
             self.problems.warn(&format!("{pointer}/visible"), message, None);
         }
-        let role = match (holdout, catcher) {
+        match (holdout, catcher) {
             (true, _) => Role::Holdout,
             (false, true) => Role::ShadowCatcher,
             (false, false) => Role::Surface,
-        };
-        (visible, role)
+        }
     }
 
     fn shape_kind(&mut self, pointer: &str, shape: &ShapeDescription) -> ShapeKind {

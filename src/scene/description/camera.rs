@@ -38,12 +38,9 @@ pub struct Pinhole {
     pub fov: f64,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 /// A perspective camera with depth of field. It has exactly one of `lookat` and `target`.
@@ -61,12 +58,9 @@ pub struct Thinlens {
     pub fov: f64,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
     /// Diameter of the lens in world units; 0 is the same as `pinhole`.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: f64,
@@ -188,12 +182,9 @@ pub struct Orthographic {
     pub viewwidth: f64,
     /// Middle of the plane in which all rays start, in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 /// An equirectangular picture of all directions, or a part of it. The camera has exactly one of
@@ -215,12 +206,9 @@ pub struct Panorama {
     pub latitude: Interval,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 fn around() -> Interval {
@@ -231,17 +219,15 @@ fn over() -> Interval {
     Interval([-90.0, 90.0])
 }
 
-/// Position and directions of a camera, of all types but `intrinsics`.
-#[derive(Debug)]
-pub struct Stand<'a> {
-    /// The key `position`.
-    pub position: &'a mut Point,
-    /// The key `lookat`.
-    pub lookat: &'a mut Option<Direction>,
-    /// The key `target`.
-    pub target: &'a mut Option<Point>,
-    /// The key `up`.
-    pub up: &'a mut Direction,
+/// Directions of a camera, of all types but `intrinsics`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Aim {
+    /// The view DIRECTION, not a point; of any length.
+    pub lookat: Option<Direction>,
+    /// A point to look at, other than `position`.
+    pub target: Option<Point>,
+    /// Up direction, of any length, not parallel to the view.
+    pub up: Direction,
 }
 
 impl CameraDescription {
@@ -258,33 +244,28 @@ impl CameraDescription {
 
     /// Returns the point to look at, if the scene names one.
     pub fn target(&self) -> Option<Point> {
-        match self {
-            Self::Pinhole(c) => c.target,
-            Self::Thinlens(c) => c.target,
-            Self::Intrinsics(_) => None,
-            Self::Orthographic(c) => c.target,
-            Self::Panorama(c) => c.target,
-        }
+        self.stand()?.1.target
     }
 
     /// Returns position and directions; `None` for a camera whose pose is a matrix.
-    pub fn stand(&mut self) -> Option<Stand<'_>> {
-        macro_rules! stand {
-            ($camera:ident) => {
-                Stand {
-                    position: &mut $camera.position,
-                    lookat: &mut $camera.lookat,
-                    target: &mut $camera.target,
-                    up: &mut $camera.up,
-                }
-            };
+    pub fn stand(&self) -> Option<(Point, &Aim)> {
+        match self {
+            Self::Pinhole(c) => Some((c.position, &c.aim)),
+            Self::Thinlens(c) => Some((c.position, &c.aim)),
+            Self::Orthographic(c) => Some((c.position, &c.aim)),
+            Self::Panorama(c) => Some((c.position, &c.aim)),
+            Self::Intrinsics(_) => None,
         }
-        Some(match self {
-            Self::Pinhole(c) => stand!(c),
-            Self::Thinlens(c) => stand!(c),
-            Self::Orthographic(c) => stand!(c),
-            Self::Panorama(c) => stand!(c),
-            Self::Intrinsics(_) => return None,
-        })
+    }
+
+    /// Returns mutable references to position and directions.
+    pub fn stand_mut(&mut self) -> Option<(&mut Point, &mut Aim)> {
+        match self {
+            Self::Pinhole(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Thinlens(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Orthographic(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Panorama(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Intrinsics(_) => None,
+        }
     }
 }

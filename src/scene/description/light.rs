@@ -1,6 +1,6 @@
 //! Light sources as a scene file writes them.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -109,13 +109,9 @@ pub struct Directional {
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
-    pub direction: Option<Direction>,
-    /// Degrees from -z, the north, towards +x, the east.
-    pub azimuth: Option<f64>,
-    /// Degrees above the horizon; y is up.
-    #[schemars(range(min = -90, max = 90))]
-    pub elevation: Option<f64>,
+    /// Direction of the light.
+    #[serde(flatten)]
+    pub sky: Sky,
     /// Colour of its diffuse light; or `irradiance`.
     pub id: Option<Color>,
     /// Irradiance of a surface that faces the light: pi times `id`.
@@ -132,13 +128,9 @@ pub struct Sun {
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
-    pub direction: Option<Direction>,
-    /// Degrees from -z, the north, towards +x, the east.
-    pub azimuth: Option<f64>,
-    /// Degrees above the horizon; y is up.
-    #[schemars(range(min = -90, max = 90))]
-    pub elevation: Option<f64>,
+    /// Direction of the light.
+    #[serde(flatten)]
+    pub sky: Sky,
     /// Angular diameter in degrees. The sun's is 0.53.
     #[serde(default = "diameter")]
     #[schemars(range(min = 0, max = 179))]
@@ -167,14 +159,15 @@ pub enum Emission {
     Lambertian,
 }
 
-/// Direction of a distant light, as a scene file writes it.
-#[derive(Debug, Clone, Copy)]
+/// Direction of a distant light.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sky {
-    /// As in [`Sun`].
+    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
     pub direction: Option<Direction>,
-    /// As in [`Sun`].
+    /// Degrees from -z, the north, towards +x, the east.
     pub azimuth: Option<f64>,
-    /// As in [`Sun`].
+    /// Degrees above the horizon; y is up.
+    #[schemars(range(min = -90, max = 90))]
     pub elevation: Option<f64>,
 }
 
@@ -192,31 +185,13 @@ impl Sky {
             _ => None,
         }
     }
-}
 
-impl Directional {
-    /// Returns its direction as the keys of the file give it.
-    pub fn sky(&self) -> Sky {
-        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
-    }
-
-    /// Sets the direction in which its light travels.
-    pub fn set_direction(&mut self, direction: DVec3) {
-        self.direction = Some(Direction(direction.to_array()));
-        (self.azimuth, self.elevation) = (None, None);
-    }
-}
-
-impl Sun {
-    /// Returns its direction as the keys of the file give it.
-    pub fn sky(&self) -> Sky {
-        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
-    }
-
-    /// Sets the direction in which its light travels.
-    pub fn set_direction(&mut self, direction: DVec3) {
-        self.direction = Some(Direction(direction.to_array()));
-        (self.azimuth, self.elevation) = (None, None);
+    /// Turns the direction. Nothing happens without a complete one.
+    pub fn turn(&mut self, turn: DMat3) {
+        if let Some(towards) = self.towards() {
+            let direction = Some(Direction((turn * -towards).to_array()));
+            *self = Self { direction, azimuth: None, elevation: None };
+        }
     }
 }
 

@@ -24,51 +24,30 @@ pub enum ShapeDescription {
 }
 
 impl ShapeDescription {
-    /// Returns the name and the material of the shape.
-    pub fn common(&self) -> (&Option<Name>, &MaterialUse) {
+    /// Returns the keys that shapes of every type have.
+    pub fn common(&self) -> &ShapeCommon {
         match self {
-            Self::Sphere(s) => (&s.name, &s.material),
-            Self::Plane(s) => (&s.name, &s.material),
-            Self::Triangle(s) => (&s.name, &s.material),
-            Self::TriMesh(s) => (&s.name, &s.material),
-        }
-    }
-
-    /// Returns the kinds of rays that can hit the shape, `holdout` and `shadow_catcher`.
-    pub fn plate(&self) -> (Visible, bool, bool) {
-        match self {
-            Self::Sphere(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::Plane(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::Triangle(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::TriMesh(s) => (s.visible, s.holdout, s.shadow_catcher),
-        }
-    }
-
-    /// Returns the class of the shape in the picture of semantic ids; 0 for none.
-    pub fn semantic(&self) -> u16 {
-        match self {
-            Self::Sphere(s) => s.semantic,
-            Self::Plane(s) => s.semantic,
-            Self::Triangle(s) => s.semantic,
-            Self::TriMesh(s) => s.semantic,
+            Self::Sphere(s) => &s.common,
+            Self::Plane(s) => &s.common,
+            Self::Triangle(s) => &s.common,
+            Self::TriMesh(s) => &s.common,
         }
     }
 
     /// Returns mutable references to the path, if the shape is a mesh, and to the material.
     pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
-            Self::Sphere(s) => (None, &mut s.material),
-            Self::Plane(s) => (None, &mut s.material),
-            Self::Triangle(s) => (None, &mut s.material),
-            Self::TriMesh(s) => (Some(&mut s.path), &mut s.material),
+            Self::Sphere(s) => (None, &mut s.common.material),
+            Self::Plane(s) => (None, &mut s.common.material),
+            Self::Triangle(s) => (None, &mut s.common.material),
+            Self::TriMesh(s) => (Some(&mut s.path), &mut s.common.material),
         }
     }
 }
 
-/// A sphere with centre and radius.
+/// The keys that shapes of every type have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(rename = "Sphere")]
-pub struct SphereDescription {
+pub struct ShapeCommon {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -87,6 +66,15 @@ pub struct SphereDescription {
     #[serde(default)]
     #[schemars(range(max = 65535))]
     pub semantic: u16,
+}
+
+/// A sphere with centre and radius.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Sphere")]
+pub struct SphereDescription {
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// World position of the centre.
     pub center: Point,
     /// Radius in world units.
@@ -114,24 +102,9 @@ pub enum Pole {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Plane")]
 pub struct PlaneDescription {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -146,24 +119,9 @@ pub struct PlaneDescription {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "Triangle")]
 pub struct TriangleDescription {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -176,24 +134,9 @@ pub struct TriangleDescription {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "TriMesh")]
 pub struct TriMeshDescription {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
