@@ -40,7 +40,6 @@ pub use load_scene::{
 };
 pub use node::{JsonNode, JsonPlace, Member, NodeKind};
 pub use schema::{schema, schema_of};
-pub use write::hexadecimal;
 
 /// The types of the format as written, for scenes made by code.
 pub mod written {

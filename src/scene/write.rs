@@ -11,7 +11,7 @@ use super::{
 impl SceneDescription {
     /// Returns the SHA-256 (hexadecimal) of the canonical JSON.
     pub fn hash(&self) -> String {
-        hexadecimal(&Sha256::digest(self.to_json().to_string()))
+        format!("{:x}", Sha256::digest(self.to_json().to_string()))
     }
 
     /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are
@@ -39,11 +39,6 @@ pub(super) fn camera(camera: &CameraDescription) -> Value {
     let mut value = serde_json::json!({ "camera": camera });
     without_defaults(of_camera(), of_camera(), &mut value);
     value
-}
-
-/// Writes bytes in hexadecimal.
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn write(value: &Value, depth: usize, text: &mut String) {

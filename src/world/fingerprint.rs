@@ -4,7 +4,7 @@
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
     fs::File,
-    io::Read,
+    io::BufReader,
     path::{Path, PathBuf},
 };
 
@@ -15,7 +15,7 @@ use crate::{
     files::{Stamp, changed},
     mesh,
     scene::{
-        CheckedMaterial, Layer, LightKind, Loaded, ShapeKind, hexadecimal,
+        CheckedMaterial, Layer, LightKind, Loaded, ShapeKind,
         written::{
             LightDescription, MaterialDescription, MaterialUse, Name, Output, ShapeDescription,
         },
@@ -162,7 +162,7 @@ pub fn fingerprint(
     let mut hash = Sha256::new();
     hash.update(description.to_json().to_string());
     hash.update([u8::from(repair)]);
-    Ok(Some(hexadecimal(&hash.finalize())))
+    Ok(Some(format!("{:x}", hash.finalize())))
 }
 
 /// Replaces the path of a material's image by its hash. Returns false if the image is a pipe, which
@@ -200,11 +200,6 @@ fn hashed(path: &Path) -> Result<Option<Hashed>> {
 
 fn sha256(file: &mut File) -> std::io::Result<String> {
     let mut hash = Sha256::new();
-    let mut some = vec![0; 1 << 18];
-    loop {
-        match file.read(&mut some)? {
-            0 => return Ok(hexadecimal(&hash.finalize())),
-            count => hash.update(&some[..count]),
-        }
-    }
+    std::io::copy(&mut BufReader::with_capacity(1 << 18, file), &mut hash)?;
+    Ok(format!("{:x}", hash.finalize()))
 }
