@@ -12,7 +12,7 @@ use std::{
 use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Device and inode of a file.
-type Node = (u64, u64);
+type Inode = (u64, u64);
 
 /// Identity and version of a file: device and inode, size, time of the last write. Two reads with
 /// equal stamps have read the same bytes, with two exceptions.
@@ -21,7 +21,7 @@ type Node = (u64, u64);
 /// also misses a writer that restores size and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Stamp {
-    node: Option<Node>,
+    node: Option<Inode>,
     bytes: u64,
     modified: Option<SystemTime>,
 }
@@ -43,13 +43,13 @@ pub fn changed(path: &Path) -> Error {
 }
 
 #[cfg(unix)]
-fn node(data: &Metadata) -> Option<Node> {
+fn node(data: &Metadata) -> Option<Inode> {
     use std::os::unix::fs::MetadataExt;
     Some((data.dev(), data.ino()))
 }
 
 #[cfg(not(unix))]
-fn node(_: &Metadata) -> Option<Node> {
+fn node(_: &Metadata) -> Option<Inode> {
     None
 }
 
@@ -84,7 +84,7 @@ pub struct FileSet {
     paths: HashSet<PathBuf>,
     /// Last components of the paths.
     names: HashSet<OsString>,
-    nodes: HashSet<Node>,
+    nodes: HashSet<Inode>,
 }
 
 impl FileSet {

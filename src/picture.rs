@@ -13,7 +13,7 @@ use crate::{
         Outputs, ValueCounts, WriteOptions, atomic::PartFile, exr, legend::Legend, tonemap::Depth,
     },
     paths,
-    scene::{Backend, Camera, Layer, Scene, written::MAX_CRYPTO_RANKS},
+    scene::{Backend, CheckedCamera, Layer, Scene, written::MAX_CRYPTO_RANKS},
 };
 
 /// Storage options of a picture.
@@ -279,7 +279,7 @@ fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String,
 }
 
 /// Returns the camera matrices of the picture.
-fn view(camera: &Camera) -> exr::CameraMatrices {
+fn view(camera: &CheckedCamera) -> exr::CameraMatrices {
     let rounded = |matrix: [[f64; 4]; 4]| std::array::from_fn(|i| matrix[i / 4][i % 4] as f32);
     let screen = camera::screen(camera);
     exr::CameraMatrices {

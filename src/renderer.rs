@@ -22,7 +22,9 @@ use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render;
-use crate::scene::{self, Loaded, Overrides, Scene, Shape, ShapeKind, Smooth, Source, Trimesh};
+use crate::scene::{
+    self, CheckedShape, Loaded, Overrides, Scene, ShapeKind, Smooth, Source, Trimesh,
+};
 use crate::studio::{self, Studio, Subject, Template};
 use crate::world::{LoadOptions, World};
 
@@ -180,7 +182,7 @@ impl LoadedScene {
         let Loaded { mut scene, warnings, .. } = scene::load(source, &overrides)?;
         let mut ready = Vec::new();
         for (name, material, mesh) in meshes {
-            let of_name = |m: &scene::Material| m.name.as_deref() == Some(material);
+            let of_name = |m: &scene::CheckedMaterial| m.name.as_deref() == Some(material);
             let Some(index) = scene.materials.iter().position(of_name) else {
                 let message =
                     format!("found the material {material:?}, which the scene does not have");
@@ -191,7 +193,14 @@ impl LoadedScene {
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
             let name = Some(name.to_string());
             let (visible, role, semantic) = Default::default();
-            scene.shapes.push(Shape { name, material: index, kind, visible, role, semantic });
+            scene.shapes.push(CheckedShape {
+                name,
+                material: index,
+                kind,
+                visible,
+                role,
+                semantic,
+            });
             ready.push((path, mesh));
         }
         Self::with_ready(scene, ready, warnings)

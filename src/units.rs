@@ -53,27 +53,27 @@ pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
 
 /// Parses three angles in degrees: `-90,0,0`.
 pub fn parse_angles(text: &str) -> Result<[f64; 3], String> {
-    let angles = three(text).filter(|angles| angles.iter().all(|angle| angle.abs() <= 1e6));
+    let angles =
+        numbers(text).filter(|angles: &[f64; 3]| angles.iter().all(|angle| angle.abs() <= 1e6));
     angles.ok_or_else(|| "expected three angles in degrees, for example -90,0,0".to_string())
 }
 
 /// Parses a point in world units: `0,1.5,-2`. Scenes have the same limit of coordinates.
 pub fn parse_point(text: &str) -> Result<[f64; 3], String> {
-    let point = three(text).filter(|point| point.iter().all(|x| x.abs() <= 1e18));
+    let point = numbers(text).filter(|point: &[f64; 3]| point.iter().all(|x| x.abs() <= 1e18));
     point.ok_or_else(|| {
         "expected the three coordinates of a point, for example 0,1.5,-2".to_string()
     })
 }
 
-fn three(text: &str) -> Option<[f64; 3]> {
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     parts?.try_into().ok()
 }
 
 /// Parses two different numbers: `-0.5,2`.
 pub fn parse_two(text: &str) -> Result<[f64; 2], String> {
-    let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    let range = parts.and_then(|parts| <[f64; 2]>::try_from(parts).ok());
+    let range = numbers(text);
     let range = range.filter(|[low, high]| low != high && low.abs().max(high.abs()) <= 1e300);
     range.ok_or_else(|| "expected two different numbers, for example -0.5,2".to_string())
 }
@@ -130,15 +130,7 @@ fn in_units(count: u64, round_tenths: fn(f64) -> f64) -> String {
 
 /// Formats a count with separators: `1,234,567`.
 pub fn count(count: u64) -> String {
-    let digits = count.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    indicatif::HumanCount(count).to_string()
 }
 
 /// Formats ascending numbers as ranges: `0-3, 7, 9-12`. Beyond 20 ranges it counts the others.

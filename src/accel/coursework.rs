@@ -34,10 +34,10 @@ const MAX_ATTEMPTS: u32 = 1;
 /// The coursework's trees over a scene: the accelerator of the backend `coursework`.
 pub struct Coursework<'g> {
     geometry: &'g Geometry,
-    shapes: Vec<Shape>,
-    scene: Tree,
+    shapes: Vec<TreeShape>,
+    scene: BoxTree,
     /// One tree for each mesh; `None` if rays test all its triangles, or can hit none of them.
-    meshes: Vec<Option<Tree>>,
+    meshes: Vec<Option<BoxTree>>,
     /// Largest magnitude of any coordinate in the scene's bounds, for each axis.
     reach: DVec3,
     /// Largest number of bytes held during the build.
@@ -46,7 +46,7 @@ pub struct Coursework<'g> {
 
 /// A shape in the tree of the scene.
 #[derive(Clone, Copy)]
-enum Shape {
+enum TreeShape {
     Mesh(u32),
     Quad(u32),
     Sphere(u32),
@@ -88,7 +88,7 @@ impl<'g> Coursework<'g> {
             let seen = (0..own.end - own.start).filter(|prim| !unseen.has(own.start + prim));
             let triangles: Vec<Box3> = seen.clone().map(|p| Box3::of(&corners(p))).collect();
             bounds.push(Box3::around(triangles.iter().copied()));
-            shapes.push(Shape::Mesh(geom));
+            shapes.push(TreeShape::Mesh(geom));
             // Only a mesh of a file can be `loop_only`. Rays can hit all of its triangles or none.
             let mut tree = if mesh.loop_only { None } else { Some(builder.tree(&triangles)?) };
             if let Some(tree) = tree.as_mut().filter(|_| unseen.count(&own) > 0) {
@@ -102,14 +102,14 @@ impl<'g> Coursework<'g> {
             if !is_seen(geometry.quads_id(), prim) {
                 continue;
             }
-            shapes.push(Shape::Quad(prim));
+            shapes.push(TreeShape::Quad(prim));
             bounds.push(Box3::of(&quad.map(doubles)));
         }
         for (prim, sphere) in (0..).zip(&geometry.spheres) {
             if !is_seen(geometry.spheres_id(), prim) {
                 continue;
             }
-            shapes.push(Shape::Sphere(prim));
+            shapes.push(TreeShape::Sphere(prim));
             bounds.push(Box3::of_sphere(sphere.center, sphere.radius));
         }
         let all = Box3::around(bounds.iter().copied());
@@ -148,15 +148,15 @@ impl<'g> Coursework<'g> {
         let (geometry, mut best) = (self.geometry, None);
         let [outer, inner] = stacks;
         self.scene.each(&ray, visits, outer, |shape, visits| match self.shapes[shape as usize] {
-            Shape::Quad(prim) => {
+            TreeShape::Quad(prim) => {
                 visits.primitives += 1;
                 self.offer(&ray, geometry.quads_id(), prim, &mut best);
             }
-            Shape::Sphere(prim) => {
+            TreeShape::Sphere(prim) => {
                 visits.primitives += 1;
                 self.offer(&ray, geometry.spheres_id(), prim, &mut best);
             }
-            Shape::Mesh(geom) => {
+            TreeShape::Mesh(geom) => {
                 let mut try_triangle = |prim, visits: &mut Visits| {
                     visits.primitives += 1;
                     self.offer(&ray, geom, prim, &mut best);
@@ -273,7 +273,7 @@ fn sphere_hit(ray: &PreparedRay, sphere: &Sphere, leaving: bool) -> Option<f64> 
 impl Accelerator for Coursework<'_> {
     fn info(&self) -> BuildInfo {
         let trees = self.meshes.iter().flatten().chain([&self.scene]);
-        let bytes = trees.map(Tree::bytes).sum::<u64>() + size_of_val(&self.shapes[..]) as u64;
+        let bytes = trees.map(BoxTree::bytes).sum::<u64>() + size_of_val(&self.shapes[..]) as u64;
         BuildInfo {
             version: "coursework".into(),
             isa: "f64".into(),
@@ -305,9 +305,9 @@ impl Accelerator for Coursework<'_> {
     fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
         let nearby = Box3 { min: doubles(*low), max: doubles(*high) };
         self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
-            Shape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
-            Shape::Sphere(_) => {}
-            Shape::Mesh(geom) => {
+            TreeShape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
+            TreeShape::Sphere(_) => {}
+            TreeShape::Mesh(geom) => {
                 let mut triangle = |prim| found(geometry.primitive(geom, prim));
                 match &self.meshes[geom as usize] {
                     Some(tree) => tree.near(&nearby, &mut triangle),
@@ -371,13 +371,13 @@ impl PreparedRay {
 }
 
 /// A binary tree over boxes. Node 0 is the root.
-struct Tree {
-    nodes: Vec<Node>,
+struct BoxTree {
+    nodes: Vec<BoxNode>,
     /// Indices of the shapes, leaf by leaf.
     order: Vec<u32>,
 }
 
-struct Node {
+struct BoxNode {
     bounds: Box3,
     content: Content,
 }
@@ -386,14 +386,14 @@ struct Node {
 enum Content {
     /// Indices of two child nodes; one of them may be [`EMPTY`].
     Inner([u32; 2]),
-    /// A range of [`Tree::order`].
+    /// A range of [`BoxTree::order`].
     Leaf { first: u32, end: u32 },
 }
 
 /// Index of a child without shapes.
 const EMPTY: u32 = u32::MAX;
 
-impl Tree {
+impl BoxTree {
     /// Calls `found` for the shapes of every leaf that the ray reaches.
     ///
     /// The ray reaches a leaf if it may hit the box of the leaf and the boxes of all nodes above,
@@ -428,7 +428,7 @@ impl Tree {
     fn near(&self, nearby: &Box3, found: &mut dyn FnMut(u32)) {
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
-            let Node { bounds, content } = &self.nodes[node as usize];
+            let BoxNode { bounds, content } = &self.nodes[node as usize];
             if bounds.min.cmpgt(nearby.max).any() || bounds.max.cmplt(nearby.min).any() {
                 continue;
             }
@@ -449,7 +449,7 @@ impl Tree {
 }
 
 /// A range of shapes whose node is still to be built.
-struct Task {
+struct BuildTask {
     node: usize,
     first: usize,
     end: usize,
@@ -469,21 +469,21 @@ struct Builder<'m> {
 }
 
 impl Builder<'_> {
-    fn tree(&mut self, bounds: &[Box3]) -> Result<Tree> {
+    fn tree(&mut self, bounds: &[Box3]) -> Result<BoxTree> {
         let mut order: Vec<u32> = (0..bounds.len() as u32).collect();
         let mut nodes = vec![];
         let mut tasks = vec![];
-        let add = |nodes: &mut Vec<Node>, tasks: &mut Vec<Task>, first, end, attempts| {
+        let add = |nodes: &mut Vec<BoxNode>, tasks: &mut Vec<BuildTask>, first, end, attempts| {
             if first == end {
                 return EMPTY;
             }
             let content = Content::Leaf { first: first as u32, end: end as u32 };
-            tasks.push(Task { node: nodes.len(), first, end, attempts });
-            nodes.push(Node { bounds: Box3::EMPTY, content });
+            tasks.push(BuildTask { node: nodes.len(), first, end, attempts });
+            nodes.push(BoxNode { bounds: Box3::EMPTY, content });
             nodes.len() as u32 - 1
         };
         add(&mut nodes, &mut tasks, 0, bounds.len(), 0);
-        while let Some(Task { node, first, end, attempts }) = tasks.pop() {
+        while let Some(BuildTask { node, first, end, attempts }) = tasks.pop() {
             self.monitor.check()?;
             self.check_room(nodes.len())?;
             let set = &mut order[first..end];
@@ -505,17 +505,17 @@ impl Builder<'_> {
         }
         if nodes.is_empty() {
             let content = Content::Leaf { first: 0, end: 0 };
-            nodes.push(Node { bounds: Box3::EMPTY, content });
+            nodes.push(BoxNode { bounds: Box3::EMPTY, content });
         }
-        let tree = Tree { nodes, order };
-        let building = tree.nodes.capacity() * size_of::<Node>() + size_of_val(bounds);
+        let tree = BoxTree { nodes, order };
+        let building = tree.nodes.capacity() * size_of::<BoxNode>() + size_of_val(bounds);
         self.peak_bytes = self.peak_bytes.max(self.bytes + building as u64);
         self.bytes += tree.bytes();
         Ok(tree)
     }
 
     fn check_room(&self, nodes: usize) -> Result<()> {
-        let bytes = self.bytes + (nodes * size_of::<Node>()) as u64;
+        let bytes = self.bytes + (nodes * size_of::<BoxNode>()) as u64;
         if bytes <= self.limit { Ok(()) } else { Err(over_limit(self.limit)) }
     }
 }
@@ -572,7 +572,7 @@ mod tests {
         }
     }
 
-    fn depth(tree: &Tree) -> usize {
+    fn depth(tree: &BoxTree) -> usize {
         let mut deepest = 0;
         let mut stack = vec![(0, 0)];
         while let Some((node, depth)) = stack.pop() {

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::{
     output::exr::Compression,
-    scene::written::{Angles, MeshColor, Name, Point, Smooth},
+    scene::written::{Angles, MeshColorDescription, Name, Point, SmoothDescription},
     studio::{Axis, LightsFollow, Quality, Studio, Turning},
 };
 
@@ -38,7 +38,7 @@ pub struct JobFile {
     pub margin: Option<f64>,
     /// Edges across which the normals of meshes are interpolated, in place of the template's
     /// `smooth`.
-    pub smooth: Option<Smooth>,
+    pub smooth: Option<SmoothDescription>,
     /// Path of the texture of all meshes, in place of those that the mesh files or the template
     /// name.
     pub texture: Option<Name>,
@@ -49,7 +49,7 @@ pub struct JobFile {
     pub studio: Option<Studio>,
     /// Colours of all meshes, as `color` of a mesh in a scene.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub color: Option<MeshColor>,
+    pub color: Option<MeshColorDescription>,
     /// Draws every vertex of the meshes as a sphere of this radius, in the units of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]

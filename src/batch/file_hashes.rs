@@ -6,7 +6,7 @@
 use std::{
     collections::HashMap,
     fs::File,
-    io::Read,
+    io::{self, BufReader},
     path::{Path, PathBuf},
 };
 
@@ -24,20 +24,11 @@ const CHUNK: usize = 1 << 18;
 /// # Errors
 /// A file that cannot be read.
 pub fn sum(path: &Path) -> Result<String> {
-    let read = || -> std::io::Result<String> {
-        let mut file = File::open(path)?;
-        let mut hash = Xxh3::new();
-        let mut some = vec![0; CHUNK];
-        loop {
-            match file.read(&mut some) {
-                Ok(0) => return Ok(format!("{:032x}", hash.digest128())),
-                Ok(count) => hash.update(&some[..count]),
-                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
-    };
-    read().map_err(|error| Error::io(path, "read", &error))
+    let mut hash = Xxh3::new();
+    File::open(path)
+        .and_then(|file| io::copy(&mut BufReader::with_capacity(CHUNK, file), &mut hash))
+        .map_err(|error| Error::io(path, "read", &error))?;
+    Ok(format!("{:032x}", hash.digest128()))
 }
 
 /// Hashes from all journals of a folder, by path relative to the folder.

@@ -6,7 +6,7 @@ use crate::calibration::Model;
 use crate::scene::{self, Projection};
 
 /// The camera's unit axes: X right, Y up, Z forward.
-pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
+pub fn axes(camera: &scene::CheckedCamera) -> [DVec3; 3] {
     let z = camera.lookat.normalize();
     let x = z.cross(camera.up).normalize();
     [x, x.cross(z), z]
@@ -14,7 +14,7 @@ pub fn axes(camera: &scene::Camera) -> [DVec3; 3] {
 
 /// Whether the camera can see what lies beside it and behind it. The layer `Z` then holds the
 /// distance, not the depth along the axis.
-pub fn sees_behind(camera: &scene::Camera) -> bool {
+pub fn sees_behind(camera: &scene::CheckedCamera) -> bool {
     match &camera.projection {
         Projection::Distorted(_, distortion, _) => distortion.model == Model::Fisheye,
         Projection::Panorama { .. } => true,

@@ -46,7 +46,7 @@ enum Kind {
 
 impl GeneralProjection {
     /// The rays of a checked camera at `position`.
-    pub(super) fn new(camera: &scene::Camera, position: DVec3, axes: [DVec3; 3]) -> Self {
+    pub(super) fn new(camera: &scene::CheckedCamera, position: DVec3, axes: [DVec3; 3]) -> Self {
         let [columns, rows] = [camera.width, camera.height].map(f64::from);
         let kind = match &camera.projection {
             Projection::Distorted(_, _, inverse) => Kind::Distorted(Arc::clone(inverse)),

@@ -5,10 +5,10 @@ use serde_json::{Value, json};
 
 use super::axes::axes;
 use crate::calibration::{Calibration, Distortion, Model};
-use crate::scene::{Camera, Projection};
+use crate::scene::{CheckedCamera, Projection};
 
 /// Width and height of a perspective frame at distance 1 from the camera.
-fn frame_at_one(camera: &Camera, fov_deg: f64) -> [f64; 2] {
+fn frame_at_one(camera: &CheckedCamera, fov_deg: f64) -> [f64; 2] {
     let height = 2.0 * (fov_deg.to_radians() / 2.0).tan();
     [f64::from(camera.width) / f64::from(camera.height) * height, height]
 }
@@ -26,7 +26,7 @@ pub struct Screen {
 
 /// The frame of a camera. Only a camera whose frame is a rectangle of a plane has width and centre;
 /// others get OpenEXR's defaults.
-pub fn screen(camera: &Camera) -> Screen {
+pub fn screen(camera: &CheckedCamera) -> Screen {
     let default = Screen { width: 1.0, center: [0.0; 2], pixel_aspect: 1.0 };
     match camera.projection {
         Projection::Perspective { fov_deg, .. } => {
@@ -46,7 +46,7 @@ pub fn screen(camera: &Camera) -> Screen {
 }
 
 /// OpenEXR's `worldToCamera`, for row vectors times matrix, row by row. x right, y up, z forward.
-pub fn world_to_camera(camera: &Camera) -> [[f64; 4]; 4] {
+pub fn world_to_camera(camera: &CheckedCamera) -> [[f64; 4]; 4] {
     let axes = axes(camera);
     let at = |row: usize| [axes[0][row], axes[1][row], axes[2][row], 0.0];
     let [x, y, z] = axes.map(|axis| -camera.position.dot(axis));
@@ -57,7 +57,7 @@ pub fn world_to_camera(camera: &Camera) -> [[f64; 4]; 4] {
 /// from 0 at the top left to 1 at the bottom right of the frame. For perspective cameras z is 0 at
 /// distance 1 and 1 at infinity, because there is no far plane. For orthographic ones z is the
 /// distance.
-pub fn world_to_ndc(camera: &Camera) -> Option<[[f64; 4]; 4]> {
+pub fn world_to_ndc(camera: &CheckedCamera) -> Option<[[f64; 4]; 4]> {
     let [columns, rows] = [camera.width, camera.height].map(f64::from);
     let rows_of = world_to_camera(camera);
     Some(match camera.projection {
@@ -81,7 +81,7 @@ pub fn world_to_ndc(camera: &Camera) -> Option<[[f64; 4]; 4]> {
 
 /// The camera as JSON for an attribute of the header, in the keys of a scene file and without its
 /// pose, which `worldToCamera` holds. `None` for cameras that OpenEXR's own attributes describe.
-pub fn described(camera: &Camera) -> Option<String> {
+pub fn described(camera: &CheckedCamera) -> Option<String> {
     let intrinsics = |calibration: &Calibration, distortion: Option<&Distortion>| {
         let Calibration { focal: [fx, fy], principal: [cx, cy], skew } = *calibration;
         let mut json = json!({ "type": "intrinsics", "fx": fx, "fy": fy, "cx": cx - 0.5,
@@ -117,7 +117,7 @@ fn lens(distortion: &Distortion) -> Value {
 
 /// Size of a pixel in the middle of the frame: the smaller side, at distance 1 from the camera, or
 /// everywhere for an orthographic camera.
-pub fn pixel_size(camera: &Camera) -> f64 {
+pub fn pixel_size(camera: &CheckedCamera) -> f64 {
     let [columns, rows] = [camera.width, camera.height].map(f64::from);
     match camera.projection {
         Projection::Perspective { fov_deg, .. } => {
@@ -135,7 +135,7 @@ pub fn pixel_size(camera: &Camera) -> f64 {
 
 /// Half-spaces that contain everything that a camera can see: points p with
 /// `n . (p - position) + d >= 0`. Empty if the camera's view is not bounded by planes.
-pub fn sides(camera: &Camera) -> Vec<(DVec3, f64)> {
+pub fn sides(camera: &CheckedCamera) -> Vec<(DVec3, f64)> {
     let [x, y, z] = axes(camera);
     let (columns, rows) = (f64::from(camera.width), f64::from(camera.height));
     match camera.projection {

@@ -52,7 +52,7 @@ struct Lens {
 ///
 /// # Errors
 /// The [`Fold`] of the lens distortion, where two directions map to one pixel.
-pub fn check_overscan(camera: &scene::Camera, overscan: u32) -> Result<(), Fold> {
+pub fn check_overscan(camera: &scene::CheckedCamera, overscan: u32) -> Result<(), Fold> {
     match &camera.projection {
         Projection::Distorted(_, _, inverse) => inverse.check_overscan(overscan),
         _ => Ok(()),
@@ -66,7 +66,7 @@ const FARTHEST: f64 = (1u64 << 30) as f64;
 
 impl Camera {
     /// The camera relative to `origin`, the world position of the scene's origin.
-    pub fn new(camera: &scene::Camera, origin: DVec3) -> Self {
+    pub fn new(camera: &scene::CheckedCamera, origin: DVec3) -> Self {
         let [x, y, z] = axes(camera);
         let position = camera.position - origin;
         let (fov_deg, lens) = match camera.projection {
@@ -124,7 +124,7 @@ impl Camera {
         position: DVec3,
         forward: DVec3,
         [corner, right, down]: [DVec3; 3],
-        camera: &scene::Camera,
+        camera: &scene::CheckedCamera,
     ) -> Self {
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         let ends = [corner, corner + right * width, corner + down * height];
@@ -228,8 +228,8 @@ fn unit_of_frame(v: DVec3) -> Vec3 {
 mod tests {
     use super::*;
 
-    fn camera(lens: Option<scene::Lens>) -> scene::Camera {
-        scene::Camera {
+    fn camera(lens: Option<scene::CheckedLens>) -> scene::CheckedCamera {
+        scene::CheckedCamera {
             width: 400,
             height: 200,
             projection: Projection::Perspective { fov_deg: 90.0, lens },
@@ -239,9 +239,9 @@ mod tests {
         }
     }
 
-    fn with_fov(fov_deg: f64, lens: Option<scene::Lens>) -> scene::Camera {
+    fn with_fov(fov_deg: f64, lens: Option<scene::CheckedLens>) -> scene::CheckedCamera {
         let projection = Projection::Perspective { fov_deg, lens };
-        scene::Camera { projection, ..camera(None) }
+        scene::CheckedCamera { projection, ..camera(None) }
     }
 
     #[test]
@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn directions_of_a_telescope_are_rounded_once() {
         let spec = with_fov(1e-3, None);
-        let spec = scene::Camera { lookat: DVec3::new(0.3, -0.8, 0.5), ..spec };
+        let spec = scene::CheckedCamera { lookat: DVec3::new(0.3, -0.8, 0.5), ..spec };
         let c = Camera::new(&spec, DVec3::ZERO);
         let [x, y, z] = axes(&spec);
         let tan = (0.5e-3f64).to_radians().tan();
@@ -280,8 +280,8 @@ mod tests {
     #[test]
     fn directions_in_the_widest_frames_are_rounded_once() {
         for fov_deg in [179.0, 179.999_999_9, 180.0 - 3e-14] {
-            let lens = Some(scene::Lens { aperture: 0.5, focal_distance: 4.0 });
-            let spec = scene::Camera { width: 65_536, height: 1, ..with_fov(fov_deg, lens) };
+            let lens = Some(scene::CheckedLens { aperture: 0.5, focal_distance: 4.0 });
+            let spec = scene::CheckedCamera { width: 65_536, height: 1, ..with_fov(fov_deg, lens) };
             let c = Camera::new(&spec, DVec3::ZERO);
             let ([x, y, z], tan) = (axes(&spec), (fov_deg / 2.0).to_radians().tan());
             // The last two points lie in the overscan around the frame.
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn lens_rays_intersect_in_the_plane_of_focus() {
-        let lens = scene::Lens { aperture: 0.5, focal_distance: 4.0 };
+        let lens = scene::CheckedLens { aperture: 0.5, focal_distance: 4.0 };
         let c = Camera::new(&camera(Some(lens)), DVec3::ZERO);
         let sharp = Camera::new(&camera(None), DVec3::ZERO).ray(50.0, 60.0, [0.0; 2]);
         let focus = sharp.0 + sharp.1 * (4.0 / sharp.1.z);
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn an_aperture_of_zero_is_a_pinhole_bit_for_bit() {
-        let lens = scene::Lens { aperture: 0.0, focal_distance: 4.0 };
+        let lens = scene::CheckedLens { aperture: 0.0, focal_distance: 4.0 };
         let (a, b) =
             (Camera::new(&camera(None), DVec3::ONE), Camera::new(&camera(Some(lens)), DVec3::ONE));
         assert_eq!(a.ray(1.5, 7.5, [0.3, 0.6]), b.ray(1.5, 7.5, [0.3, 0.6]));

@@ -11,7 +11,7 @@ use crate::{
     output::{ValueCounts, exr::Compression},
     scene::{
         SamplerKind, ToneOperator,
-        written::{AcceleratorName, ColorMap, MeshColor},
+        written::{AcceleratorName, ColorMap, MeshColorDescription},
     },
     simd::Isa,
     studio::{Appearance, Axis, Quality, Studio, smooth},
@@ -158,13 +158,13 @@ impl LookArgs {
     /// # Errors
     /// A colour map or range for colours that the file stores.
     pub fn appearance(&self) -> Result<Appearance> {
-        let mut color = self.color.as_deref().map(MeshColor::from_name);
+        let mut color = self.color.as_deref().map(MeshColorDescription::from_name);
         match &mut color {
-            Some(MeshColor::Property(color)) => {
+            Some(MeshColorDescription::Property(color)) => {
                 color.map = self.color_map.unwrap_or(color.map);
                 color.range = self.color_range;
             }
-            Some(MeshColor::Stored(_)) => {
+            Some(MeshColorDescription::Stored(_)) => {
                 let flags = [
                     ("--color-map", self.color_map.is_some()),
                     ("--color-range", self.color_range.is_some()),

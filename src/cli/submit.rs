@@ -16,7 +16,7 @@ use crate::{
     farm::{self, Chunks, Slurm},
     output::atomic::PartFile,
     paths,
-    scene::{Light, LightKind},
+    scene::{CheckedLight, LightKind},
     units::{self, parse_bytes},
 };
 
@@ -237,7 +237,7 @@ impl Needs {
             needs.memory = needs.memory.max(peak);
             if needs.frame_seconds == 0.0 {
                 let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
-                let points = |light: &Light| match light.kind {
+                let points = |light: &CheckedLight| match light.kind {
                     LightKind::Point { .. } => 1.0,
                     LightKind::Area { samples, .. }
                     | LightKind::Sun { samples, .. }

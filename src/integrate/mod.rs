@@ -98,7 +98,7 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let units = blocks.iter().flat_map(|&corner| {
             (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
         });
-        let mut tile = Tile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
+        let mut tile = ShadedTile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(context, &pattern, &samples, packet_end, units, &mut tile);
         counts.primary += background_rays;
         (counts, tile.kernel.record.dropped())
@@ -106,12 +106,12 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
 }
 
 /// A tile, and the sums of its current block.
-struct Tile<'a, 'r, 'f, R> {
+struct ShadedTile<'a, 'r, 'f, R> {
     kernel: TileKernel<'a, 'r, 'f, R>,
     sums: BlockSums,
 }
 
-impl<R: Record> ShadePacket for Tile<'_, '_, '_, R> {
+impl<R: Record> ShadePacket for ShadedTile<'_, '_, '_, R> {
     // A record keeps the first of equally near samples, so its samples must come in order.
     const ANY_ORDER: bool = !R::ON;
 

@@ -48,16 +48,16 @@ pub struct SamplePlan {
 }
 
 /// Weighted sums over the neighbours of a pixel, by window.
-type NeighbourSums = [Sum; WINDOWS.len()];
+type NeighbourSums = [WeightedSum; WINDOWS.len()];
 
 /// A weighted sum over the neighbours of a pixel.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+struct WeightedSum {
     errors: u64,
     weights: u64,
 }
 
-impl Sum {
+impl WeightedSum {
     fn mean(self) -> f64 {
         self.errors as f64 / (self.weights.max(1) as f64 * f64::from(STEPS))
     }
@@ -100,12 +100,12 @@ impl Errors {
             let (width, height) = (self.width, errors.len() / self.width);
             let across =
                 |at: usize| line(at % width, width, weights, |x| errors[at - at % width + x]);
-            let rows: Vec<Sum> = (0..errors.len()).map(across).collect();
+            let rows: Vec<WeightedSum> = (0..errors.len()).map(across).collect();
             let own = weights[0] * weights[0];
             for (at, sums) in sums.iter_mut().enumerate() {
                 let down =
                     line(at / width, height, weights, |y| rows[y * width + at % width].errors);
-                sums[window] = Sum {
+                sums[window] = WeightedSum {
                     errors: down.errors - own * errors[at],
                     weights: down.weights * rows[at].weights - own,
                 };
@@ -132,7 +132,8 @@ impl Errors {
             // All errors are the ones of the first plan, so the sums are the same.
             return taken;
         }
-        let mut sums = first.sums[at].map(|Sum { weights, .. }| Sum { errors: 0, weights });
+        let mut sums =
+            first.sums[at].map(|WeightedSum { weights, .. }| WeightedSum { errors: 0, weights });
         for row in rows() {
             for other in (row + left..row + right).filter(|&other| other != at) {
                 let apart = [(other - row).abs_diff(x), (row / width).abs_diff(y)];
@@ -180,8 +181,8 @@ impl Errors {
 }
 
 /// Weighted sum of the values around place `at` of a line, `at` included.
-fn line(at: usize, length: usize, weights: &[u64], value: impl Fn(usize) -> u64) -> Sum {
-    let mut sum = Sum::default();
+fn line(at: usize, length: usize, weights: &[u64], value: impl Fn(usize) -> u64) -> WeightedSum {
+    let mut sum = WeightedSum::default();
     for place in (at + 1).saturating_sub(weights.len())..(at + weights.len()).min(length) {
         let weight = weights[place.abs_diff(at)];
         sum.errors += weight * value(place);

@@ -1,18 +1,16 @@
 //! Draws the legend of a colour map into the PNG: a bar with ticks, and the property's name.
 
-use embedded_graphics::{
-    mono_font::{
-        MonoFont, MonoTextStyle,
-        ascii::{FONT_6X10, FONT_10X20},
-    },
-    pixelcolor::Rgb888,
-    prelude::*,
-    text::{Baseline, Text},
+use embedded_graphics::mono_font::{
+    MonoFont,
+    ascii::{FONT_6X10, FONT_10X20},
 };
 
 use crate::colormap::ColorMap;
 
-use super::tonemap::{Depth, PixelFormat};
+use super::{
+    text::draw_text,
+    tonemap::{Depth, PixelFormat},
+};
 
 /// The large font is used if both sides of the picture have at least this many pixels.
 const LARGE: u32 = 500;
@@ -133,12 +131,8 @@ impl Canvas<'_> {
     }
 
     /// Draws a line of text, given by its top left corner.
-    fn text(&mut self, font: &MonoFont, [x, y]: [u32; 2], text: &str) {
-        let [r, g, b] = INK;
-        let style = MonoTextStyle::new(font, Rgb888::new(r, g, b));
-        let at = Point::new(x as i32, y as i32);
-        // Drawing into memory cannot fail.
-        let _ = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
+    fn text(&mut self, font: &MonoFont, at: [u32; 2], text: &str) {
+        draw_text(self.size, |x, y, color| self.put(x, y, color), (text, font), at, INK);
     }
 
     /// Sets a pixel to an opaque 8-bit sRGB colour. `x` must be less than the width.
@@ -158,30 +152,6 @@ impl Canvas<'_> {
                 }
             }
         }
-    }
-}
-
-impl OriginDimensions for Canvas<'_> {
-    fn size(&self) -> Size {
-        Size::new(self.size[0], self.size[1])
-    }
-}
-
-impl DrawTarget for Canvas<'_> {
-    type Color = Rgb888;
-    type Error = std::convert::Infallible;
-
-    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
-        &mut self,
-        pixels: I,
-    ) -> std::result::Result<(), Self::Error> {
-        for Pixel(at, color) in pixels {
-            let (Ok(x), Ok(y)) = (u32::try_from(at.x), u32::try_from(at.y)) else { continue };
-            if x < self.size[0] && y < self.size[1] {
-                self.put(x, y, [color.r(), color.g(), color.b()]);
-            }
-        }
-        Ok(())
     }
 }
 

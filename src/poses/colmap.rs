@@ -16,7 +16,9 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    scene::written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
+    scene::written::{
+        Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics, Matrix,
+    },
 };
 
 /// Reads a model from its folder, or from the folder of one of its files.
@@ -81,7 +83,7 @@ fn pose(image: &Image, sensors: &HashMap<u32, Sensor>) -> Result<Pose> {
         [row.x, row.y, row.z, t]
     };
     let rows = [row(0, tx), row(1, ty), row(2, tz), [0.0, 0.0, 0.0, 1.0]];
-    let camera = Camera::Intrinsics(Intrinsics {
+    let camera = CameraDescription::Intrinsics(Intrinsics {
         world_to_camera: Some(Matrix(rows)),
         ..sensor.intrinsics()
     });
@@ -108,9 +110,9 @@ impl Sensor {
         let radial = BrownConrady { k1: k(0), k2: k(1), ..BrownConrady::default() };
         let full = BrownConrady { p1: k(2), p2: k(3), ..radial };
         let distortion = match name {
-            "SIMPLE_RADIAL" | "RADIAL" => Some(Distortion::BrownConrady(radial)),
-            "OPENCV" => Some(Distortion::BrownConrady(full)),
-            "FULL_OPENCV" => Some(Distortion::BrownConrady(BrownConrady {
+            "SIMPLE_RADIAL" | "RADIAL" => Some(DistortionDescription::BrownConrady(radial)),
+            "OPENCV" => Some(DistortionDescription::BrownConrady(full)),
+            "FULL_OPENCV" => Some(DistortionDescription::BrownConrady(BrownConrady {
                 k3: k(4),
                 k4: k(5),
                 k5: k(6),
@@ -118,7 +120,12 @@ impl Sensor {
                 ..full
             })),
             "OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => {
-                Some(Distortion::Fisheye(Fisheye { k1: k(0), k2: k(1), k3: k(2), k4: k(3) }))
+                Some(DistortionDescription::Fisheye(Fisheye {
+                    k1: k(0),
+                    k2: k(1),
+                    k3: k(2),
+                    k4: k(3),
+                }))
             }
             _ => None,
         };

@@ -24,7 +24,7 @@ use crate::{
     error::{Error, Result},
     scene::{
         self, Document,
-        written::{Camera, Name},
+        written::{CameraDescription, Name},
     },
 };
 
@@ -44,7 +44,7 @@ pub struct Named {
     /// Name of the picture: a path relative to the output folder. Its ending does not count.
     pub image: Name,
     /// The camera of the picture.
-    pub camera: Camera,
+    pub camera: CameraDescription,
 }
 
 impl Poses {
@@ -70,7 +70,7 @@ impl Poses {
         }
         if undistort {
             for pose in &mut poses.list {
-                if let Camera::Intrinsics(camera) = &mut pose.camera {
+                if let CameraDescription::Intrinsics(camera) = &mut pose.camera {
                     camera.distortion = None;
                 }
             }
@@ -90,7 +90,7 @@ impl Poses {
         let mut problems = Vec::new();
         for pose in &self.list {
             let mut camera = pose.camera.clone();
-            if let Camera::Intrinsics(camera) = &mut camera {
+            if let CameraDescription::Intrinsics(camera) = &mut camera {
                 let mut shared = camera.clone();
                 (shared.world_to_camera, shared.camera_to_world) = (None, None);
                 let shared = format!("{shared:?}");

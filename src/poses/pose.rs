@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::scene::written::Camera;
+use crate::scene::written::CameraDescription;
 
 /// A camera of a list, and the picture that it belongs to.
 #[derive(Debug, Clone)]
@@ -10,7 +10,7 @@ pub struct Pose {
     /// Name of the picture: a path without its ending, relative to the folder of the pictures.
     pub image: String,
     /// The camera, as a scene writes it.
-    pub camera: Camera,
+    pub camera: CameraDescription,
     /// Place of the camera in its file, for messages.
     pub(super) place: String,
 }

@@ -8,7 +8,10 @@ use crate::{
     error::{Error, Failures, Result},
     scene::{
         Document, JsonNode, NodeKind, list,
-        written::{Axes, BrownConrady, Camera, Distortion, Fisheye, Intrinsics, Matrix},
+        written::{
+            Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics,
+            Matrix,
+        },
     },
 };
 
@@ -39,19 +42,19 @@ pub fn read(document: &Document, folder: &Path) -> Result<Vec<Pose>> {
     let mut failures = Failures::default();
     let mut list = Vec::new();
     for number in 0..count {
-        let frame = Frame { document, pointer: format!("/frames/{number}") };
+        let frame = FrameEntry { document, pointer: format!("/frames/{number}") };
         list.extend(failures.keep(frame.pose(folder)));
     }
     failures.check()?;
     Ok(list)
 }
 
-struct Frame<'d> {
+struct FrameEntry<'d> {
     document: &'d Document,
     pointer: String,
 }
 
-impl Frame<'_> {
+impl FrameEntry<'_> {
     /// Returns a value of the frame, or else of the file, and its pointer.
     fn get(&self, key: &str) -> Option<(&JsonNode, String)> {
         let own = format!("{}/{key}", self.pointer);
@@ -94,7 +97,7 @@ impl Frame<'_> {
         // These count from the corner of the picture, OpenCV's from the centre of its first pixel.
         let [cx, cy] = [("cx", w), ("cy", h)].map(|(key, side)| Ok((self.number(key)?, side)));
         let [cx, cy] = [cx?, cy?].map(|(c, side)| Some(c.unwrap_or(side / 2.0) - 0.5));
-        let camera = Camera::Intrinsics(Intrinsics {
+        let camera = CameraDescription::Intrinsics(Intrinsics {
             width,
             height,
             fx,
@@ -162,7 +165,7 @@ impl Frame<'_> {
         Error::invalid(self.document.place(&pointer), message)
     }
 
-    fn distortion(&self) -> Result<Option<Distortion>> {
+    fn distortion(&self) -> Result<Option<DistortionDescription>> {
         let model = match self.get("camera_model") {
             None => "OPENCV",
             Some((node, pointer)) => match node.text().filter(|text| MODELS.contains(text)) {
@@ -183,7 +186,7 @@ impl Frame<'_> {
             return Ok(None);
         }
         if fisheye {
-            return Ok(Some(Distortion::Fisheye(Fisheye { k1, k2, k3, k4 })));
+            return Ok(Some(DistortionDescription::Fisheye(Fisheye { k1, k2, k3, k4 })));
         }
         if k4 != 0.0 {
             // nerfstudio's k4 belongs to r^8, which OpenCV's model lacks.
@@ -191,7 +194,7 @@ impl Frame<'_> {
             return Err(self.invalid("k4", message));
         }
         let lens = BrownConrady { k1, k2, k3, p1, p2, ..BrownConrady::default() };
-        Ok(Some(Distortion::BrownConrady(lens)))
+        Ok(Some(DistortionDescription::BrownConrady(lens)))
     }
 
     fn matrix(&self) -> Result<Matrix> {

@@ -44,7 +44,7 @@ impl FromStr for RayBackend {
 }
 
 /// The tree over all triangles, with their scene-wide indices and the origin.
-enum Tree {
+enum SceneTree {
     Bvh(Box<OwnedBvh>),
     Embree { accelerator: Arc<dyn Accelerator>, geometry: Arc<Geometry> },
 }
@@ -84,7 +84,7 @@ enum Tree {
 /// ```
 pub struct RayScene {
     pub(super) meshes: Vec<Box<dyn MeshArrays>>,
-    tree: Tree,
+    tree: SceneTree,
     /// Lower and upper corner of all triangles in the caller's coordinates.
     pub(super) bounds: [DVec3; 2],
     /// For each mesh, whether it is closed.
@@ -140,14 +140,14 @@ impl RayScene {
         monitor.begin(Phase::Build, 1000);
         let tree = match backend {
             RayBackend::Bvh => {
-                Tree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))
+                SceneTree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))
             }
             RayBackend::Embree => {
                 let geometry = Arc::new(geometry);
                 let threads = rayon::current_num_threads();
                 let options = BuildOptions { threads, max_bytes: None };
                 let built = build_shared_embree(Arc::clone(&geometry), &options, monitor)?;
-                Tree::Embree { accelerator: built.into(), geometry }
+                SceneTree::Embree { accelerator: built.into(), geometry }
             }
         };
         monitor.set_done(1000);
@@ -178,8 +178,8 @@ impl RayScene {
 
     fn info(&self) -> BuildInfo {
         match &self.tree {
-            Tree::Bvh(tree) => tree.info(),
-            Tree::Embree { accelerator, geometry } => {
+            SceneTree::Bvh(tree) => tree.info(),
+            SceneTree::Embree { accelerator, geometry } => {
                 let BuildInfo { version, isa, bytes, peak_bytes } = accelerator.info();
                 // Embree reads the vertices and indices of the geometry.
                 let rounded = geometry.bytes();
@@ -192,8 +192,8 @@ impl RayScene {
     /// The tree for closest hits and occlusion.
     pub(super) fn accelerator(&self) -> Arc<dyn Accelerator + '_> {
         match &self.tree {
-            Tree::Bvh(tree) => Arc::new(tree.bvh()),
-            Tree::Embree { accelerator, .. } => Arc::clone(accelerator) as _,
+            SceneTree::Bvh(tree) => Arc::new(tree.bvh()),
+            SceneTree::Embree { accelerator, .. } => Arc::clone(accelerator) as _,
         }
     }
 
@@ -203,8 +203,8 @@ impl RayScene {
     /// `Unsupported` if the backend is Embree.
     pub(super) fn bvh(&self) -> Result<Bvh<'_>> {
         match &self.tree {
-            Tree::Bvh(tree) => Ok(tree.bvh()),
-            Tree::Embree { .. } => {
+            SceneTree::Bvh(tree) => Ok(tree.bvh()),
+            SceneTree::Embree { .. } => {
                 let message = "found `embree`, which answers only `closest` and `occluded`";
                 let problem = Problem::new("backend", message);
                 let help = "`bvh`, the default, answers all queries";
@@ -216,8 +216,8 @@ impl RayScene {
     /// Maps scene-wide primitive indices to meshes, and holds the origin of the coordinates.
     pub(super) fn geometry(&self) -> &Geometry {
         match &self.tree {
-            Tree::Bvh(tree) => tree.geometry(),
-            Tree::Embree { geometry, .. } => geometry,
+            SceneTree::Bvh(tree) => tree.geometry(),
+            SceneTree::Embree { geometry, .. } => geometry,
         }
     }
 

@@ -80,7 +80,7 @@ type Rendered = (RayCounts, SampleCounts, Dropped);
 
 /// Settings that all tiles share.
 #[derive(Clone, Copy)]
-struct Job<'a> {
+struct SharedSettings<'a> {
     context: RenderContext<'a>,
     isa: Isa,
     adaptive: Adaptive,
@@ -103,7 +103,7 @@ pub fn render_adaptive(
     debug_assert_eq!(world.spp, adaptive.most);
     monitor.begin(Phase::Render, pixels(film.window));
     let context = RenderContext { world, accelerator, monitor };
-    let mut job = Job { context, isa, adaptive, goal: None };
+    let mut job = SharedSettings { context, isa, adaptive, goal: None };
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
@@ -122,7 +122,7 @@ pub fn render_adaptive(
     Ok((counts + rays, taken))
 }
 
-impl Job<'_> {
+impl SharedSettings<'_> {
     fn render<R: Record + Send>(
         &self,
         film: &mut Film,
@@ -215,7 +215,8 @@ impl Job<'_> {
     fn brightness(&self) -> (f64, RayCounts) {
         let world = self.context.world;
         let other = World { seed: independent_seed(world.seed), ..world.clone() };
-        let job = Job { context: RenderContext { world: &other, ..self.context }, ..*self };
+        let job =
+            SharedSettings { context: RenderContext { world: &other, ..self.context }, ..*self };
         let [width, height] = world.frame.map(|side| side - 2 * world.overscan);
         let area = f64::from(width) * f64::from(height);
         let distance = ((area / PROBES).sqrt().ceil() as u32).max(PROBE_DISTANCE);
@@ -265,7 +266,7 @@ struct Work<'f, R: Record> {
 }
 
 impl<'f, R: Record> Work<'f, R> {
-    fn new(job: &Job, tile: Tile<'f>, record: R) -> Self {
+    fn new(job: &SharedSettings, tile: Tile<'f>, record: R) -> Self {
         let window = match job.goal {
             Some(_) => whole(tile.window, job.context.world),
             None => tile.window,
@@ -274,7 +275,7 @@ impl<'f, R: Record> Work<'f, R> {
         Self { tile, record, passes }
     }
 
-    fn pass(&mut self, job: &Job) -> RayCounts {
+    fn pass(&mut self, job: &SharedSettings) -> RayCounts {
         match job.context.monitor.stopped() {
             true => RayCounts::default(),
             false => job.pass(&mut self.passes, &mut self.record),
@@ -283,7 +284,7 @@ impl<'f, R: Record> Work<'f, R> {
 
     /// Starts the next doubling: of the pixels below their plan, or of all pixels if there is no
     /// goal.
-    fn choose(&mut self, job: &Job) {
+    fn choose(&mut self, job: &SharedSettings) {
         match &job.goal {
             Some(goal) => {
                 self.passes.choose(goal);

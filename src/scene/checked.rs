@@ -35,7 +35,7 @@ pub struct Scene {
     /// Sampler that chooses the sample points.
     pub sampler: SamplerKind,
     /// The camera that takes the picture.
-    pub camera: Camera,
+    pub camera: CheckedCamera,
     /// Radiance of rays that miss.
     pub background: Vec3,
     /// Ambient light of the scene.
@@ -45,11 +45,11 @@ pub struct Scene {
     /// Backend that finds the hits.
     pub backend: Backend,
     /// Lights in file order.
-    pub lights: Vec<Light>,
+    pub lights: Vec<CheckedLight>,
     /// Shapes in file order; `material` is an index into `materials`.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<CheckedShape>,
     /// Named and inline materials.
-    pub materials: Vec<Material>,
+    pub materials: Vec<CheckedMaterial>,
     /// Tone mapping of the PNG.
     pub tonemap: Tonemap,
     /// EXR layers in addition to the beauty, without repeats, in the order of [`Layer`].
@@ -79,7 +79,7 @@ impl Scene {
     /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
     /// environment without image that has more points than are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {
-        let spares = |light: &Light| match light.kind {
+        let spares = |light: &CheckedLight| match light.kind {
             LightKind::Point { .. } => false,
             LightKind::Area { samples, .. }
             | LightKind::Sun { samples, .. }
@@ -119,7 +119,7 @@ impl Scene {
 
 /// The checked camera. The formulas are in docs/guide/cameras.md.
 #[derive(Debug, Clone)]
-pub struct Camera {
+pub struct CheckedCamera {
     /// Width of the picture in pixels, >= 1.
     pub width: u32,
     /// Height of the picture in pixels, >= 1.
@@ -134,10 +134,10 @@ pub struct Camera {
     pub projection: Projection,
 }
 
-impl Camera {
+impl CheckedCamera {
     /// Returns the vertical angle of view in degrees and the lens of a `pinhole` or `thinlens`.
     /// `None` for other cameras.
-    pub fn perspective(&self) -> Option<(f64, Option<Lens>)> {
+    pub fn perspective(&self) -> Option<(f64, Option<CheckedLens>)> {
         match self.projection {
             Projection::Perspective { fov_deg, lens } => Some((fov_deg, lens)),
             _ => None,
@@ -153,7 +153,7 @@ pub enum Projection {
         /// Full vertical angle of view in degrees, in (0, 180).
         fov_deg: f64,
         /// The lens; `None` for a pinhole.
-        lens: Option<Lens>,
+        lens: Option<CheckedLens>,
     },
     /// A calibrated camera without distortion.
     Calibrated(Calibration),
@@ -175,7 +175,7 @@ pub enum Projection {
 
 /// A thin lens for depth of field.
 #[derive(Debug, Clone, Copy)]
-pub struct Lens {
+pub struct CheckedLens {
     /// Diameter in world units, > 0.
     pub aperture: f64,
     /// Distance of the plane in focus along the view direction, in world units, > 0.
@@ -184,7 +184,7 @@ pub struct Lens {
 
 /// A light with its names in the EXR.
 #[derive(Debug, Clone)]
-pub struct Light {
+pub struct CheckedLight {
     /// Name of the light.
     pub name: Option<String>,
     /// Light group of the light.
@@ -263,7 +263,7 @@ pub struct MapUse {
 
 /// A shape with its material and its name in the EXR.
 #[derive(Debug, Clone)]
-pub struct Shape {
+pub struct CheckedShape {
     /// Name of the shape for object ids.
     pub name: Option<String>,
     /// Index of the material in [`Scene::materials`].
@@ -422,7 +422,7 @@ pub enum Smooth {
 
 /// A Blinn-Phong material with an optional mirror.
 #[derive(Debug, Clone)]
-pub struct Material {
+pub struct CheckedMaterial {
     /// Key under `materials`; `None` for an inline material.
     pub name: Option<String>,
     /// Coefficient of diffuse reflection.

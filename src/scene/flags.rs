@@ -6,7 +6,7 @@ use crate::error::{Error, Problem, Result};
 
 use super::{
     backend::BackendFlags,
-    description::{Description, Light},
+    description::{LightDescription, SceneDescription},
     load_scene::{self, Loaded, Source},
 };
 
@@ -49,14 +49,14 @@ impl Overrides {
 
     /// Adds `--light-samples` before all other overrides: one override per area light, sun and
     /// environment. A sun of size 0 has no samples. Returns false if no light has samples.
-    pub fn light_samples(&mut self, samples: u32, scene: &Description) -> bool {
+    pub fn light_samples(&mut self, samples: u32, scene: &SceneDescription) -> bool {
         let lights = scene.scene.lightsources.iter().enumerate();
         let mut added = Self::default();
         for (i, light) in lights {
             let sampled = match light {
-                Light::AreaLight(_) | Light::Environment(_) => true,
-                Light::Sun(sun) => sun.angle > 0.0,
-                Light::PointLight(_) | Light::Directional(_) => false,
+                LightDescription::AreaLight(_) | LightDescription::Environment(_) => true,
+                LightDescription::Sun(sun) => sun.angle > 0.0,
+                LightDescription::PointLight(_) | LightDescription::Directional(_) => false,
             };
             if sampled {
                 let pointer = format!("/scene/lightsources/{i}/samples");

@@ -11,7 +11,7 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 use super::{
     check,
     checked::Scene,
-    description::{self as written, Description},
+    description::{CameraDescription, SceneDescription},
     document::Document,
     problems,
     schema::{self, schema, schema_of},
@@ -43,7 +43,7 @@ pub struct Loaded {
     /// The scene with all values checked and all names resolved.
     pub scene: Scene,
     /// The scene as written, with overrides applied.
-    pub description: Description,
+    pub description: SceneDescription,
     /// Valid values that are most likely mistakes, in text order.
     pub warnings: Vec<Problem>,
     /// SHA-256 (hexadecimal) of the canonical JSON. Two files have the same hash if they differ
@@ -75,7 +75,7 @@ pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
 /// Every problem of the scene, then every problem of the overrides.
 pub fn from_description(
     name: &str,
-    description: &Description,
+    description: &SceneDescription,
     folder: &Path,
     overrides: &[String],
 ) -> Result<Loaded> {
@@ -88,8 +88,13 @@ impl Loaded {
     ///
     /// # Errors
     /// Every problem of the camera.
-    pub fn with_camera(&self, name: &str, camera: &written::Camera, folder: &Path) -> Result<Self> {
-        let description = Description { camera: camera.clone(), ..self.description.clone() };
+    pub fn with_camera(
+        &self,
+        name: &str,
+        camera: &CameraDescription,
+        folder: &Path,
+    ) -> Result<Self> {
+        let description = SceneDescription { camera: camera.clone(), ..self.description.clone() };
         let mut found = self.with_description(name, &description, folder)?;
         // A mesh keeps the path that the user gave. Only the shapes hold it, not the description.
         found.scene.shapes.clone_from(&self.scene.shapes);
@@ -105,7 +110,7 @@ impl Loaded {
     pub fn with_description(
         &self,
         name: &str,
-        description: &Description,
+        description: &SceneDescription,
         folder: &Path,
     ) -> Result<Self> {
         let mut found = from_description(name, description, folder, &[])?;
@@ -131,7 +136,7 @@ pub fn read_as<T: JsonSchema + DeserializeOwned>(document: &Document) -> Result<
 ///
 /// # Errors
 /// Every problem of the camera.
-pub fn check_camera(name: &str, camera: &written::Camera) -> Result<()> {
+pub fn check_camera(name: &str, camera: &CameraDescription) -> Result<()> {
     let document = Document::from_value(name, &write::camera(camera));
     let mut problems = problems::Problems::new(&document);
     let broken = structure::check(schema::of_camera(), &mut problems);

@@ -1,4 +1,4 @@
-//! Scene files: text -> [`Description`] (as written) -> [`Scene`] (checked).
+//! Scene files: text -> [`SceneDescription`] (as written) -> [`Scene`] (checked).
 //!
 //! `parse` turns a file into a [`Document`] that stores the place of every value. `overrides`
 //! applies `--set`. `structure` checks the document against the [`schema()`], which is generated
@@ -31,7 +31,7 @@ pub use crate::nearest::{did_you_mean, list, nearest};
 pub use backend::{Backend, BackendFlags, EmbreeMode};
 pub use check::{IN_MEMORY, MAX_PIXELS, begins_as_ply};
 pub use checked::*;
-pub use description::Description;
+pub use description::SceneDescription;
 pub use document::{Document, escaped};
 pub use flags::Overrides;
 pub use layers::{Layer, LightGroups};
@@ -40,7 +40,6 @@ pub use load_scene::{
 };
 pub use node::{JsonNode, JsonPlace, Member, NodeKind};
 pub use schema::{schema, schema_of};
-pub use write::hexadecimal;
 
 /// The types of the format as written, for scenes made by code.
 pub mod written {

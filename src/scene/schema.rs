@@ -1,4 +1,4 @@
-//! The JSON Schema of scene files, generated from [`Description`].
+//! The JSON Schema of scene files, generated from [`SceneDescription`].
 //!
 //! The types are the only table of keys. This module adapts the generated schema for editors and
 //! for the structural checks. Every object is closed (no unknown keys), except for `comment` and
@@ -9,12 +9,13 @@ use std::sync::LazyLock;
 use schemars::JsonSchema;
 use serde_json::{Map, Value, json};
 
-use super::description::{Camera, Description};
+use super::description::{CameraDescription, SceneDescription};
 
 /// Returns the JSON Schema 2020-12 of scene files.
 pub fn schema() -> &'static Value {
     // Cached, because one run may check thousands of frames.
-    static SCHEMA: LazyLock<Value> = LazyLock::new(|| schema_of::<Description>("lightpath scene"));
+    static SCHEMA: LazyLock<Value> =
+        LazyLock::new(|| schema_of::<SceneDescription>("lightpath scene"));
     &SCHEMA
 }
 
@@ -23,7 +24,7 @@ pub fn schema() -> &'static Value {
 pub(super) struct WithCamera {
     /// The camera.
     #[allow(dead_code)] // only its schema is used
-    camera: Camera,
+    camera: CameraDescription,
 }
 
 /// Returns the schema of an object that holds a camera only.

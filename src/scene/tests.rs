@@ -74,7 +74,7 @@ fn json_and_text_round_trip() {
         let loaded = load_value(&value, &[]).unwrap();
         assert_eq!(loaded.description.to_json(), value);
         let text = loaded.description.to_text();
-        let again: Description = serde_json::from_str(&text).unwrap();
+        let again: SceneDescription = serde_json::from_str(&text).unwrap();
         assert_eq!(again, loaded.description);
         let folder = folder();
         let by_code = from_description("studio", &loaded.description, folder.path(), &[]).unwrap();
@@ -85,7 +85,9 @@ fn json_and_text_round_trip() {
 #[test]
 fn errors_of_scenes_made_by_code_have_no_line() {
     let mut description = load_value(&minimal(), &[]).unwrap().description;
-    let written::Camera::Pinhole(camera) = &mut description.camera else { unreachable!() };
+    let written::CameraDescription::Pinhole(camera) = &mut description.camera else {
+        unreachable!()
+    };
     camera.fov = 200.0;
     let error = from_description("studio", &description, Path::new(""), &[]).unwrap_err();
     assert_eq!(error.problems[0].place, "studio (/camera/fov)");

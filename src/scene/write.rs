@@ -1,17 +1,17 @@
-//! Writes a [`Description`] as JSON that is easy to read: no defaults, vectors on one line.
+//! Writes a [`SceneDescription`] as JSON that is easy to read: no defaults, vectors on one line.
 
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::{
-    description::{Camera, Description},
+    description::{CameraDescription, SceneDescription},
     schema::{of_camera, schema, without_defaults},
 };
 
-impl Description {
+impl SceneDescription {
     /// Returns the SHA-256 (hexadecimal) of the canonical JSON.
     pub fn hash(&self) -> String {
-        hexadecimal(&Sha256::digest(self.to_json().to_string()))
+        format!("{:x}", Sha256::digest(self.to_json().to_string()))
     }
 
     /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are
@@ -35,15 +35,10 @@ impl Description {
 }
 
 /// Returns an object with a camera in the key `camera`, without values that equal their default.
-pub(super) fn camera(camera: &Camera) -> Value {
+pub(super) fn camera(camera: &CameraDescription) -> Value {
     let mut value = serde_json::json!({ "camera": camera });
     without_defaults(of_camera(), of_camera(), &mut value);
     value
-}
-
-/// Writes bytes in hexadecimal.
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn write(value: &Value, depth: usize, text: &mut String) {

@@ -179,7 +179,7 @@ impl Shapes {
             let (shape, material) = self.shape_like(geom, prim);
             set(material, i, out);
             if material.texture.is_some() || shape.colors.is_some() {
-                let hit = Hit { geometry, packet, surfaces, i };
+                let hit = ShadedHit { geometry, packet, surfaces, i };
                 self.details(&hit, shape, areas.as_ref(), out);
             }
             if let Some(normals) = &shape.normals {
@@ -365,8 +365,14 @@ impl Shapes {
     /// Computes texture and colours of one lane. `areas` are those of the textures, if they are
     /// averaged.
     #[inline(never)]
-    fn details(&self, hit: &Hit, shape: &Shape, areas: Option<&Footprints>, out: &mut Points) {
-        let &Hit { geometry, packet, surfaces, i } = hit;
+    fn details(
+        &self,
+        hit: &ShadedHit,
+        shape: &Shape,
+        areas: Option<&Footprints>,
+        out: &mut Points,
+    ) {
+        let &ShadedHit { geometry, packet, surfaces, i } = hit;
         let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
         let weights = weights(surfaces, i);
         let corners = geometry.mesh(geom).map(|(mesh, _)| mesh.triangles()[prim as usize]);
@@ -401,7 +407,7 @@ impl Shapes {
 }
 
 /// The hit of one lane.
-struct Hit<'a> {
+struct ShadedHit<'a> {
     geometry: &'a Geometry,
     packet: &'a RayPacket,
     surfaces: &'a Surfaces,

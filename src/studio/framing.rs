@@ -35,10 +35,10 @@ pub fn frame(
     up: DVec3,
     lens: FieldOfView,
 ) -> Option<DVec3> {
-    let view = View::new(direction, up, lens);
+    let view = FramedView::new(direction, up, lens);
     // A sphere reaches its radius times |n| along n.
     let beyond = view.slants().map(|slant| lens.radius * slant.length());
-    let extent = Extent::around(points, |p| (view.reach(p), view.depth(p), beyond));
+    let extent = FrustumExtent::around(points, |p| (view.reach(p), view.depth(p), beyond));
     view.position(&extent)
 }
 
@@ -52,12 +52,12 @@ pub fn frame_turning(
     up: DVec3,
     lens: FieldOfView,
 ) -> Option<DVec3> {
-    let view = View::new(direction, up, lens);
+    let view = FramedView::new(direction, up, lens);
     // A circle of radius r around c reaches n.c + r |n across the axis| along n.
     let across = |n: DVec3| (n - axis * n.dot(axis)).length();
     let slants = view.slants();
     let (across, beyond) = (slants.map(across), slants.map(|slant| lens.radius * slant.length()));
-    let extent = Extent::around(points, |p| {
+    let extent = FrustumExtent::around(points, |p| {
         let offset = p - pivot;
         let centre = pivot + axis * offset.dot(axis);
         let radius = (p - centre).length();
@@ -69,7 +69,7 @@ pub fn frame_turning(
 
 /// The axes of a camera (right, up, forward), and the slopes of the frustum's sides after the
 /// margin is subtracted.
-struct View {
+struct FramedView {
     axes: [DVec3; 3],
     tx: f64,
     ty: f64,
@@ -77,13 +77,13 @@ struct View {
 
 /// The maximum extent of points towards the frustum's sides (right, left, top, bottom), and their
 /// range of depths.
-struct Extent {
+struct FrustumExtent {
     planes: [f64; 4],
     near: f64,
     far: f64,
 }
 
-impl Extent {
+impl FrustumExtent {
     const EMPTY: Self =
         Self { planes: [f64::NEG_INFINITY; 4], near: f64::INFINITY, far: f64::NEG_INFINITY };
 
@@ -114,7 +114,7 @@ impl Extent {
     }
 }
 
-impl View {
+impl FramedView {
     fn new(direction: DVec3, up: DVec3, lens: FieldOfView) -> Self {
         let z = direction.normalize();
         let x = z.cross(up).normalize();
@@ -145,8 +145,8 @@ impl View {
         p.dot(self.axes[2])
     }
 
-    fn position(&self, extent: &Extent) -> Option<DVec3> {
-        let &Extent { planes: [right, left, top, bottom], near, far } = extent;
+    fn position(&self, extent: &FrustumExtent) -> Option<DVec3> {
+        let &FrustumExtent { planes: [right, left, top, bottom], near, far } = extent;
         let Self { axes: [x, y, z], tx, ty } = *self;
         let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
         // If the exact position coincides with the nearest point, the camera keeps a distance from

@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::Mesh,
     paths::{named, seen_from},
-    scene::{Camera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped},
+    scene::{CheckedCamera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped},
     world::{self, Bounds, placement, several_textures_warning},
 };
 
@@ -316,7 +316,13 @@ fn place(
 }
 
 /// Adds overrides for the camera's new position. A lens is focused on the centre of the mesh.
-fn point(camera: &Camera, loaded: &Loaded, position: DVec3, middle: DVec3, ours: &mut Overrides) {
+fn point(
+    camera: &CheckedCamera,
+    loaded: &Loaded,
+    position: DVec3,
+    middle: DVec3,
+    ours: &mut Overrides,
+) {
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();
     ours.flag("FILE.ply", "/camera/position", list(position));

@@ -38,7 +38,10 @@ use crate::{
     error::{Error, Problem, Result},
     mesh::{Mesh, ReadOptions},
     monitor::Monitor,
-    scene::{Loaded, Overrides, ShapeKind, Source, written},
+    scene::{
+        Loaded, Overrides, ShapeKind, Source,
+        written::{Name, ShapeCommon, ShapeDescription},
+    },
     world::color_request,
 };
 
@@ -140,12 +143,13 @@ pub fn show_mesh(
 fn with_other_ground(
     loaded: Loaded,
     template: &Template,
-    change: impl Fn(&mut written::Plane) -> bool,
+    change: impl Fn(&mut ShapeCommon) -> bool,
 ) -> Result<Loaded> {
     let mut description = loaded.description.clone();
+    let is_ground = |name: &Option<Name>| name.as_ref().is_some_and(|name| name.0 == GROUND);
     description.scene.shapes.retain_mut(|shape| match shape {
-        written::Shape::Plane(plane) if plane.name.as_ref().is_some_and(|n| n.0 == GROUND) => {
-            change(plane)
+        ShapeDescription::Plane(plane) if is_ground(&plane.common.name) => {
+            change(&mut plane.common)
         }
         _ => true,
     });

@@ -6,7 +6,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{builtin::Studio, quality::Quality};
-use crate::{reserve::MemoryLimit, scene::written};
+use crate::{
+    reserve::MemoryLimit,
+    scene::written::{Crease, MeshColorDescription, SmoothDescription},
+};
 
 /// Default margin between the mesh and the picture's borders, as a fraction of width and height.
 pub const MARGIN: f64 = 0.08;
@@ -30,13 +33,13 @@ pub enum Axis {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Appearance {
     /// Edges across which normals are interpolated.
-    pub smooth: Option<written::Smooth>,
+    pub smooth: Option<SmoothDescription>,
     /// Texture image, in place of the one that the file or the template names.
     pub texture: Option<PathBuf>,
     /// True to remove the template's plane named `ground`.
     pub no_ground: bool,
     /// Source of the colours of the mesh.
-    pub color: Option<written::MeshColor>,
+    pub color: Option<MeshColorDescription>,
     /// Radius of spheres that replace the faces, in the units of the file.
     pub points: Option<f64>,
     /// Number of camera samples in the built-in studio, in place of its own `spp`.
@@ -46,11 +49,11 @@ pub struct Appearance {
 }
 
 /// Converts the value of `--smooth`: the maximum angle of a smooth edge in degrees.
-pub fn smooth(degrees: f64) -> written::Smooth {
+pub fn smooth(degrees: f64) -> SmoothDescription {
     match degrees {
-        0.0 => written::Smooth::Everywhere(false),
-        180.0 => written::Smooth::Everywhere(true),
-        angle => written::Smooth::Below(written::Crease { angle, flat: None }),
+        0.0 => SmoothDescription::Everywhere(false),
+        180.0 => SmoothDescription::Everywhere(true),
+        angle => SmoothDescription::Below(Crease { angle, flat: None }),
     }
 }
 

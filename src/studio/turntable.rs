@@ -10,8 +10,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{
-    Description,
-    written::{Axes, Camera, Light, Matrix},
+    SceneDescription,
+    written::{Axes, CameraDescription, LightDescription, Matrix},
 };
 
 use super::axes::main_axis;
@@ -59,7 +59,7 @@ impl Turntable {
     /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
     /// camera's `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself,
     /// bit for bit.
-    pub fn frame(&self, scene: &Description, pivot: DVec3, frame: u32) -> Description {
+    pub fn frame(&self, scene: &SceneDescription, pivot: DVec3, frame: u32) -> SceneDescription {
         let mut scene = scene.clone();
         let turned = self.start_deg + 360.0 * f64::from(frame) / f64::from(self.frames);
         // Turning the object one way looks the same as moving the camera the other way.
@@ -75,36 +75,28 @@ impl Turntable {
         let point = |p: &mut [f64; 3]| {
             *p = (turn * (DVec3::from(*p) - pivot) + pivot).to_array();
         };
-        if let Some(camera) = scene.camera.stand() {
-            point(&mut camera.position.0);
-            camera.lookat.iter_mut().for_each(|v| direction(&mut v.0));
-            camera.target.iter_mut().for_each(|p| point(&mut p.0));
-            direction(&mut camera.up.0);
+        if let Some((position, aim)) = scene.camera.stand_mut() {
+            point(&mut position.0);
+            aim.lookat.iter_mut().for_each(|v| direction(&mut v.0));
+            aim.target.iter_mut().for_each(|p| point(&mut p.0));
+            direction(&mut aim.up.0);
         }
-        if let Camera::Intrinsics(camera) = &mut scene.camera {
+        if let CameraDescription::Intrinsics(camera) = &mut scene.camera {
             camera.camera_to_world.iter_mut().for_each(|m| turn_to_world(m, turn, pivot));
             camera.world_to_camera.iter_mut().for_each(|m| turn_to_camera(m, turn, pivot));
         }
         if self.lights == LightsFollow::Camera {
             for light in &mut scene.scene.lightsources {
                 match light {
-                    Light::PointLight(light) => point(&mut light.position.0),
-                    Light::AreaLight(light) => {
+                    LightDescription::PointLight(light) => point(&mut light.position.0),
+                    LightDescription::AreaLight(light) => {
                         [&mut light.v0, &mut light.v1, &mut light.v2]
                             .into_iter()
                             .for_each(|p| point(&mut p.0));
                     }
-                    Light::Environment(_) => {}
-                    Light::Directional(light) => {
-                        if let Some(towards) = light.sky().towards() {
-                            light.set_direction(turn * -towards);
-                        }
-                    }
-                    Light::Sun(light) => {
-                        if let Some(towards) = light.sky().towards() {
-                            light.set_direction(turn * -towards);
-                        }
-                    }
+                    LightDescription::Environment(_) => {}
+                    LightDescription::Directional(light) => light.sky.turn(turn),
+                    LightDescription::Sun(light) => light.sky.turn(turn),
                 }
             }
         }
@@ -113,12 +105,11 @@ impl Turntable {
 }
 
 /// Returns the up direction of a camera in world space, of any length.
-fn up(camera: &Camera) -> DVec3 {
-    let mut camera = camera.clone();
-    if let Some(stand) = camera.stand() {
-        return stand.up.0.into();
+fn up(camera: &CameraDescription) -> DVec3 {
+    if let Some((_, aim)) = camera.stand() {
+        return aim.up.0.into();
     }
-    let Camera::Intrinsics(camera) = &camera else { return DVec3::Y };
+    let CameraDescription::Intrinsics(camera) = camera else { return DVec3::Y };
     let column = camera.camera_to_world.map(|Matrix(m)| DVec3::new(m[0][1], m[1][1], m[2][1]));
     let row = camera.world_to_camera.map(|Matrix(m)| DVec3::new(m[1][0], m[1][1], m[1][2]));
     let y = column.or(row).unwrap_or(DVec3::Y);
@@ -163,7 +154,7 @@ mod tests {
     use super::*;
     use crate::scene::{Source, from_description, load};
 
-    fn scene() -> Description {
+    fn scene() -> SceneDescription {
         let text = br#"{ "camera": { "type": "pinhole", "width": 4, "height": 4, "fov": 40,
             "position": [1, 2, 5], "lookat": [0, -0.25, -1], "up": [0, 1, 0] },
             "scene": { "shapes": [{ "type": "sphere", "center": [1, 0, 0], "radius": 1,
@@ -173,16 +164,15 @@ mod tests {
         load(source, &[]).unwrap().description
     }
 
-    fn stand(scene: &Description) -> ([f64; 3], [f64; 3]) {
-        let mut camera = scene.camera.clone();
-        let stand = camera.stand().unwrap();
-        (stand.position.0, stand.lookat.unwrap().0)
+    fn stand(scene: &SceneDescription) -> ([f64; 3], [f64; 3]) {
+        let (position, aim) = scene.camera.stand().unwrap();
+        (position.0, aim.lookat.unwrap().0)
     }
 
     #[test]
     fn matrices_turn_as_position_and_direction_do() {
         let (mut scene, pivot) = (scene(), DVec3::new(0.5, -1.0, 0.25));
-        let camera = Camera::Intrinsics(
+        let camera = CameraDescription::Intrinsics(
             serde_json::from_value(serde_json::json!({
                 "width": 4, "height": 4, "fx": 5.0,
                 "camera_to_world": [[1.0, 0.0, 0.0, 1.0], [0.0, -1.0, 0.0, 2.0],
@@ -192,7 +182,7 @@ mod tests {
         );
         // The same pose, inverted by hand.
         let mut inverted = camera.clone();
-        let Camera::Intrinsics(other) = &mut inverted else { unreachable!() };
+        let CameraDescription::Intrinsics(other) = &mut inverted else { unreachable!() };
         other.camera_to_world = None;
         let rows = [[1.0, 0.0, 0.0, -1.0], [0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 5.0]];
         other.world_to_camera = Some(Matrix([rows[0], rows[1], rows[2], [0.0, 0.0, 0.0, 1.0]]));
@@ -219,7 +209,7 @@ mod tests {
         // The object turns from +z to +x, so the camera at +z moves to -x.
         assert_eq!(stand(&seen), ([-4.0, 2.0, 0.0], [1.0, -0.25, 0.0]));
         assert!(
-            matches!(&seen.scene.lightsources[0], Light::PointLight(l) if l.position.0 == [-2.0, 7.0, 0.0])
+            matches!(&seen.scene.lightsources[0], LightDescription::PointLight(l) if l.position.0 == [-2.0, 7.0, 0.0])
         );
         let camera = Turntable { turn: Turning::Camera, lights: LightsFollow::Object, ..object };
         let seen = camera.frame(&scene, pivot, 1);

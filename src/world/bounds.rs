@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::camera::sides;
 use crate::math::absolute;
-use crate::scene::{Camera, ShapeKind};
+use crate::scene::{CheckedCamera, ShapeKind};
 
 /// An axis-aligned box; empty where `min > max`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,7 +99,7 @@ impl Bounds {
 
     /// Returns true if the whole box lies behind the camera or outside of one side of its view. A
     /// box outside of the view may also give false.
-    pub fn outside_view(self, camera: &Camera) -> bool {
+    pub fn outside_view(self, camera: &CheckedCamera) -> bool {
         let corner = |i: usize| {
             let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
             DVec3::new(

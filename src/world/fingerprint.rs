@@ -4,7 +4,7 @@
 use std::{
     collections::{BTreeSet, HashMap, HashSet},
     fs::File,
-    io::Read,
+    io::BufReader,
     path::{Path, PathBuf},
 };
 
@@ -15,8 +15,10 @@ use crate::{
     files::{Stamp, changed},
     mesh,
     scene::{
-        Layer, LightKind, Loaded, Material, ShapeKind, hexadecimal,
-        written::{self, Light, MaterialUse, Name, Shape},
+        CheckedMaterial, Layer, LightKind, Loaded, ShapeKind,
+        written::{
+            LightDescription, MaterialDescription, MaterialUse, Name, Output, ShapeDescription,
+        },
     },
 };
 
@@ -111,10 +113,10 @@ pub fn fingerprint(
     let mattes = scene.layers.iter().any(mattes);
     if !mattes {
         // Without mattes, the number of ranks does not matter.
-        description.output.cryptoranks = written::Output::default().cryptoranks;
+        description.output.cryptoranks = Output::default().cryptoranks;
     }
     if !scene.layers.contains(&Layer::Occlusion) {
-        let written::Output { aodistance, aosamples, .. } = written::Output::default();
+        let Output { aodistance, aosamples, .. } = Output::default();
         (description.output.aodistance, description.output.aosamples) = (aodistance, aosamples);
     }
 
@@ -128,12 +130,14 @@ pub fn fingerprint(
         }
     }
     for (shape, checked) in description.scene.shapes.iter_mut().zip(&scene.shapes) {
-        if let (Shape::TriMesh(mesh), ShapeKind::Trimesh(spec)) = (&mut *shape, &checked.kind) {
+        if let (ShapeDescription::TriMesh(mesh), ShapeKind::Trimesh(spec)) =
+            (&mut *shape, &checked.kind)
+        {
             let Some(mut hash) = contents.sha256_of_mesh(&spec.path, spec.points.is_some())? else {
                 return Ok(None);
             };
             // Mattes of a mesh without a name are named after its file.
-            if let (true, None, Some(stem)) = (mattes, &mesh.name, spec.path.file_stem()) {
+            if let (true, None, Some(stem)) = (mattes, &mesh.common.name, spec.path.file_stem()) {
                 hash += &stem.to_string_lossy();
             }
             mesh.path = Name(hash);
@@ -146,8 +150,10 @@ pub fn fingerprint(
         }
     }
     for (light, checked) in description.scene.lightsources.iter_mut().zip(&scene.lights) {
-        if let (Light::Environment(light), LightKind::Environment { map: Some(map), .. }) =
-            (light, &checked.kind)
+        if let (
+            LightDescription::Environment(light),
+            LightKind::Environment { map: Some(map), .. },
+        ) = (light, &checked.kind)
         {
             let Some(hash) = contents.sha256_of(&map.path)? else { return Ok(None) };
             light.image = Some(Name(hash));
@@ -156,14 +162,14 @@ pub fn fingerprint(
     let mut hash = Sha256::new();
     hash.update(description.to_json().to_string());
     hash.update([u8::from(repair)]);
-    Ok(Some(hexadecimal(&hash.finalize())))
+    Ok(Some(format!("{:x}", hash.finalize())))
 }
 
 /// Replaces the path of a material's image by its hash. Returns false if the image is a pipe, which
 /// has no hash.
 fn replace_texture(
-    written: &mut written::Material,
-    checked: Option<&Material>,
+    written: &mut MaterialDescription,
+    checked: Option<&CheckedMaterial>,
     contents: &mut ContentHashes,
 ) -> Result<bool> {
     if let Some(texture) = checked.and_then(|material| material.texture.as_ref()) {
@@ -194,11 +200,6 @@ fn hashed(path: &Path) -> Result<Option<Hashed>> {
 
 fn sha256(file: &mut File) -> std::io::Result<String> {
     let mut hash = Sha256::new();
-    let mut some = vec![0; 1 << 18];
-    loop {
-        match file.read(&mut some)? {
-            0 => return Ok(hexadecimal(&hash.finalize())),
-            count => hash.update(&some[..count]),
-        }
-    }
+    std::io::copy(&mut BufReader::with_capacity(1 << 18, file), &mut hash)?;
+    Ok(format!("{:x}", hash.finalize()))
 }

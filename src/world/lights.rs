@@ -52,7 +52,7 @@ pub(super) fn visible_environments(scene: &Scene, maps: &Maps) -> Vec<VisibleEnv
 }
 
 /// Returns the light relative to the geometry's origin, in f32.
-pub(super) fn recentre(light: &scene::Light, geometry: &Geometry, maps: &Maps) -> Light {
+pub(super) fn recentre(light: &scene::CheckedLight, geometry: &Geometry, maps: &Maps) -> Light {
     let origin = geometry.origin;
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),

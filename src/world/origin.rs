@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::bounds::Bounds;
 use crate::camera::pixel_size;
 use crate::error::Problem;
-use crate::scene::{Camera, Projection, ShapeKind};
+use crate::scene::{CheckedCamera, Projection, ShapeKind};
 
 /// Largest ratio of half of the box's longest side to the camera's distance from the nearest shape,
 /// for an origin in the middle of the box. Each coordinate of a point on a shape is then rounded by
@@ -57,7 +57,7 @@ pub struct Origin {
 impl Origin {
     /// Chooses the origin for a scene with these shapes and boxes.
     pub fn choose<'s>(
-        camera: &Camera,
+        camera: &CheckedCamera,
         shapes: impl Iterator<Item = (&'s ShapeKind, Bounds)>,
     ) -> Self {
         let (mut all, mut largest) = (Bounds::EMPTY, 0.0f64);
@@ -117,10 +117,10 @@ fn distance(point: DVec3, shape: &ShapeKind, bounds: Bounds) -> f64 {
 mod tests {
     use super::*;
 
-    fn camera(position: DVec3) -> Camera {
+    fn camera(position: DVec3) -> CheckedCamera {
         let (lookat, up) = (DVec3::NEG_Z, DVec3::Y);
         let projection = Projection::Perspective { fov_deg: 60.0, lens: None };
-        Camera { width: 160, height: 120, position, lookat, up, projection }
+        CheckedCamera { width: 160, height: 120, position, lookat, up, projection }
     }
 
     fn sphere(radius: f64) -> ShapeKind {

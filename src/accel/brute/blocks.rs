@@ -63,7 +63,7 @@ impl Blocks {
     /// and axes. `widen` must be at least [`ROUNDING`].
     pub fn each(&self, ray: &LaneRay, widen: f64, range: [f64; 2], mut candidate: impl FnMut(u32)) {
         let top = self.levels.len() - 1;
-        let query = Query { ray, inverse: ray.direction.recip(), widen, range };
+        let query = BlockQuery { ray, inverse: ray.direction.recip(), widen, range };
         self.descend(top, 0..self.levels[top].len(), &query, &mut candidate);
     }
 
@@ -73,7 +73,7 @@ impl Blocks {
         &self,
         level: usize,
         boxes: Range<usize>,
-        query: &Query,
+        query: &BlockQuery,
         candidate: &mut impl FnMut(u32),
     ) {
         for index in boxes {
@@ -101,14 +101,14 @@ impl Blocks {
     }
 }
 
-struct Query<'a> {
+struct BlockQuery<'a> {
     ray: &'a LaneRay,
     inverse: DVec3,
     widen: f64,
     range: [f64; 2],
 }
 
-impl Query<'_> {
+impl BlockQuery<'_> {
     /// Returns whether the ray may hit the widened box at a t in the range.
     ///
     /// Let M be the largest |corner - ray origin| over all corners and axes. Every plane of the box

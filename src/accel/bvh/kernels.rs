@@ -29,18 +29,18 @@ impl Bvh<'_> {
     /// If the tree has no leaf of triangles, except for [`Which::Node`].
     pub fn run_kernel(&self, which: Which, rays: &Rays) -> f64 {
         let bvh = self;
-        with_tier!(self.isa, tier => tier.run(Run { tier, bvh, which, rays }));
+        with_tier!(self.isa, tier => tier.run(KernelRun { tier, bvh, which, rays }));
     }
 }
 
-struct Run<'a, T> {
+struct KernelRun<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
     which: Which,
     rays: &'a Rays,
 }
 
-impl<T: Tier> Kernel for Run<'_, T> {
+impl<T: Tier> Kernel for KernelRun<'_, T> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
@@ -54,7 +54,7 @@ impl<T: Tier> Kernel for Run<'_, T> {
     }
 }
 
-impl<T: Tier> Run<'_, T> {
+impl<T: Tier> KernelRun<'_, T> {
     #[inline(always)]
     fn nodes(&self, lane: &Lane) -> f64 {
         let mut stack = Stack::new();

@@ -73,8 +73,9 @@ impl Extent {
     pub fn sure(&self, candidate: &Candidate) -> bool {
         let Candidate { origin, direction, normal, .. } = *candidate;
         let edge = f64::from(self.edges[candidate.prim as usize / BLOCK]);
-        let far = sum(origin - self.centre) + self.radius;
-        let length = sum(direction);
+        // Upper bounds on lengths: the sum of the magnitudes is at most 3^0.5 times the length.
+        let far = (origin - self.centre).abs().element_sum() + self.radius;
+        let length = direction.abs().element_sum();
         let facing = normal.dot(direction).abs();
         let off = UNIT * edge * far;
         // The bounds hold only without underflow and overflow in f32.
@@ -89,12 +90,6 @@ impl Extent {
             & (candidate.t - slack > candidate.tnear)
             & (candidate.t + slack < candidate.tfar)
     }
-}
-
-/// Upper bound on the length of `v`: the sum of its magnitudes, at most 3^0.5 times the length.
-#[inline(always)]
-fn sum(v: DVec3) -> f64 {
-    v.x.abs() + v.y.abs() + v.z.abs()
 }
 
 #[cfg(test)]

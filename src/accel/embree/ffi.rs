@@ -75,7 +75,7 @@ pub struct RtcHit {
 /// `RTCRayHit`: one ray and its hit.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
-pub struct RayHit {
+pub struct RtcRayHit {
     pub ray: RtcRay,
     pub hit: RtcHit,
 }
@@ -250,7 +250,7 @@ api! {
     set_intersect_function = "rtcSetGeometryIntersectFunction":
         fn(RtcGeometry, Option<UserFunction>);
     set_occluded_function = "rtcSetGeometryOccludedFunction": fn(RtcGeometry, Option<UserFunction>);
-    intersect1 = "rtcIntersect1": fn(RtcScene, *mut RayHit, *mut QueryArguments);
+    intersect1 = "rtcIntersect1": fn(RtcScene, *mut RtcRayHit, *mut QueryArguments);
     intersect8 = "rtcIntersect8": fn(*const Mask8, RtcScene, *mut RayPacket8, *mut QueryArguments);
     intersect16 = "rtcIntersect16": fn(*const Mask, RtcScene, *mut RayPacket, *mut QueryArguments);
     occluded1 = "rtcOccluded1": fn(RtcScene, *mut RtcRay, *mut QueryArguments);
@@ -262,7 +262,7 @@ api! {
 }
 
 /// Layout of one declared structure: `(C name, size, alignment, [(C member, offset)])`.
-pub type Layout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
+pub type StructLayout = (&'static str, usize, usize, &'static [(&'static str, usize)]);
 
 macro_rules! layouts {
     ($($c_type:literal $type:ty { $($c_member:literal $member:ident),* })*) => {
@@ -280,7 +280,7 @@ macro_rules! layouts {
 /// `RTCOccludedFunctionNArguments` lists only its last members. The others are those of
 /// `RTCIntersectFunctionNArguments`. Embree never reads the id of a ray, so we store the primitive
 /// that the ray leaves there.
-pub const LAYOUTS: &[Layout] = layouts! {
+pub const LAYOUTS: &[StructLayout] = layouts! {
     "RTCRay" RtcRay {
         "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask, "id" id,
         "flags" flags
@@ -289,7 +289,7 @@ pub const LAYOUTS: &[Layout] = layouts! {
         "Ng_x" ng, "u" u, "v" v, "primID" prim_id, "geomID" geom_id, "instID" inst_id,
         "instPrimID" inst_prim_id
     }
-    "RTCRayHit" RayHit { "hit" hit }
+    "RTCRayHit" RtcRayHit { "hit" hit }
     "RTCRay16" Rays {
         "org_x" org, "tnear" tnear, "dir_x" dir, "time" time, "tfar" tfar, "mask" mask,
         "id" leaving, "flags" flags
@@ -340,7 +340,7 @@ pub const LAYOUTS: &[Layout] = layouts! {
 };
 
 const _: () = {
-    assert!(size_of::<RtcRay>() == 48 && size_of::<RtcHit>() == 48 && size_of::<RayHit>() == 96);
+    assert!(size_of::<RtcRay>() == 48 && size_of::<RtcHit>() == 48 && size_of::<RtcRayHit>() == 96);
     assert!(size_of::<Rays>() == 768 && size_of::<RayPacket>() == 1344);
     assert!(align_of::<Rays>() == 64 && align_of::<RayPacket>() == 64 && align_of::<Mask>() == 64);
     assert!(offset_of!(RayPacket, hits) == 768 && offset_of!(Rays, leaving) == 640);

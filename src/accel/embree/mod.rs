@@ -12,7 +12,7 @@ mod retrace;
 mod scene;
 mod sphere;
 
-pub use self::ffi::{LAYOUTS, Layout};
+pub use self::ffi::{LAYOUTS, StructLayout};
 
 use self::device::Device;
 use self::ffi::{QueryArguments, QueryContext};
@@ -216,7 +216,7 @@ impl Accelerator for Embree<'_> {
             });
         }
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
-            let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
+            let mut single = ffi::RtcRayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
             // SAFETY: aligned to 16 bytes and laid out as Embree's.
             self.query(coherence, filter, |args| unsafe {
                 (self.scene.api().intersect1)(scene, &mut single, args);

@@ -41,7 +41,7 @@ impl Embree<'_> {
     #[cold]
     fn retrace_lane(&self, packet: &mut RayPacket, i: usize) {
         let look = ClosestTrueHit::new(&self.truth);
-        let mut single = ffi::RayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
+        let mut single = ffi::RtcRayHit { ray: ray(&packet.rays, i), hit: NO_HIT };
         // SAFETY: aligned to 16 bytes and laid out as Embree's.
         self.query(Coherence::Single, Some(HitFilter::ClosestTrueHit(&look)), |args| unsafe {
             (self.scene.api().intersect1)(self.scene.handle(), &mut single, args);

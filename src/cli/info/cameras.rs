@@ -16,7 +16,7 @@ use crate::{
     monitor::Monitor,
     poses::Poses,
     render,
-    scene::{Backend, Camera, Loaded, Overrides, Projection},
+    scene::{Backend, CheckedCamera, Loaded, Overrides, Projection},
     studio::{self, Appearance, Studio, Subject, Template},
     units,
     world::{LoadOptions, World},
@@ -142,7 +142,7 @@ fn areas(world: &World) -> Vec<f64> {
 }
 
 /// Adds the bounds of the cameras' positions, and the spread of their view directions.
-fn spread(cameras: &[Camera], facts: &mut Facts) {
+fn spread(cameras: &[CheckedCamera], facts: &mut Facts) {
     let low = cameras.iter().fold(DVec3::INFINITY, |low, camera| low.min(camera.position));
     let high = cameras.iter().fold(DVec3::NEG_INFINITY, |high, camera| high.max(camera.position));
     let directions = || cameras.iter().map(|camera| camera.lookat.normalize());
@@ -170,7 +170,7 @@ fn spread(cameras: &[Camera], facts: &mut Facts) {
 }
 
 /// Adds the smallest and largest distance of a camera from the middle of the mesh.
-fn distances(cameras: &[Camera], world: &World, facts: &mut Facts) {
+fn distances(cameras: &[CheckedCamera], world: &World, facts: &mut Facts) {
     let Some(mesh) = world.geometry.meshes.first() else { return };
     let points = || mesh.vertices().iter().map(|&v| doubles(v));
     let low = points().fold(DVec3::INFINITY, DVec3::min);
@@ -185,7 +185,7 @@ fn distances(cameras: &[Camera], world: &World, facts: &mut Facts) {
 
 /// Returns the focal length in pixels, of a calibrated camera the horizontal one. `None` for a
 /// camera without focal length.
-fn focal_length(camera: &Camera) -> Option<f64> {
+fn focal_length(camera: &CheckedCamera) -> Option<f64> {
     match &camera.projection {
         Projection::Perspective { fov_deg, .. } => {
             Some(f64::from(camera.height) / 2.0 / (fov_deg.to_radians() / 2.0).tan())

@@ -84,7 +84,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
     let files = RenderFiles::create(&options)?;
-    let run = Run {
+    let run = RenderRun {
         job: &job,
         threads,
         monitor: &monitor,
@@ -98,7 +98,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 }
 
 /// State shared by the stages of a render.
-struct Run<'a> {
+struct RenderRun<'a> {
     job: &'a SceneJob,
     options: RenderOptions,
     threads: usize,
@@ -107,7 +107,7 @@ struct Run<'a> {
     start: Instant,
 }
 
-impl Run<'_> {
+impl RenderRun<'_> {
     /// Runs all stages, from reading meshes to writing files. Consumes the progress bar, so later
     /// messages appear below it.
     fn all(

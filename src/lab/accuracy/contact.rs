@@ -56,19 +56,19 @@ const SOLIDS: [Solid; 3] = [Solid::Triangles, Solid::Quads, Solid::Spheres];
 
 /// Size, position and rotation of an object in its world.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct SolidPlacement {
     scale: f64,
     offset: DVec3,
     turn: DMat3,
 }
 
-impl Place {
+impl SolidPlacement {
     /// A place `offset` sizes from the world's origin.
     pub(super) fn new(scale: f64, offset: f64, turn: DMat3) -> Self {
         Self { scale, offset: DVec3::new(0.6, -0.5, 0.62) * scale * offset, turn }
     }
 
-    /// As [`Place::new`]. `number` is the index of the world in its case; at even indices the
+    /// As [`SolidPlacement::new`]. `number` is the index of the world in its case; at even indices the
     /// object is tilted.
     fn numbered(scale: f64, offset: f64, number: u64) -> Self {
         let turn = match number % 2 {
@@ -139,7 +139,7 @@ pub(super) const CUBE_SIDES: [[usize; 4]; 6] =
     [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
 
 /// Scene shapes of a convex object around the origin of `place`.
-fn convex(solid: Solid, place: &Place) -> Vec<Value> {
+fn convex(solid: Solid, place: &SolidPlacement) -> Vec<Value> {
     match solid {
         Solid::Spheres => vec![place.sphere([0.0; 3], 1.0)],
         Solid::Quads => CUBE_SIDES.map(|side| place.plane(side.map(corner))).to_vec(),
@@ -286,7 +286,7 @@ fn self_shadow(scale: f64) -> Case {
         for solid in SOLIDS {
             for offset in OFFSETS {
                 salt += 1;
-                let place = Place::numbered(scale, offset, salt);
+                let place = SolidPlacement::numbered(scale, offset, salt);
                 let world = place.world(&convex(solid, &place))?;
                 check_secondary_rays(
                     run,
@@ -323,7 +323,7 @@ fn self_shadow(scale: f64) -> Case {
 
 /// A floor and an occluder above it. `gap` is their distance in sizes. The occluder is the last
 /// triangle or quad.
-fn stack(solid: Solid, place: &Place, gap: f64) -> Vec<Value> {
+fn stack(solid: Solid, place: &SolidPlacement, gap: f64) -> Vec<Value> {
     let triangle = |size: f64, z: f64| {
         place.triangle([[-size, -size, z], [2.0 * size, -size, z], [-size, 2.0 * size, z]])
     };
@@ -365,7 +365,7 @@ fn contact(name: String, what: String, scales: Vec<f64>, ulps: Vec<f64>) -> Case
         for (&scale, &ulps) in scales.iter().flat_map(|s| ulps.iter().map(move |u| (s, u))) {
             for (solid, offset) in SOLIDS.into_iter().flat_map(|m| OFFSETS.map(|o| (m, o))) {
                 salt += 1;
-                let place = Place::numbered(scale, offset, salt);
+                let place = SolidPlacement::numbered(scale, offset, salt);
                 // The gap is given in ulp of coordinates that depend on the gap. So one ulp is
                 // measured in the same scene with a gap of 0.125.
                 let flat = place.world(&stack(solid, &place, 0.125))?;
@@ -382,7 +382,7 @@ fn in_contact(
     run: &mut CaseRun,
     geometry: &Geometry,
     solid: Solid,
-    place: &Place,
+    place: &SolidPlacement,
     unit: f64,
     salt: u64,
 ) -> Result<()> {

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3, Vec3};
 
 use super::case::{Case, PassCriterion};
-use super::contact::{CUBE_SIDES, Place, above, check_secondary_rays, corner, towards};
+use super::contact::{CUBE_SIDES, SolidPlacement, above, check_secondary_rays, corner, towards};
 use super::counts::WrongKind;
 use super::meshes::{self, geometry, scene};
 use crate::geometry::{Geometry, TriangleMesh};
@@ -26,7 +26,7 @@ fn turn(k: usize) -> DMat3 {
         * DMat3::from_rotation_z(1.1 * k)
 }
 
-/// A closed room around the origin, before [`Place`] moves it.
+/// A closed room around the origin, before [`SolidPlacement`] moves it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Room {
     /// A cube of six quads.
@@ -48,7 +48,7 @@ const ROOMS: [Room; 5] = [Room::Quads, Room::Triangles, Room::Ball, Room::Scan, 
 
 impl Room {
     /// Returns the geometry and the edges of the room, transformed by `place` and rounded to f32.
-    fn place(self, place: &Place) -> (Geometry, Vec<[DVec3; 2]>) {
+    fn place(self, place: &SolidPlacement) -> (Geometry, Vec<[DVec3; 2]>) {
         let rounded = |v: DVec3| place.at(v).as_vec3();
         let shape = match self {
             Self::Quads => {
@@ -116,7 +116,7 @@ fn closed(room: Room, name: &str) -> Case {
         let turns = if room == Room::Scan { 1 } else { 3 };
         let cases = PLACES.iter().flat_map(|&place| (0..turns).map(move |k| (place, k)));
         for (salt, ((scale, distance), k)) in cases.enumerate() {
-            let place = Place::new(scale, distance, turn(k));
+            let place = SolidPlacement::new(scale, distance, turn(k));
             let (geometry, edges) = room.place(&place);
             check_secondary_rays(
                 run,
@@ -182,7 +182,7 @@ fn grid(
 
 /// Returns a floor at z = -1, a side wall at x = 2 and a ceiling at z = 1, transformed by `place`.
 /// The ceiling is one quad if `quads`, else a grid of small triangles.
-fn room_with_ceiling(quads: bool, place: &Place) -> Geometry {
+fn room_with_ceiling(quads: bool, place: &SolidPlacement) -> Geometry {
     let rounded = |x: f64, y: f64, z: f64| place.at(DVec3::new(x, y, z)).as_vec3().to_array();
     let floor = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
     let floor = floor.map(|[x, y]| rounded(x, y, -1.0));
@@ -215,7 +215,7 @@ fn flush(side: Side, what: &str) -> Case {
         for (scale, distance) in PLACES {
             for (k, quads) in (0..6).map(|k| (k / 2, k % 2 == 0)) {
                 salt += 1;
-                let place = Place::new(scale, distance, turn(k));
+                let place = SolidPlacement::new(scale, distance, turn(k));
                 let geometry = room_with_ceiling(quads, &place);
                 // Far from the origin f32 is coarser, so the gap grows with the distance.
                 let hair = HAIR * (1.0 + distance);
@@ -262,7 +262,7 @@ fn flush(side: Side, what: &str) -> Case {
 /// Returns 16 rays from one point near the middle of the room to its floor and its side wall. Some
 /// aim at the wall's diagonal: a rotated quad is not flat in f32, so its diagonal is an inner or
 /// outer edge.
-fn at_room(random: &mut Random, place: &Place) -> RayPacket {
+fn at_room(random: &mut Random, place: &SolidPlacement) -> RayPacket {
     let from = place.at(random.cube() * 0.5);
     towards(|| {
         let (x, y) = (random.within(-1.9, 1.9), random.within(-1.9, 1.9));

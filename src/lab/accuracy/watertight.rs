@@ -51,21 +51,21 @@ impl Target {
 }
 
 /// A closed mesh, scaled and moved.
-struct Place {
+struct PlacedTestMesh {
     mesh: TriangleMesh,
     center: DVec3,
     /// Half the sides of a box around the centre. The whole mesh is visible from every point of it.
     core: DVec3,
 }
 
-fn place(shape: &TestMesh, center: DVec3, scale: f64) -> Place {
+fn place(shape: &TestMesh, center: DVec3, scale: f64) -> PlacedTestMesh {
     let half = shape.vertices.iter().fold(DVec3::ZERO, |most, v| most.max(v.abs())) * scale;
-    Place { mesh: shape.placed(center, scale), center, core: half * shape.core }
+    PlacedTestMesh { mesh: shape.placed(center, scale), center, core: half * shape.core }
 }
 
 /// 16 rays that must all hit. Half of the packets start at points well inside. The others start
 /// outside and point through their goals at such points.
-fn aim(random: &mut Random, target: Target, at: &Place) -> AimedPacket {
+fn aim(random: &mut Random, target: Target, at: &PlacedTestMesh) -> AimedPacket {
     let count = at.mesh.triangles().len() as u32;
     let mut aimed = AimedPacket::new(Expect::Closed([f64::INFINITY; LANES]));
     let mut before = [f64::INFINITY; LANES];

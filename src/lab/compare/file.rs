@@ -149,13 +149,13 @@ fn cryptomattes(texts: &[(String, String)]) -> Vec<String> {
     texts.iter().filter(|(name, _)| named(name)).map(|(_, text)| text.clone()).collect()
 }
 
-type Shape = ([usize; 2], [i32; 2]);
+type SizeAndOrigin = ([usize; 2], [i32; 2]);
 
 fn of_part(
     path: &Path,
     channels: AnyChannels<FlatSamples>,
     own: &str,
-    (size, origin): Shape,
+    (size, origin): SizeAndOrigin,
     ids: &[String],
 ) -> Result<Vec<PictureLayer>> {
     // The channels of each layer, by name.
@@ -222,7 +222,7 @@ fn layer(
     meaning: Meaning,
     names: &[&str],
     channels: &[AnyChannel<FlatSamples>],
-    (size, origin): Shape,
+    (size, origin): SizeAndOrigin,
 ) -> PictureLayer {
     let floats = channels.iter().map(|channel| match &channel.sample_data {
         FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),

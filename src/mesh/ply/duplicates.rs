@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::context::ReadContext;
-use super::faces::Faces;
+use super::faces::PlyFaces;
 use crate::error::Result;
 use crate::reserve;
 
@@ -35,7 +35,7 @@ const ROUNDS: [[u32; 2]; 3] =
 ///
 /// # Errors
 /// If there is too little memory for 16 bits per vertex, or after a signal.
-pub(super) fn drop(faces: &mut Faces, vertices: usize, job: &ReadContext) -> Result<u64> {
+pub(super) fn drop(faces: &mut PlyFaces, vertices: usize, job: &ReadContext) -> Result<u64> {
     // A scene cannot hold so many primitives, so their duplicates do not matter.
     if u32::try_from(faces.triangles.len()).is_err() {
         return Ok(0);
@@ -215,7 +215,7 @@ mod tests {
             };
             let expected: Vec<[u32; 3]> = triangles.iter().copied().filter(|t| key(t)).collect();
             let uvs = triangles.iter().map(|t| t.map(|v| [v as f32; 2])).collect();
-            let mut faces = Faces { triangles, uvs: Some(uvs), ..Faces::default() };
+            let mut faces = PlyFaces { triangles, uvs: Some(uvs), ..PlyFaces::default() };
             let before = faces.triangles.len();
             let dropped = drop(&mut faces, vertices as usize, &job).unwrap();
             assert_eq!(dropped as usize, before - expected.len());

@@ -7,7 +7,7 @@ use super::attributes::{Attributes, Capacity};
 use super::block::Uniform;
 use super::check::{Checker, Tally};
 use super::context::ReadContext;
-use super::faces::Faces;
+use super::faces::PlyFaces;
 use super::header::PropertyType;
 use super::plan::{FacePlan, ROLE_COUNT, SCALAR, Step, TEXTURE};
 use super::polygon;
@@ -30,14 +30,14 @@ pub(super) fn read<P: VertexPosition>(
     table: &Table,
     plan: &FacePlan,
     positions: &[P],
-) -> Result<Faces> {
+) -> Result<PlyFaces> {
     if let (Some(uniform), Some(big), false) = (&table.span.uniform, table.big, plan.strips) {
         if uniform.lengths[plan.corners] == 3 && !plan.texcoords && !plan.texnumbers {
             let faces = all_triangles(table, plan, uniform, big, positions)?;
             return table.context.check().map(|()| faces);
         }
     }
-    let mut all = Faces { attributes: Attributes::new(&plan.attributes), ..Faces::default() };
+    let mut all = PlyFaces { attributes: Attributes::new(&plan.attributes), ..PlyFaces::default() };
     let read = |reader: &mut Reader| {
         let mut part = BlockFaces::new(plan, table.context, positions);
         reader.feed(&mut part)?;
@@ -55,7 +55,7 @@ fn all_triangles<P: VertexPosition>(
     uniform: &Uniform,
     big: bool,
     positions: &[P],
-) -> Result<Faces> {
+) -> Result<PlyFaces> {
     let item = match table.element.properties[plan.corners].shape {
         PropertyType::List { item, .. } | PropertyType::Single(item) => item,
     };
@@ -94,7 +94,7 @@ fn copy<T: Native + Into<i64>, P: VertexPosition>(
     at: usize,
     big: bool,
     positions: &[P],
-) -> Result<Faces> {
+) -> Result<PlyFaces> {
     // `layout` has found these rows in the file.
     let count = table.span.rows as usize;
     let stride = uniform.stride;
@@ -127,7 +127,7 @@ fn copy<T: Native + Into<i64>, P: VertexPosition>(
     let mut tally = Tally::default();
     tallies.into_iter().for_each(|next| tally.add(next));
     tally.faces = count as u64;
-    Ok(Faces { triangles, tally, ..Faces::default() })
+    Ok(PlyFaces { triangles, tally, ..PlyFaces::default() })
 }
 
 /// Minimum number of corners of a polygon whose memory is reserved before it is split.
@@ -186,10 +186,10 @@ impl<'a, P: VertexPosition> BlockFaces<'a, P> {
         }
     }
 
-    fn finish(self) -> Faces {
+    fn finish(self) -> PlyFaces {
         let uvs = self.any_uvs.then_some(self.uvs);
         let (triangles, attributes) = (self.triangles, self.attributes);
-        Faces { triangles, uvs, attributes, tally: self.checker.tally }
+        PlyFaces { triangles, uvs, attributes, tally: self.checker.tally }
     }
 
     /// Adds the triangles of the current face, after its row has been read.

@@ -8,7 +8,7 @@ use crate::reserve;
 
 /// The triangles that have been read from faces and strips.
 #[derive(Default)]
-pub(super) struct Faces {
+pub(super) struct PlyFaces {
     pub(super) triangles: Vec<[u32; 3]>,
     /// One entry per triangle, if any face has texture coordinates.
     pub(super) uvs: Option<Vec<[[f32; 2]; 3]>>,
@@ -17,12 +17,12 @@ pub(super) struct Faces {
     pub(super) tally: Tally,
 }
 
-impl Faces {
+impl PlyFaces {
     /// Appends the next triangles of the file. Missing texture coordinates become zero.
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Faces, context: &ReadContext) -> Result<()> {
+    pub(super) fn append(&mut self, next: PlyFaces, context: &ReadContext) -> Result<()> {
         context.fits(self.bytes().saturating_add(next.bytes()))?;
         if self.uvs.is_some() || next.uvs.is_some() {
             let uvs = self.uvs.get_or_insert_default();

@@ -1,11 +1,11 @@
 //! Makes the mesh from the parsed elements.
 
 use super::context::ReadContext;
-use super::faces::Faces;
+use super::faces::PlyFaces;
 use super::header::Header;
 use super::options::ReadOptions;
 use super::plan::MeshPlan;
-use super::vertex::Vertices;
+use super::vertex::PlyVertices;
 use super::{duplicates, points};
 use crate::error::{Error, Result};
 use crate::mesh::arrays::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
@@ -14,8 +14,8 @@ use crate::mesh::arrays::{FaceTextures, Mesh, MeshElement, Notes, Positions, Pro
 pub struct ParsedFile {
     pub header: Header,
     pub plan: MeshPlan,
-    pub vertices: Vertices,
-    pub faces: Faces,
+    pub vertices: PlyVertices,
+    pub faces: PlyFaces,
     /// Number of bytes after the last row.
     pub trailing_bytes: u64,
 }
@@ -29,7 +29,7 @@ pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) ->
     let ParsedFile { header, plan, mut vertices, mut faces, trailing_bytes } = found;
     let vertex_count = vertices.positions.len();
     let duplicates = duplicates::drop(&mut faces, vertex_count, context)?;
-    let Faces { triangles, uvs, mut attributes, mut tally } = faces;
+    let PlyFaces { triangles, uvs, mut attributes, mut tally } = faces;
     if !options.repair {
         match &vertices.positions {
             Positions::F32(positions) => tally.verdict(positions, context.name)?,
@@ -58,7 +58,7 @@ pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) ->
         ..Notes::default()
     };
     tally.write(&mut notes);
-    let mut stitches = Faces { triangles: tally.stitches.split_off(0), ..Faces::default() };
+    let mut stitches = PlyFaces { triangles: tally.stitches.split_off(0), ..PlyFaces::default() };
     duplicates::drop(&mut stitches, vertex_count, context)?;
     notes.duplicates_dropped = duplicates;
     // If all triangles have the same texture, no index per triangle is needed.

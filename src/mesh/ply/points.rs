@@ -2,7 +2,7 @@
 
 use super::check::Tally;
 use super::context::ReadContext;
-use super::vertex::Vertices;
+use super::vertex::PlyVertices;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::mesh::arrays::Positions;
 
@@ -12,7 +12,7 @@ use crate::mesh::arrays::Positions;
 /// # Errors
 /// If no finite point is left. Without `repair`, also if any point is not finite.
 pub(super) fn check(
-    vertices: &mut Vertices,
+    vertices: &mut PlyVertices,
     tally: &mut Tally,
     context: &ReadContext,
     repair: bool,

@@ -13,7 +13,7 @@ use std::time::Duration;
 use super::block::{Span, too_short};
 use super::context::ReadContext;
 use super::face;
-use super::faces::Faces;
+use super::faces::PlyFaces;
 use super::finish::{ParsedFile, finish};
 use super::header::{self, Element, Format, Header, MAX_HEADER};
 use super::layout::BinaryRows;
@@ -22,7 +22,7 @@ use super::options::ReadOptions;
 use super::plan::{self, MeshPlan};
 use super::table::Table;
 use super::unused::UnusedElement;
-use super::vertex::{self, Vertices};
+use super::vertex::{self, PlyVertices};
 use super::whole::whole;
 use crate::error::{Error, Result};
 use crate::mesh::arrays::{Mesh, Positions};
@@ -54,7 +54,7 @@ pub(super) fn read(
     // The thread ends when the receiver is dropped. It is not joined: a pipe may block forever.
     let thread = std::thread::Builder::new().name("ply".into());
     thread.spawn(move || pump(&mut bytes, size, &sender)).map_err(|error| failed(&error))?;
-    Window::new(Chunks::Ahead(chunks), options, failed).mesh(length, context, options)
+    ReadWindow::new(ChunkSource::Ahead(chunks), options, failed).mesh(length, context, options)
 }
 
 /// Reads a mesh from compressed data in memory, without a second thread.
@@ -64,7 +64,7 @@ pub(super) fn read_here<'a>(
     context: &ReadContext,
     options: ReadOptions,
 ) -> Result<Mesh> {
-    Window::new(Chunks::Here(bytes), options, failed).mesh(None, context, options)
+    ReadWindow::new(ChunkSource::Here(bytes), options, failed).mesh(None, context, options)
 }
 
 type Chunk = std::io::Result<Vec<u8>>;
@@ -89,12 +89,12 @@ fn pump(bytes: &mut dyn Read, size: usize, sender: &SyncSender<Chunk>) {
 }
 
 /// The source of the window's bytes: a thread that reads ahead, or a reader on this thread.
-enum Chunks<'a> {
+enum ChunkSource<'a> {
     Ahead(Receiver<Chunk>),
     Here(Box<dyn Read + Send + 'a>),
 }
 
-impl Chunks<'_> {
+impl ChunkSource<'_> {
     fn next(&mut self, size: usize, context: &ReadContext) -> Result<Chunk> {
         let receiver = match self {
             Self::Ahead(receiver) => receiver,
@@ -113,21 +113,21 @@ impl Chunks<'_> {
 }
 
 /// The part of the file that is in memory.
-struct Window<'a> {
+struct ReadWindow<'a> {
     bytes: Vec<u8>,
     /// Offset of the first byte that has not been consumed.
     at: usize,
     /// Number of bytes consumed so far.
     taken: u64,
-    chunks: Chunks<'a>,
+    chunks: ChunkSource<'a>,
     ended: bool,
     failed: Failed<'a>,
     /// Number of bytes with which the window is filled before rows are read. Longer rows need more.
     size: usize,
 }
 
-impl<'a> Window<'a> {
-    fn new(chunks: Chunks<'a>, options: ReadOptions, failed: Failed<'a>) -> Self {
+impl<'a> ReadWindow<'a> {
+    fn new(chunks: ChunkSource<'a>, options: ReadOptions, failed: Failed<'a>) -> Self {
         let size = options.window.max(1);
         Self { bytes: Vec::new(), at: 0, taken: 0, chunks, ended: false, failed, size }
     }
@@ -183,7 +183,7 @@ impl<'a> Window<'a> {
         self.take(header.data_start);
         let mut partial = PartialMesh {
             vertices: empty_vertices(&header, &plan, context)?,
-            faces: Faces::default(),
+            faces: PlyFaces::default(),
         };
         let mut line = header.lines;
         for (index, element) in header.elements.iter().enumerate() {
@@ -265,8 +265,8 @@ fn next_rows(
 
 /// The arrays that have been read so far.
 struct PartialMesh {
-    vertices: Vertices,
-    faces: Faces,
+    vertices: PlyVertices,
+    faces: PlyFaces,
 }
 
 impl PartialMesh {
@@ -315,7 +315,7 @@ fn plausible_rows(element: &Element, length: Option<u64>) -> usize {
 }
 
 /// Returns the arrays that the plan selects, without a vertex.
-fn empty_vertices(header: &Header, plan: &MeshPlan, context: &ReadContext) -> Result<Vertices> {
+fn empty_vertices(header: &Header, plan: &MeshPlan, context: &ReadContext) -> Result<PlyVertices> {
     let element = &header.elements[plan.vertex.element];
     let big = header.format.is_big();
     let table = Table { data: &[], big, span: &Span::default(), element, context: *context };

@@ -18,14 +18,14 @@ use crate::mesh::arrays::Positions;
 const SPARE: usize = 1;
 
 /// The arrays of element `vertex`.
-pub(super) struct Vertices {
+pub(super) struct PlyVertices {
     pub(super) positions: Positions,
     pub(super) normals: Option<Vec<[f32; 3]>>,
     pub(super) uvs: Option<Vec<[f32; 2]>>,
     pub(super) attributes: Attributes,
 }
 
-impl Vertices {
+impl PlyVertices {
     /// Returns the size in bytes of one vertex, summed over all arrays except the attributes.
     fn each(&self) -> u64 {
         let position = match &self.positions {
@@ -77,7 +77,7 @@ impl Vertices {
     ///
     /// # Errors
     /// If there is not enough memory.
-    pub(super) fn append(&mut self, next: Vertices, context: &ReadContext) -> Result<()> {
+    pub(super) fn append(&mut self, next: PlyVertices, context: &ReadContext) -> Result<()> {
         let count = next.positions.len();
         context.fits(self.bytes().saturating_add(next.bytes()))?;
         self.reserve_all(Capacity::Additional(count), context)?;
@@ -97,7 +97,7 @@ impl Vertices {
     }
 }
 
-impl Vertices {
+impl PlyVertices {
     /// Keeps the vertices for whose index `keep` returns true. Only for points: normals and texture
     /// coordinates are not changed, and points have none.
     pub(super) fn retain(&mut self, keep: impl Fn(usize) -> bool) {
@@ -115,7 +115,7 @@ impl Vertices {
 }
 
 /// Reads the arrays that `plan` selects.
-pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
+pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<PlyVertices> {
     match (&table.span.uniform, table.big) {
         (Some(uniform), Some(big)) => {
             let vertices = in_bulk(table, plan, uniform, big)?;
@@ -125,7 +125,7 @@ pub(super) fn read(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     }
 }
 
-fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Result<Vertices> {
+fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Result<PlyVertices> {
     let records = Records::new(table, &plan.columns, uniform, big);
     let mut all = empty(plan);
     all.reserve(table.span.rows as usize, plan, &table.context)?;
@@ -144,8 +144,8 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Re
 }
 
 /// Returns the arrays that `plan` selects, without a vertex.
-fn empty(plan: &VertexPlan) -> Vertices {
-    Vertices {
+fn empty(plan: &VertexPlan) -> PlyVertices {
+    PlyVertices {
         positions: match plan.double {
             true => Positions::F64(Vec::new()),
             false => Positions::F32(Vec::new()),
@@ -156,7 +156,7 @@ fn empty(plan: &VertexPlan) -> Vertices {
     }
 }
 
-fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
+fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<PlyVertices> {
     let mut all = empty(plan);
     all.reserve(table.span.rows as usize, plan, &table.context)?;
     let read = |reader: &mut Reader| {
@@ -182,7 +182,7 @@ fn row_by_row(table: &Table, plan: &VertexPlan) -> Result<Vertices> {
     Ok(all)
 }
 
-impl Vertices {
+impl PlyVertices {
     fn append_block(&mut self, part: &BlockVertices) {
         let Self { positions, normals, uvs, attributes } = self;
         match positions {

@@ -1,7 +1,7 @@
 //! Reads a mesh from bytes that are all in memory.
 
 use super::context::ReadContext;
-use super::faces::Faces;
+use super::faces::PlyFaces;
 use super::finish::{ParsedFile, finish};
 use super::header::{self, Format};
 use super::options::ReadOptions;
@@ -37,7 +37,7 @@ pub fn whole(bytes: &[u8], context: &ReadContext, options: ReadOptions) -> Resul
     context.fits(
         vertices.bytes().saturating_add(total.saturating_mul(size_of::<[u32; 3]>() as u64)),
     )?;
-    let mut faces = Faces::default();
+    let mut faces = PlyFaces::default();
     for part in &plan.faces {
         let next = match &vertices.positions {
             Positions::F32(positions) => face::read(&table(part.element), part, positions)?,

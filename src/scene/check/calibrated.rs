@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
 use crate::scene::{
     checked::Projection,
-    description::{self, Axes, Intrinsics, Matrix},
+    description::{Axes, DistortionDescription, Intrinsics, Matrix},
     node::JsonPlace,
 };
 
@@ -149,15 +149,15 @@ fn rigid(written: &Matrix) -> Result<(DMat3, DVec3), Refusal> {
 }
 
 /// Converts a distortion to the one form of both models: numerator and denominator.
-fn distortion(written: &description::Distortion) -> Distortion {
+fn distortion(written: &DistortionDescription) -> Distortion {
     match *written {
-        description::Distortion::BrownConrady(d) => Distortion {
+        DistortionDescription::BrownConrady(d) => Distortion {
             model: Model::BrownConrady,
             numerator: [d.k1, d.k2, d.k3, 0.0],
             denominator: [d.k4, d.k5, d.k6],
             tangential: [d.p1, d.p2],
         },
-        description::Distortion::Fisheye(d) => Distortion {
+        DistortionDescription::Fisheye(d) => Distortion {
             model: Model::Fisheye,
             numerator: [d.k1, d.k2, d.k3, d.k4],
             denominator: [0.0; 3],

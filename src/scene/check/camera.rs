@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Camera, Lens, Projection},
-    description::{self, Direction, Interval, Point},
+    checked::{CheckedCamera, CheckedLens, Projection},
+    description::{Aim, CameraDescription, Direction, Interval, Panorama, Point},
 };
 
 use super::context::Check;
@@ -26,51 +26,39 @@ pub(super) struct CameraPose {
 
 impl Check<'_, '_> {
     /// Checks `/camera` and makes the checked camera.
-    pub(super) fn camera(&mut self) -> Option<Camera> {
-        let mut camera: description::Camera = self.part("/camera")?;
+    pub(super) fn camera(&mut self) -> Option<CheckedCamera> {
+        let camera: CameraDescription = self.part("/camera")?;
         let [width, height] = camera.size();
         let sized = self.picture_size(width, height);
         let projection = match &camera {
-            description::Camera::Pinhole(c) => {
+            CameraDescription::Pinhole(c) => {
                 Some(Projection::Perspective { fov_deg: c.fov, lens: None })
             }
-            description::Camera::Thinlens(c) => {
+            CameraDescription::Thinlens(c) => {
                 // A lens of diameter 0 is a pinhole.
-                let lens = Lens { aperture: c.aperture, focal_distance: c.focaldistance };
+                let lens = CheckedLens { aperture: c.aperture, focal_distance: c.focaldistance };
                 let lens = Some(lens).filter(|lens| lens.aperture > 0.0);
                 Some(Projection::Perspective { fov_deg: c.fov, lens })
             }
-            description::Camera::Intrinsics(c) => self.calibrated(c, sized),
-            description::Camera::Orthographic(c) => {
+            CameraDescription::Intrinsics(c) => self.calibrated(c, sized),
+            CameraDescription::Orthographic(c) => {
                 Some(Projection::Orthographic { width: c.viewwidth })
             }
-            description::Camera::Panorama(c) => self.panorama(c),
+            CameraDescription::Panorama(c) => self.panorama(c),
         };
-        let pose = match &camera {
-            description::Camera::Intrinsics(c) => self.matrix_pose(c),
-            _ => None,
-        };
-        let pose = match camera.stand() {
-            Some(stand) => {
-                self.stand_pose(*stand.position, *stand.lookat, *stand.target, *stand.up)
-            }
-            None => pose,
+        let pose = match (&camera, camera.stand()) {
+            (CameraDescription::Intrinsics(c), _) => self.matrix_pose(c),
+            (_, Some((position, aim))) => self.stand_pose(position.vec(), aim),
+            (_, None) => None,
         };
         let CameraPose { position, lookat, up } = pose?;
-        Some(Camera { width, height, position, lookat, up, projection: projection? })
+        Some(CheckedCamera { width, height, position, lookat, up, projection: projection? })
     }
 
     /// Checks position, view direction and up direction of a camera without a matrix.
-    fn stand_pose(
-        &mut self,
-        position: Point,
-        lookat: Option<Direction>,
-        target: Option<Point>,
-        up: Direction,
-    ) -> Option<CameraPose> {
-        let position = position.vec();
-        let lookat = self.view_direction(position, lookat, target);
-        let up = scaled_to_range(up);
+    fn stand_pose(&mut self, position: DVec3, aim: &Aim) -> Option<CameraPose> {
+        let lookat = self.view_direction(position, aim.lookat, aim.target);
+        let up = scaled_to_range(aim.up);
         if up == DVec3::ZERO {
             self.problems.error("/camera/up", "found a zero vector, expected a direction", None);
         } else if let Some(lookat) = lookat {
@@ -99,7 +87,7 @@ impl Check<'_, '_> {
         pixels <= MAX_PIXELS
     }
 
-    fn panorama(&mut self, camera: &description::Panorama) -> Option<Projection> {
+    fn panorama(&mut self, camera: &Panorama) -> Option<Projection> {
         let Interval(longitude_deg @ [left, right]) = camera.longitude;
         let Interval(latitude_deg @ [low, high]) = camera.latitude;
         let mut good = true;

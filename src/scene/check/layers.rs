@@ -2,7 +2,7 @@
 //! layer uses them.
 
 use crate::scene::{
-    checked::{Light, MeshColor, Scene, Shape, ShapeKind},
+    checked::{CheckedLight, CheckedShape, MeshColor, Scene, ShapeKind},
     description::Name,
     layers::{Layer, LightGroups},
 };
@@ -12,7 +12,7 @@ use super::context::Check;
 impl Check<'_, '_> {
     /// Checks that there is a colour map for `/output/legend`.
     pub(super) fn legend(&mut self, scene: &Scene) {
-        let mapped = |shape: &Shape| match &shape.kind {
+        let mapped = |shape: &CheckedShape| match &shape.kind {
             ShapeKind::Trimesh(mesh) => matches!(mesh.color, Some(MeshColor::Property(_))),
             _ => false,
         };
@@ -24,7 +24,7 @@ impl Check<'_, '_> {
     }
 
     /// Checks `/output/layers`. Returns the layers and the light groups.
-    pub(super) fn layers(&mut self, lights: &[Light]) -> (Vec<Layer>, LightGroups) {
+    pub(super) fn layers(&mut self, lights: &[CheckedLight]) -> (Vec<Layer>, LightGroups) {
         let called = lights.iter().map(|light| (light.group.as_deref(), light.name.as_deref()));
         let (groups, collisions) = LightGroups::new(called);
         let words: Vec<Name> = self.part("/output/layers").unwrap_or_default();

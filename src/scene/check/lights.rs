@@ -5,54 +5,56 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use crate::scene::{
-    checked::{Light, LightKind, MapUse},
-    description::{self, AreaLight, Color, Emission, Name, Sky},
+    checked::{CheckedLight, LightKind, MapUse},
+    description::{
+        AreaLight, Color, Emission, EnvironmentDescription, LightDescription, Name, Sky,
+    },
 };
 
 use super::{context::Check, geometry::is_flat};
 
 impl Check<'_, '_> {
     /// Checks `/scene/lightsources` and makes the checked lights.
-    pub(super) fn lights(&mut self) -> Vec<Light> {
-        let mut lights: Vec<Light> = Vec::new();
+    pub(super) fn lights(&mut self) -> Vec<CheckedLight> {
+        let mut lights: Vec<CheckedLight> = Vec::new();
         for i in 0..self.count("/scene/lightsources") {
             let pointer = format!("/scene/lightsources/{i}");
-            let Some(light) = self.part::<description::Light>(&pointer) else {
+            let Some(light) = self.part::<LightDescription>(&pointer) else {
                 continue;
             };
             let (kind, name, group, id, specular) = match light {
-                description::Light::Environment(l) => {
+                LightDescription::Environment(l) => {
                     let map = self.map(&pointer, &l);
                     let kind = LightKind::Environment { samples: l.samples, map };
                     let factor = l.factor();
                     (kind, l.name, l.group, factor, l.specular)
                 }
-                description::Light::Directional(l) => {
+                LightDescription::Directional(l) => {
                     let kind = LightKind::Sun {
-                        towards: self.towards(&pointer, l.sky()),
+                        towards: self.towards(&pointer, l.sky),
                         angle_deg: 0.0,
                         samples: 1,
                     };
                     let id = self.distant_color(&pointer, l.id, l.irradiance);
                     (kind, l.name, l.group, id, l.specular)
                 }
-                description::Light::Sun(l) => {
+                LightDescription::Sun(l) => {
                     // A sun of size 0 has only one direction.
                     let samples = if l.angle > 0.0 { l.samples } else { 1 };
-                    let towards = self.towards(&pointer, l.sky());
+                    let towards = self.towards(&pointer, l.sky);
                     let kind = LightKind::Sun { towards, angle_deg: l.angle, samples };
                     let id = self.distant_color(&pointer, l.id, l.irradiance);
                     (kind, l.name, l.group, id, l.specular)
                 }
-                description::Light::PointLight(l) => {
+                LightDescription::PointLight(l) => {
                     let kind = LightKind::Point { position: l.position.vec() };
                     (kind, l.name, l.group, l.id, l.specular)
                 }
-                description::Light::AreaLight(l) => {
+                LightDescription::AreaLight(l) => {
                     (self.area(&pointer, &l), l.name, l.group, l.id, l.specular)
                 }
             };
-            lights.push(Light {
+            lights.push(CheckedLight {
                 name: self.name(&format!("{pointer}/name"), &name),
                 group: self.name(&format!("{pointer}/group"), &group),
                 diffuse: id.vec(),
@@ -65,7 +67,7 @@ impl Check<'_, '_> {
 
     /// Checks that an environment has a radiance or an image, and that the image exists. Returns
     /// the image.
-    fn map(&mut self, pointer: &str, light: &description::Environment) -> Option<MapUse> {
+    fn map(&mut self, pointer: &str, light: &EnvironmentDescription) -> Option<MapUse> {
         let Some(Name(written)) = &light.image else {
             if light.radiance.is_none() {
                 let message = "found neither, expected `radiance` or `image`";

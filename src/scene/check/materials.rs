@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::nearest::{did_you_mean, list};
 use crate::scene::{
-    checked::{Material, TextureUse},
-    description::{self, MaterialUse},
+    checked::{CheckedMaterial, TextureUse},
+    description::{MaterialDescription, MaterialUse},
     document::join,
     expected::quoted,
     node::NodeKind,
@@ -16,7 +16,7 @@ use super::context::Check;
 /// All materials of a scene, with their names.
 pub(super) struct Materials {
     /// Named materials in file order, then inline ones.
-    pub all: Vec<Material>,
+    pub all: Vec<CheckedMaterial>,
     /// Index of each named material, and whether a shape uses it.
     names: BTreeMap<String, (usize, bool)>,
 }
@@ -85,9 +85,9 @@ impl Check<'_, '_> {
         &mut self,
         pointer: &str,
         name: Option<&String>,
-        written: &description::Material,
-    ) -> Material {
-        Material {
+        written: &MaterialDescription,
+    ) -> CheckedMaterial {
+        CheckedMaterial {
             name: name.cloned(),
             kd: written.kd as f32,
             ks: written.ks as f32,
@@ -99,7 +99,7 @@ impl Check<'_, '_> {
         }
     }
 
-    fn texture(&mut self, pointer: &str, written: &description::Material) -> Option<TextureUse> {
+    fn texture(&mut self, pointer: &str, written: &MaterialDescription) -> Option<TextureUse> {
         let Some(name) = &written.texture_path else {
             self.texture_keys_without_path(pointer);
             return None;

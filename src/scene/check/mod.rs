@@ -26,7 +26,7 @@ use glam::Vec3;
 use self::context::Check;
 use super::{
     checked::{OcclusionRays, Scene, Tonemap},
-    description::{Description, Light, Transfer},
+    description::{LightDescription, SceneDescription, Transfer},
     problems::Problems,
 };
 
@@ -36,7 +36,7 @@ pub fn check(
     problems: &mut Problems,
     broken: Vec<String>,
     folder: &Path,
-) -> Option<(Description, Scene)> {
+) -> Option<(SceneDescription, Scene)> {
     let mut check = Check {
         document: problems.document,
         problems,
@@ -49,7 +49,7 @@ pub fn check(
     let shapes = check.shapes(&mut materials);
     check.unused(&materials);
     let (layers, light_groups) = check.layers(&lights);
-    let description: Option<Description> = check.part("");
+    let description: Option<SceneDescription> = check.part("");
     let (camera, description) = (camera?, description?);
     let scene = Scene {
         nbounces: description.nbounces,
@@ -83,9 +83,11 @@ pub fn check(
 }
 
 /// Returns the radiance of rays that hit nothing, without the images of environments.
-fn background(description: &Description) -> Vec3 {
-    let seen = |light: &Light| match light {
-        Light::Environment(environment) if environment.visible && environment.image.is_none() => {
+fn background(description: &SceneDescription) -> Vec3 {
+    let seen = |light: &LightDescription| match light {
+        LightDescription::Environment(environment)
+            if environment.visible && environment.image.is_none() =>
+        {
             environment.factor().vec()
         }
         _ => Vec3::ZERO,
@@ -94,7 +96,7 @@ fn background(description: &Description) -> Vec3 {
     description.scene.backgroundcolor.vec() + lights.map(seen).sum::<Vec3>()
 }
 
-fn tonemap(description: &Description) -> Tonemap {
+fn tonemap(description: &SceneDescription) -> Tonemap {
     let tonemap = &description.tonemap;
     Tonemap {
         operator: tonemap.operator,

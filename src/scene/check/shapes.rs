@@ -3,8 +3,11 @@
 use glam::{DAffine3, DVec3};
 
 use crate::scene::{
-    checked::{MeshColor, PropertyColor, Role, Shape, ShapeKind, Smooth, Trimesh, Visible},
-    description::{self, StoredColor, TriMesh},
+    checked::{CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh},
+    description::{
+        MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, StoredColor,
+        TriMeshDescription,
+    },
     node::NodeKind,
 };
 
@@ -17,23 +20,23 @@ use super::{
 
 impl Check<'_, '_> {
     /// Checks `/scene/shapes` and makes the checked shapes.
-    pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<Shape> {
+    pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<CheckedShape> {
         let (mut shapes, mut copies) = (Vec::new(), Vec::new());
         for i in 0..self.count("/scene/shapes") {
             let pointer = format!("/scene/shapes/{i}");
             let material = self.material_of(&pointer, materials);
-            let Some(shape) = self.part::<description::Shape>(&pointer) else {
+            let Some(shape) = self.part::<ShapeDescription>(&pointer) else {
                 continue;
             };
-            let name = self.name(&format!("{pointer}/name"), shape.common().0);
+            let name = self.name(&format!("{pointer}/name"), &shape.common().name);
             let mut kind = self.shape_kind(&pointer, &shape);
             let instances = self.instances(&pointer, &shape);
             let hides = |material: usize| materials.all[material].texture.is_some();
             if let (ShapeKind::Trimesh(mesh), true) = (&kind, material.is_some_and(hides)) {
                 self.warn_about_hidden_color(&pointer, mesh);
             }
-            let (visible, role) = self.plate(&pointer, &shape);
-            let semantic = shape.semantic();
+            let role = self.role(&pointer, shape.common());
+            let &ShapeCommon { visible, semantic, .. } = shape.common();
             let Some(material) = material else { continue };
             let mut instances = instances.into_iter().map(Box::new);
             if let ShapeKind::Trimesh(mesh) = &mut kind {
@@ -43,17 +46,19 @@ impl Check<'_, '_> {
             for (transform, number) in instances.zip(2..) {
                 let name = name.as_ref().map(|name| format!("{name}.{number}"));
                 let kind = ShapeKind::Instance { of, transform };
-                copies.push(Shape { name, material, kind, visible, role, semantic });
+                copies.push(CheckedShape { name, material, kind, visible, role, semantic });
             }
-            shapes.push(Shape { name, material, kind, visible, role, semantic });
+            shapes.push(CheckedShape { name, material, kind, visible, role, semantic });
         }
         shapes.append(&mut copies);
         shapes
     }
 
     /// Checks the `instances` of a mesh. Returns their transforms; none without the key.
-    fn instances(&mut self, pointer: &str, shape: &description::Shape) -> Vec<DAffine3> {
-        let description::Shape::TriMesh(TriMesh { instances: Some(written), points, .. }) = shape
+    fn instances(&mut self, pointer: &str, shape: &ShapeDescription) -> Vec<DAffine3> {
+        let ShapeDescription::TriMesh(TriMeshDescription {
+            instances: Some(written), points, ..
+        }) = shape
         else {
             return Vec::new();
         };
@@ -77,8 +82,8 @@ impl Check<'_, '_> {
     }
 
     /// Checks the keys for compositing over a plate: `visible`, `holdout` and `shadow_catcher`.
-    fn plate(&mut self, pointer: &str, shape: &description::Shape) -> (Visible, Role) {
-        let (visible, holdout, catcher) = shape.plate();
+    fn role(&mut self, pointer: &str, shape: &ShapeCommon) -> Role {
+        let &ShapeCommon { visible, holdout, shadow_catcher: catcher, .. } = shape;
         let key = if holdout { "holdout" } else { "shadow_catcher" };
         if holdout && catcher {
             let message = "found `shadow_catcher` with `holdout`, expected one of them: a holdout has no alpha";
@@ -95,25 +100,24 @@ impl Check<'_, '_> {
             let message = "found a shape that no ray can hit: it has no effect";
             self.problems.warn(&format!("{pointer}/visible"), message, None);
         }
-        let role = match (holdout, catcher) {
+        match (holdout, catcher) {
             (true, _) => Role::Holdout,
             (false, true) => Role::ShadowCatcher,
             (false, false) => Role::Surface,
-        };
-        (visible, role)
+        }
     }
 
-    fn shape_kind(&mut self, pointer: &str, shape: &description::Shape) -> ShapeKind {
+    fn shape_kind(&mut self, pointer: &str, shape: &ShapeDescription) -> ShapeKind {
         match shape {
-            description::Shape::Sphere(s) => {
+            ShapeDescription::Sphere(s) => {
                 ShapeKind::Sphere { center: s.center.vec(), radius: s.radius, pole: s.pole as u8 }
             }
-            description::Shape::Plane(s) => {
+            ShapeDescription::Plane(s) => {
                 let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec(), s.v3.vec()];
                 self.quad(pointer, &corners);
                 ShapeKind::Plane { corners }
             }
-            description::Shape::Triangle(s) => {
+            ShapeDescription::Triangle(s) => {
                 let corners = [s.v0.vec(), s.v1.vec(), s.v2.vec()];
                 let [v0, v1, v2] = corners;
                 if is_flat(v1 - v0, v2 - v0) {
@@ -123,9 +127,7 @@ impl Check<'_, '_> {
                 }
                 ShapeKind::Triangle { corners }
             }
-            description::Shape::TriMesh(s) => {
-                ShapeKind::Trimesh(Box::new(self.trimesh(pointer, s)))
-            }
+            ShapeDescription::TriMesh(s) => ShapeKind::Trimesh(Box::new(self.trimesh(pointer, s))),
         }
     }
 
@@ -161,7 +163,7 @@ impl Check<'_, '_> {
         self.problems.error(&at, message, help);
     }
 
-    fn trimesh(&mut self, pointer: &str, mesh: &TriMesh) -> Trimesh {
+    fn trimesh(&mut self, pointer: &str, mesh: &TriMeshDescription) -> Trimesh {
         let place = format!("{pointer}/path");
         Trimesh {
             place: self.document.place(&place),
@@ -180,7 +182,7 @@ impl Check<'_, '_> {
         }
     }
 
-    fn mesh_color(&mut self, shape: &str, color: &description::MeshColor) -> MeshColor {
+    fn mesh_color(&mut self, shape: &str, color: &MeshColorDescription) -> MeshColor {
         let pointer = format!("{shape}/color");
         if let Some(node) = self.document.get(&format!("{shape}/vertexcolors")) {
             if matches!(node.kind, NodeKind::Bool(false)) {
@@ -190,10 +192,10 @@ impl Check<'_, '_> {
         }
         let place = self.document.place(&pointer);
         match color {
-            description::MeshColor::Stored(StoredColor::Vertex) => MeshColor::Vertex { place },
-            description::MeshColor::Stored(StoredColor::Face) => MeshColor::Face { place },
-            description::MeshColor::Stored(StoredColor::None) => MeshColor::None { place },
-            description::MeshColor::Property(color) => {
+            MeshColorDescription::Stored(StoredColor::Vertex) => MeshColor::Vertex { place },
+            MeshColorDescription::Stored(StoredColor::Face) => MeshColor::Face { place },
+            MeshColorDescription::Stored(StoredColor::None) => MeshColor::None { place },
+            MeshColorDescription::Property(color) => {
                 if let Some([low, high]) = color.range.filter(|[low, high]| low == high) {
                     let message = format!("found [{low}, {high}], expected two different numbers");
                     self.problems.error(&format!("{pointer}/range"), message, None);
@@ -218,12 +220,12 @@ impl Check<'_, '_> {
     }
 }
 
-impl From<&description::Smooth> for Smooth {
-    fn from(smooth: &description::Smooth) -> Self {
+impl From<&SmoothDescription> for Smooth {
+    fn from(smooth: &SmoothDescription) -> Self {
         match smooth {
-            description::Smooth::Everywhere(false) => Self::Off,
-            description::Smooth::Everywhere(true) => Self::All,
-            description::Smooth::Below(crease) => {
+            SmoothDescription::Everywhere(false) => Self::Off,
+            SmoothDescription::Everywhere(true) => Self::All,
+            SmoothDescription::Below(crease) => {
                 Self::Below { angle: crease.angle, flat: crease.flat.unwrap_or(crease.angle) }
             }
         }

@@ -9,7 +9,8 @@ use super::values::{Direction, Interval, Matrix, Point};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
 #[expect(clippy::large_enum_variant, reason = "a scene has one camera")]
-pub enum Camera {
+#[schemars(rename = "Camera")]
+pub enum CameraDescription {
     /// A perspective camera with everything in focus.
     Pinhole(Pinhole),
     /// A perspective camera with depth of field.
@@ -37,12 +38,9 @@ pub struct Pinhole {
     pub fov: f64,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 /// A perspective camera with depth of field. It has exactly one of `lookat` and `target`.
@@ -60,12 +58,9 @@ pub struct Thinlens {
     pub fov: f64,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
     /// Diameter of the lens in world units; 0 is the same as `pinhole`.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: f64,
@@ -104,7 +99,7 @@ pub struct Intrinsics {
     #[schemars(range(min = -1e6, max = 1e6))]
     pub skew: f64,
     /// Distortion of the lens. Default: none.
-    pub distortion: Option<Distortion>,
+    pub distortion: Option<DistortionDescription>,
     /// Rows of the matrix that takes world coordinates to camera coordinates.
     pub world_to_camera: Option<Matrix>,
     /// Rows of the matrix that takes camera coordinates to world coordinates.
@@ -128,7 +123,8 @@ pub enum Axes {
 /// Distortion of a lens, as OpenCV defines it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Distortion {
+#[schemars(rename = "Distortion")]
+pub enum DistortionDescription {
     /// OpenCV's model of `calib3d`: rational radial and tangential terms.
     BrownConrady(BrownConrady),
     /// OpenCV's model of `fisheye`, of Kannala and Brandt.
@@ -186,12 +182,9 @@ pub struct Orthographic {
     pub viewwidth: f64,
     /// Middle of the plane in which all rays start, in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 /// An equirectangular picture of all directions, or a part of it. The camera has exactly one of
@@ -213,12 +206,9 @@ pub struct Panorama {
     pub latitude: Interval,
     /// Position in world units.
     pub position: Point,
-    /// The view DIRECTION, not a point; of any length.
-    pub lookat: Option<Direction>,
-    /// A point to look at, other than `position`.
-    pub target: Option<Point>,
-    /// Up direction, of any length, not parallel to the view.
-    pub up: Direction,
+    /// Directions of the camera.
+    #[serde(flatten)]
+    pub aim: Aim,
 }
 
 fn around() -> Interval {
@@ -229,20 +219,18 @@ fn over() -> Interval {
     Interval([-90.0, 90.0])
 }
 
-/// Position and directions of a camera, of all types but `intrinsics`.
-#[derive(Debug)]
-pub struct Stand<'a> {
-    /// The key `position`.
-    pub position: &'a mut Point,
-    /// The key `lookat`.
-    pub lookat: &'a mut Option<Direction>,
-    /// The key `target`.
-    pub target: &'a mut Option<Point>,
-    /// The key `up`.
-    pub up: &'a mut Direction,
+/// Directions of a camera, of all types but `intrinsics`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Aim {
+    /// The view DIRECTION, not a point; of any length.
+    pub lookat: Option<Direction>,
+    /// A point to look at, other than `position`.
+    pub target: Option<Point>,
+    /// Up direction, of any length, not parallel to the view.
+    pub up: Direction,
 }
 
-impl Camera {
+impl CameraDescription {
     /// Returns the width and the height of the picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         match self {
@@ -256,33 +244,28 @@ impl Camera {
 
     /// Returns the point to look at, if the scene names one.
     pub fn target(&self) -> Option<Point> {
-        match self {
-            Self::Pinhole(c) => c.target,
-            Self::Thinlens(c) => c.target,
-            Self::Intrinsics(_) => None,
-            Self::Orthographic(c) => c.target,
-            Self::Panorama(c) => c.target,
-        }
+        self.stand()?.1.target
     }
 
     /// Returns position and directions; `None` for a camera whose pose is a matrix.
-    pub fn stand(&mut self) -> Option<Stand<'_>> {
-        macro_rules! stand {
-            ($camera:ident) => {
-                Stand {
-                    position: &mut $camera.position,
-                    lookat: &mut $camera.lookat,
-                    target: &mut $camera.target,
-                    up: &mut $camera.up,
-                }
-            };
+    pub fn stand(&self) -> Option<(Point, &Aim)> {
+        match self {
+            Self::Pinhole(c) => Some((c.position, &c.aim)),
+            Self::Thinlens(c) => Some((c.position, &c.aim)),
+            Self::Orthographic(c) => Some((c.position, &c.aim)),
+            Self::Panorama(c) => Some((c.position, &c.aim)),
+            Self::Intrinsics(_) => None,
         }
-        Some(match self {
-            Self::Pinhole(c) => stand!(c),
-            Self::Thinlens(c) => stand!(c),
-            Self::Orthographic(c) => stand!(c),
-            Self::Panorama(c) => stand!(c),
-            Self::Intrinsics(_) => return None,
-        })
+    }
+
+    /// Returns mutable references to position and directions.
+    pub fn stand_mut(&mut self) -> Option<(&mut Point, &mut Aim)> {
+        match self {
+            Self::Pinhole(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Thinlens(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Orthographic(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Panorama(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Intrinsics(_) => None,
+        }
     }
 }

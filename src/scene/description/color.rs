@@ -9,11 +9,12 @@ use crate::colormap::ColorMap;
 /// Source of the colours of a mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum MeshColor {
+#[schemars(rename = "MeshColor")]
+pub enum MeshColorDescription {
     /// Colours that the file stores.
     Stored(StoredColor),
     /// A property of the file, shown through a colour map.
-    Property(PropertyColor),
+    Property(PropertyColorDescription),
 }
 
 /// Colours that a mesh file stores.
@@ -30,7 +31,8 @@ pub enum StoredColor {
 
 /// A scalar property of the file, shown through a colour map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct PropertyColor {
+#[schemars(rename = "PropertyColor")]
+pub struct PropertyColorDescription {
     /// Name of the property of the vertices, or else of the faces. `vertex.NAME` and `face.NAME`
     /// select one.
     pub property: Name,
@@ -47,7 +49,7 @@ pub struct PropertyColor {
     pub nan: Color,
 }
 
-impl MeshColor {
+impl MeshColorDescription {
     /// Returns the value of the flag `--color`: `vertex`, `face`, `none` or the name of a
     /// property.
     pub fn from_name(name: &str) -> Self {
@@ -55,7 +57,7 @@ impl MeshColor {
             "vertex" => Self::Stored(StoredColor::Vertex),
             "face" => Self::Stored(StoredColor::Face),
             "none" => Self::Stored(StoredColor::None),
-            name => Self::Property(PropertyColor {
+            name => Self::Property(PropertyColorDescription {
                 property: Name(name.to_string()),
                 map: ColorMap::default(),
                 range: None,

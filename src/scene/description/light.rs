@@ -1,6 +1,6 @@
 //! Light sources as a scene file writes them.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,13 +9,14 @@ use super::values::{Color, Direction, Name, Point};
 /// A light source of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Light {
+#[schemars(rename = "Light")]
+pub enum LightDescription {
     /// A point that emits light in every direction.
     PointLight(PointLight),
     /// A rectangle that emits light. Rays do not see it, and it casts no shadow.
     AreaLight(AreaLight),
     /// Light from all sides, from beyond the scene: of one radiance, or an image.
-    Environment(Environment),
+    Environment(EnvironmentDescription),
     /// Parallel light from beyond the scene: a sun of size 0.
     Directional(Directional),
     /// A disc in the sky, beyond the scene. Rays do not see it.
@@ -67,7 +68,8 @@ pub struct AreaLight {
 
 /// Light from all sides, from beyond the scene: of one radiance, or an image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Environment {
+#[schemars(rename = "Environment")]
+pub struct EnvironmentDescription {
     /// Name of the light in the EXR.
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
@@ -93,7 +95,7 @@ pub struct Environment {
     pub visible: bool,
 }
 
-impl Environment {
+impl EnvironmentDescription {
     /// Returns the factor of the image, or the radiance if there is no image.
     pub fn factor(&self) -> Color {
         self.radiance.unwrap_or(Color([1.0; 3]))
@@ -107,13 +109,9 @@ pub struct Directional {
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
-    pub direction: Option<Direction>,
-    /// Degrees from -z, the north, towards +x, the east.
-    pub azimuth: Option<f64>,
-    /// Degrees above the horizon; y is up.
-    #[schemars(range(min = -90, max = 90))]
-    pub elevation: Option<f64>,
+    /// Direction of the light.
+    #[serde(flatten)]
+    pub sky: Sky,
     /// Colour of its diffuse light; or `irradiance`.
     pub id: Option<Color>,
     /// Irradiance of a surface that faces the light: pi times `id`.
@@ -130,13 +128,9 @@ pub struct Sun {
     pub name: Option<Name>,
     /// Light group of the light in the EXR.
     pub group: Option<Name>,
-    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
-    pub direction: Option<Direction>,
-    /// Degrees from -z, the north, towards +x, the east.
-    pub azimuth: Option<f64>,
-    /// Degrees above the horizon; y is up.
-    #[schemars(range(min = -90, max = 90))]
-    pub elevation: Option<f64>,
+    /// Direction of the light.
+    #[serde(flatten)]
+    pub sky: Sky,
     /// Angular diameter in degrees. The sun's is 0.53.
     #[serde(default = "diameter")]
     #[schemars(range(min = 0, max = 179))]
@@ -165,14 +159,15 @@ pub enum Emission {
     Lambertian,
 }
 
-/// Direction of a distant light, as a scene file writes it.
-#[derive(Debug, Clone, Copy)]
+/// Direction of a distant light.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sky {
-    /// As in [`Sun`].
+    /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
     pub direction: Option<Direction>,
-    /// As in [`Sun`].
+    /// Degrees from -z, the north, towards +x, the east.
     pub azimuth: Option<f64>,
-    /// As in [`Sun`].
+    /// Degrees above the horizon; y is up.
+    #[schemars(range(min = -90, max = 90))]
     pub elevation: Option<f64>,
 }
 
@@ -190,31 +185,13 @@ impl Sky {
             _ => None,
         }
     }
-}
 
-impl Directional {
-    /// Returns its direction as the keys of the file give it.
-    pub fn sky(&self) -> Sky {
-        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
-    }
-
-    /// Sets the direction in which its light travels.
-    pub fn set_direction(&mut self, direction: DVec3) {
-        self.direction = Some(Direction(direction.to_array()));
-        (self.azimuth, self.elevation) = (None, None);
-    }
-}
-
-impl Sun {
-    /// Returns its direction as the keys of the file give it.
-    pub fn sky(&self) -> Sky {
-        Sky { direction: self.direction, azimuth: self.azimuth, elevation: self.elevation }
-    }
-
-    /// Sets the direction in which its light travels.
-    pub fn set_direction(&mut self, direction: DVec3) {
-        self.direction = Some(Direction(direction.to_array()));
-        (self.azimuth, self.elevation) = (None, None);
+    /// Turns the direction. Nothing happens without a complete one.
+    pub fn turn(&mut self, turn: DMat3) {
+        if let Some(towards) = self.towards() {
+            let direction = Some(Direction((turn * -towards).to_array()));
+            *self = Self { direction, azimuth: None, elevation: None };
+        }
     }
 }
 

@@ -14,13 +14,14 @@ pub enum MaterialUse {
     /// The name of a material in `materials`.
     Named(Name),
     /// A material that belongs to this shape alone.
-    Inline(Box<Material>),
+    Inline(Box<MaterialDescription>),
 }
 
 /// A Blinn-Phong material with an optional mirror.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct Material {
+#[schemars(rename = "Material")]
+pub struct MaterialDescription {
     /// Kind of material; there is only one.
     #[serde(rename = "type")]
     pub kind: MaterialType,
@@ -66,7 +67,7 @@ pub struct Material {
     pub texture_scale: [f64; 2],
 }
 
-impl Default for Material {
+impl Default for MaterialDescription {
     fn default() -> Self {
         Self {
             kind: MaterialType::BlinnPhong,

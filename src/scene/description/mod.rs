@@ -34,7 +34,7 @@ use crate::sampler::SamplerKind;
 /// A lightpath scene. Vectors are [x, y, z] in world units, right-handed; colours are linear RGB
 /// and may exceed 1; angles are degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Description {
+pub struct SceneDescription {
     /// Mirror bounces after the primary ray; 0 = none.
     #[serde(default = "one_u32")]
     #[schemars(range(max = 4294967295u32))]
@@ -61,31 +61,31 @@ pub struct Description {
     #[serde(default)]
     pub sampler: SamplerKind,
     /// The camera that takes the picture.
-    pub camera: Camera,
+    pub camera: CameraDescription,
     /// Lights, shapes and materials.
     pub scene: Contents,
     /// How radiance becomes 8-bit pixels. It affects only the PNG, never the EXR.
     #[serde(default)]
-    pub tonemap: Tonemap,
+    pub tonemap: TonemapDescription,
     /// Contents of the output files.
     #[serde(default)]
     pub output: Output,
 }
 
-impl Description {
+impl SceneDescription {
     /// Returns mutable references to the paths of all textures, meshes and images of environments.
     pub fn paths_mut(&mut self) -> Vec<&mut Name> {
         let Contents { materials, shapes, lightsources, .. } = &mut self.scene;
         let mut paths: Vec<_> =
             materials.values_mut().filter_map(|material| material.texture_path.as_mut()).collect();
-        for (path, material) in shapes.iter_mut().map(Shape::parts_mut) {
+        for (path, material) in shapes.iter_mut().map(ShapeDescription::parts_mut) {
             paths.extend(path);
             if let MaterialUse::Inline(material) = material {
                 paths.extend(&mut material.texture_path);
             }
         }
         for light in lightsources {
-            if let Light::Environment(light) = light {
+            if let LightDescription::Environment(light) = light {
                 paths.extend(&mut light.image);
             }
         }
@@ -110,12 +110,12 @@ pub struct Contents {
     pub accelerator: AcceleratorName,
     /// The lights of the scene.
     #[serde(default)]
-    pub lightsources: Vec<Light>,
+    pub lightsources: Vec<LightDescription>,
     /// The shapes of the scene.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<ShapeDescription>,
     /// Named materials. A shape refers to one by name: `"material": "gold"`.
     #[serde(default)]
-    pub materials: BTreeMap<String, Material>,
+    pub materials: BTreeMap<String, MaterialDescription>,
 }
 
 /// Divisor of a light's contribution at distance d.
@@ -151,7 +151,8 @@ pub enum AcceleratorName {
 /// Conversion of radiance to 8-bit pixels.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
-pub struct Tonemap {
+#[schemars(rename = "Tonemap")]
+pub struct TonemapDescription {
     /// Tone curve that is applied.
     pub operator: ToneOperator,
     /// Exposure in stops: x * 2^exposure. Applied after the division of `max`, and before the other

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::color::MeshColor;
+use super::color::MeshColorDescription;
 use super::material::{ColorSpace, MaterialUse};
 use super::values::{Angles, Matrix, Name, Point};
 use super::visible::Visible;
@@ -11,62 +11,43 @@ use super::visible::Visible;
 /// A shape of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "lowercase")]
-pub enum Shape {
+#[schemars(rename = "Shape")]
+pub enum ShapeDescription {
     /// A sphere with centre and radius.
-    Sphere(Sphere),
+    Sphere(SphereDescription),
     /// A bounded planar convex quad.
-    Plane(Plane),
+    Plane(PlaneDescription),
     /// A triangle with three corners.
-    Triangle(Triangle),
+    Triangle(TriangleDescription),
     /// A mesh from a PLY file.
-    TriMesh(TriMesh),
+    TriMesh(TriMeshDescription),
 }
 
-impl Shape {
-    /// Returns the name and the material of the shape.
-    pub fn common(&self) -> (&Option<Name>, &MaterialUse) {
+impl ShapeDescription {
+    /// Returns the keys that shapes of every type have.
+    pub fn common(&self) -> &ShapeCommon {
         match self {
-            Self::Sphere(s) => (&s.name, &s.material),
-            Self::Plane(s) => (&s.name, &s.material),
-            Self::Triangle(s) => (&s.name, &s.material),
-            Self::TriMesh(s) => (&s.name, &s.material),
-        }
-    }
-
-    /// Returns the kinds of rays that can hit the shape, `holdout` and `shadow_catcher`.
-    pub fn plate(&self) -> (Visible, bool, bool) {
-        match self {
-            Self::Sphere(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::Plane(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::Triangle(s) => (s.visible, s.holdout, s.shadow_catcher),
-            Self::TriMesh(s) => (s.visible, s.holdout, s.shadow_catcher),
-        }
-    }
-
-    /// Returns the class of the shape in the picture of semantic ids; 0 for none.
-    pub fn semantic(&self) -> u16 {
-        match self {
-            Self::Sphere(s) => s.semantic,
-            Self::Plane(s) => s.semantic,
-            Self::Triangle(s) => s.semantic,
-            Self::TriMesh(s) => s.semantic,
+            Self::Sphere(s) => &s.common,
+            Self::Plane(s) => &s.common,
+            Self::Triangle(s) => &s.common,
+            Self::TriMesh(s) => &s.common,
         }
     }
 
     /// Returns mutable references to the path, if the shape is a mesh, and to the material.
     pub fn parts_mut(&mut self) -> (Option<&mut Name>, &mut MaterialUse) {
         match self {
-            Self::Sphere(s) => (None, &mut s.material),
-            Self::Plane(s) => (None, &mut s.material),
-            Self::Triangle(s) => (None, &mut s.material),
-            Self::TriMesh(s) => (Some(&mut s.path), &mut s.material),
+            Self::Sphere(s) => (None, &mut s.common.material),
+            Self::Plane(s) => (None, &mut s.common.material),
+            Self::Triangle(s) => (None, &mut s.common.material),
+            Self::TriMesh(s) => (Some(&mut s.path), &mut s.common.material),
         }
     }
 }
 
-/// A sphere with centre and radius.
+/// The keys that shapes of every type have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Sphere {
+pub struct ShapeCommon {
     /// Name for object IDs in the EXR.
     pub name: Option<Name>,
     /// An inline material or the name of one.
@@ -85,6 +66,15 @@ pub struct Sphere {
     #[serde(default)]
     #[schemars(range(max = 65535))]
     pub semantic: u16,
+}
+
+/// A sphere with centre and radius.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Sphere")]
+pub struct SphereDescription {
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// World position of the centre.
     pub center: Point,
     /// Radius in world units.
@@ -110,25 +100,11 @@ pub enum Pole {
 
 /// A bounded planar convex quad. Its corners are in order around it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Plane {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+#[schemars(rename = "Plane")]
+pub struct PlaneDescription {
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -141,25 +117,11 @@ pub struct Plane {
 
 /// A triangle. Its area must not be zero.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Triangle {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+#[schemars(rename = "Triangle")]
+pub struct TriangleDescription {
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// Corner 0 in world units.
     pub v0: Point,
     /// Corner 1 in world units.
@@ -170,25 +132,11 @@ pub struct Triangle {
 
 /// A mesh from a PLY file, placed by `fit`, then `rotate`, then `size` and `center`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct TriMesh {
-    /// Name for object IDs in the EXR.
-    pub name: Option<Name>,
-    /// An inline material or the name of one.
-    pub material: MaterialUse,
-    /// Kinds of rays that can hit the shape.
-    #[serde(default)]
-    pub visible: Visible,
-    /// Camera rays that hit the shape end without colour, alpha or layers.
-    #[serde(default)]
-    pub holdout: bool,
-    /// The shape stands for a surface of the plate: its colour is black, and alpha is the share of
-    /// light that shadows take.
-    #[serde(default)]
-    pub shadow_catcher: bool,
-    /// Class of the shape in the picture of semantic ids; 0 for none.
-    #[serde(default)]
-    #[schemars(range(max = 65535))]
-    pub semantic: u16,
+#[schemars(rename = "TriMesh")]
+pub struct TriMeshDescription {
+    /// The keys that shapes of every type have.
+    #[serde(flatten)]
+    pub common: ShapeCommon,
     /// A `.ply` file, relative to the scene file.
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
@@ -208,7 +156,7 @@ pub struct TriMesh {
     /// Interpolates vertex normals: true, false, or only across edges up to an angle. Unless false,
     /// normals of the file are used if there are any.
     #[serde(default)]
-    pub smooth: Smooth,
+    pub smooth: SmoothDescription,
     /// false: the `coursework` backend loops over the triangles of the mesh. Other backends ignore
     /// it.
     #[serde(default = "yes")]
@@ -221,7 +169,7 @@ pub struct TriMesh {
     /// What multiplies `diffusecolor`: `vertex` or `face` colours of the file, or a property
     /// through a colour map. Default: by `vertexcolors`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub color: Option<MeshColor>,
+    pub color: Option<MeshColorDescription>,
     /// Draws every vertex of the file as a sphere of this radius, in the units of the file, in
     /// place of its faces.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -237,7 +185,8 @@ pub struct TriMesh {
 /// Edges across which the normals of a mesh are interpolated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
-pub enum Smooth {
+#[schemars(rename = "Smooth")]
+pub enum SmoothDescription {
     /// Across every edge (true) or no edge (false).
     Everywhere(bool),
     /// Only across edges up to an angle.
@@ -258,7 +207,7 @@ pub struct Crease {
     pub flat: Option<f64>,
 }
 
-impl Default for Smooth {
+impl Default for SmoothDescription {
     fn default() -> Self {
         Self::Everywhere(false)
     }

@@ -24,7 +24,7 @@ use crate::{
 
 /// Position and size of picture and data window, from the header.
 #[derive(Debug, Clone)]
-pub struct Layout {
+pub struct ExrLayout {
     /// Width and height of the picture.
     pub size: [u32; 2],
     /// Columns of the picture for which the file has pixels.
@@ -37,7 +37,7 @@ pub struct Layout {
     pub has_alpha: bool,
 }
 
-impl Layout {
+impl ExrLayout {
     /// Reads the layout from the header of a file.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use std::{
 
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::exr::Layout;
+use super::exr::ExrLayout;
 use super::{jpeg_rows, jpeg_segments, pnm};
 use crate::shading::{mip_map, tiles};
 use crate::{
@@ -44,11 +44,11 @@ impl TextureSize {
     pub(super) fn of(opened: &Opened) -> Self {
         let (stored, decoding) = match &opened.source {
             // Decoded directly into the texture.
-            Source::Exr(layout, _) => {
+            ImageSource::Exr(layout, _) => {
                 let stored = layout.pixels().saturating_mul(12);
                 (stored, stored)
             }
-            Source::Image(format, decoder, _) => {
+            ImageSource::Image(format, decoder, _) => {
                 let (stored, decoding) = Self::of_image(decoder);
                 (stored, decoding.saturating_add(opened.held_bytes(*format)))
             }
@@ -65,10 +65,10 @@ impl TextureSize {
         let stored = tiles::max_bytes(size, 3) + size_of::<[f32; 256]>() as u64;
         let decoding = match &opened.source {
             // Twice a row of tiles, and a row of up to 4 channels.
-            Source::Image(ImageFormat::Png, ..) if opened.by_rows => {
+            ImageSource::Image(ImageFormat::Png, ..) if opened.by_rows => {
                 stored.max(u64::from(size.0) * (2 * 3 * tiles::SIDE as u64 + 4))
             }
-            Source::Image(format, ..) if opened.by_rows => {
+            ImageSource::Image(format, ..) if opened.by_rows => {
                 stored.max(jpeg_rows::max_bytes(size.0)).max(opened.held_bytes(*format))
             }
             _ => Self::of(opened).decoding,
@@ -109,7 +109,7 @@ pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
 
 /// An image file whose header is read.
 pub(super) struct Opened {
-    pub(super) source: Source,
+    pub(super) source: ImageSource,
     pub(super) stamp: Option<Stamp>,
     /// Whether the file is a PNG or a JPEG that is decoded row by row.
     pub(super) by_rows: bool,
@@ -126,7 +126,7 @@ impl Opened {
     /// Whether an image of more than `whole` texels is kept in tiles: if it has 8 bits a channel.
     /// Narrow images would fill tiles in part. Rows of tiles of wide images need much memory.
     pub(super) fn is_for_tiles(&self, whole: u64) -> bool {
-        let Source::Image(_, decoder, _) = &self.source else { return false };
+        let ImageSource::Image(_, decoder, _) = &self.source else { return false };
         let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
         color.bytes_per_pixel() == color.channel_count()
             && u64::from(width) * u64::from(height) > whole
@@ -136,13 +136,13 @@ impl Opened {
 }
 
 /// Decoder of the image's pixels.
-pub(super) enum Source {
-    Exr(Layout, BufReader<File>),
+pub(super) enum ImageSource {
+    Exr(ExrLayout, BufReader<File>),
     /// The last field is the divisor of integers, if it is not the largest value of their type.
     Image(ImageFormat, Box<dyn ImageDecoder>, Option<u16>),
 }
 
-impl Source {
+impl ImageSource {
     pub(super) fn dimensions(&self) -> (u32, u32) {
         match self {
             Self::Exr(layout, _) => layout.size.into(),
@@ -178,15 +178,15 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
         ImageFormat::Pnm => {
             let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
             decoder.set_limits(limits(max_bytes)).map_err(failed)?;
-            Source::Image(format, Box::new(decoder), white)
+            ImageSource::Image(format, Box::new(decoder), white)
         }
         ImageFormat::OpenExr => {
             let mut file = reader.into_inner();
-            Source::Exr(Layout::read_header(&mut file, path)?, file)
+            ImageSource::Exr(ExrLayout::read_header(&mut file, path)?, file)
         }
         _ => {
             reader.limits(limits(max_bytes));
-            Source::Image(format, Box::new(reader.into_decoder().map_err(failed)?), None)
+            ImageSource::Image(format, Box::new(reader.into_decoder().map_err(failed)?), None)
         }
     };
     Ok(Opened { source, stamp, by_rows, bytes })
@@ -207,7 +207,7 @@ pub(super) fn check_size(path: &Path, opened: &Opened, max_bytes: u64) -> Result
 /// The same for an image that needs `needed` bytes.
 pub(super) fn check_needed(
     path: &Path,
-    source: &Source,
+    source: &ImageSource,
     needed: u64,
     max_bytes: u64,
 ) -> Result<u64> {

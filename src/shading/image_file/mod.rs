@@ -36,9 +36,11 @@ use crate::error::{Error, Result};
 use crate::files::Stamp;
 use crate::reserve;
 use crate::scene::ColorSpace;
-use exr::Layout;
+use exr::ExrLayout;
 use file_pages::FilePages;
-use header::{Opened, Source, check_jpeg_end, check_needed, check_size, explain, name, source};
+use header::{
+    ImageSource, Opened, check_jpeg_end, check_needed, check_size, explain, name, source,
+};
 
 pub use header::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
 
@@ -99,7 +101,7 @@ fn read_in_tiles(
     check_needed(path, &opened.source, needed, max_bytes)?;
     reserve::probe(needed, &name(path))?;
     let opened = match opened.source {
-        Source::Image(format, decoder, _) if opened.by_rows => {
+        ImageSource::Image(format, decoder, _) if opened.by_rows => {
             let decoded = read_by_rows(path, format, decoder, color_space, max_bytes)?;
             match decoded {
                 Some(decoded) => return Ok(decoded),
@@ -149,11 +151,11 @@ fn read_whole(
     needed: u64,
 ) -> Result<DecodedImage> {
     let (had_alpha, image) = match source {
-        Source::Exr(layout, mut file) => {
+        ImageSource::Exr(layout, mut file) => {
             let floats = layout.read(&mut file, path)?;
             (layout.has_alpha, decode_exr(layout, floats, color_space))
         }
-        Source::Image(format, decoder, white) => {
+        ImageSource::Image(format, decoder, white) => {
             let had_alpha = decoder.color_type().has_alpha();
             if format == ImageFormat::Jpeg {
                 check_jpeg_end(path)?;
@@ -238,10 +240,14 @@ fn byte_table(color_space: Option<ColorSpace>, white: u16) -> Box<[f32; 256]> {
 }
 
 /// The image of an EXR: linear unless the scene sets another colour space.
-fn decode_exr(layout: Layout, mut floats: Vec<f32>, color_space: Option<ColorSpace>) -> TexelImage {
+fn decode_exr(
+    layout: ExrLayout,
+    mut floats: Vec<f32>,
+    color_space: Option<ColorSpace>,
+) -> TexelImage {
     if color_space == Some(ColorSpace::Srgb) {
         floats.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
     }
-    let Layout { size, columns, rows, .. } = layout;
+    let ExrLayout { size, columns, rows, .. } = layout;
     TexelImage::from_part(size.into(), columns, rows, floats)
 }

@@ -1,13 +1,13 @@
 //! Triangles -> a leaf over their shared vertices.
 
 use super::super::node::{Block, WIDTH};
-use super::reference::{Group, Place};
+use super::reference::{Group, PrimitiveId};
 use crate::geometry::Geometry;
 use crate::simd::{Kernel, prefetch};
 
 /// The distinct vertices of a leaf, compared by their bits. So a mesh that repeats a vertex for
 /// every face shares it in the tree.
-struct Vertices {
+struct LocalVertices {
     x: [u32; WIDTH],
     y: [u32; WIDTH],
     z: [u32; WIDTH],
@@ -25,7 +25,7 @@ const HASH_SLOTS: usize = 64;
 /// Bits of an unused coordinate: a NaN, which no corner of a primitive has.
 const NO_COORDINATE: u32 = u32::MAX;
 
-impl Vertices {
+impl LocalVertices {
     const EMPTY: Self = Self {
         x: [NO_COORDINATE; WIDTH],
         y: [NO_COORDINATE; WIDTH],
@@ -38,9 +38,9 @@ impl Vertices {
     /// Returns the slots of a triangle's corners. Adds new vertices. Returns `None` if there is no
     /// room.
     #[inline(always)]
-    fn triangle(&mut self, geometry: &Geometry, place: Place) -> Option<[u8; 3]> {
+    fn triangle(&mut self, geometry: &Geometry, place: PrimitiveId) -> Option<[u8; 3]> {
         let mut slots = [0; 3];
-        let Place { geom, prim, .. } = place;
+        let PrimitiveId { geom, prim, .. } = place;
         // Loops, because closures would be compiled for the portable instruction set.
         if let Some(mesh) = geometry.meshes.get(geom as usize) {
             let corners = mesh.triangles()[prim as usize];
@@ -92,7 +92,7 @@ impl Vertices {
 
 /// Prefetches the vertex indices that [`fits`] or [`MakeBlock`] will read.
 #[inline(always)]
-pub fn prefetch_indices(geometry: &Geometry, places: impl Iterator<Item = Place>) {
+pub fn prefetch_indices(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId>) {
     for place in places {
         if let Some(mesh) = geometry.meshes.get(place.geom as usize) {
             prefetch(mesh.triangles(), place.prim as usize);
@@ -102,7 +102,7 @@ pub fn prefetch_indices(geometry: &Geometry, places: impl Iterator<Item = Place>
 
 /// Prefetches the vertices. Their indices should be in the cache.
 #[inline(always)]
-fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = Place>) {
+fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId>) {
     for place in places {
         if let Some(mesh) = geometry.meshes.get(place.geom as usize) {
             for corner in mesh.triangles()[place.prim as usize] {
@@ -114,9 +114,9 @@ fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = Place>) {
 
 /// Whether up to 16 triangles fit into one leaf: they have at most 16 vertices.
 #[inline(always)]
-pub fn fits(geometry: &Geometry, places: impl Iterator<Item = Place> + Clone) -> bool {
+pub fn fits(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId> + Clone) -> bool {
     prefetch_vertices(geometry, places.clone());
-    let mut vertices = Vertices::EMPTY;
+    let mut vertices = LocalVertices::EMPTY;
     for place in places {
         if vertices.triangle(geometry, place).is_none() {
             return false;
@@ -177,7 +177,7 @@ impl Kernel for MakeBlock<'_> {
 
 #[inline(always)]
 fn block(geometry: &Geometry, triangles: &[Group]) -> Block {
-    let mut vertices = Vertices::EMPTY;
+    let mut vertices = LocalVertices::EMPTY;
     let mut block = Block { base: index_range(triangles)[0], ..Block::EMPTY };
     let places = triangles.iter().flat_map(|group| group.places(geometry));
     for (i, place) in places.take(WIDTH).enumerate() {

@@ -54,11 +54,16 @@ impl Group {
 
     /// Iterates over the primitives and their places in the geometry.
     #[inline(always)]
-    pub fn places(self, geometry: &Geometry) -> impl Iterator<Item = Place> + Clone + use<> {
+    pub fn places(self, geometry: &Geometry) -> impl Iterator<Item = PrimitiveId> + Clone + use<> {
         let (geom, prim) = geometry.place(self.first());
         let second_half = self.0 & SECOND_HALF != 0;
         let index = self.first();
-        (0..self.len()).map(move |k| Place { index: index + k, geom, prim: prim + k, second_half })
+        (0..self.len()).map(move |k| PrimitiveId {
+            index: index + k,
+            geom,
+            prim: prim + k,
+            second_half,
+        })
     }
 
     /// Returns the box of the primitives.
@@ -74,7 +79,7 @@ impl Group {
 
 /// A primitive of a geometry.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct PrimitiveId {
     /// Scene-wide index of the primitive.
     pub index: u32,
     /// Id of the geometry.
@@ -85,7 +90,7 @@ pub struct Place {
     pub second_half: bool,
 }
 
-impl Place {
+impl PrimitiveId {
     /// Returns the corners of the triangle; `None` for a sphere.
     #[inline(always)]
     pub fn corners(&self, geometry: &Geometry) -> Option<[[f32; 3]; 3]> {
