@@ -19,12 +19,18 @@ triple=aarch64-unknown-linux-musl
 emulated=$(realpath -m "${CARGO_TARGET_DIR:-target}")/emulated
 rustup target add "$triple"
 
+# Prints the output of a test run. Fails if a filter matched no test.
+some_ran() {
+    awk '{ print } /^running / { any = 1; if ($2 == 0) none = 1 } END { exit none || !any }' ||
+        { echo "aarch64: a filter matched no test" >&2; exit 1; }
+}
+
 tests=(--test alone)
 [ "${1:-}" != kernels ] || tests+=(--lib)
 CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER=$qemu cargo-zigbuild test --locked --release --no-default-features \
     --target "$triple" --target-dir "$emulated" --config profile.release.opt-level=1 \
     --config profile.release.codegen-units=64 --config 'profile.release.lto="off"' \
-    "${tests[@]}" -- ply_corpus:: simd:: bvh::
+    "${tests[@]}" -- ply_corpus:: simd:: bvh:: | some_ran
 
 export LIGHTPATH_OTHER="$qemu $emulated/$triple/release/lightpath" LIGHTPATH_TIERS="portable neon"
-cargo test --locked --release --test program -- --ignored the_same_on_another_machine
+cargo test --locked --release --test program -- --ignored the_same_on_another_machine | some_ran

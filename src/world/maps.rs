@@ -71,7 +71,8 @@ fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
     let texture = Texture::load_within(&spec.path, None, needed)?;
     if let Some(Negative { texels, first: [x, y] }) = texture.negative() {
         let message = format!(
-            "{texels} texels are negative, the first at ({x}, {y}); expected a radiance of at least 0"
+            "found {}, the first at ({x}, {y}); expected a radiance of at least 0",
+            units::plural(texels as usize, "negative texel")
         );
         return Err(Error::invalid(shown, message));
     }

@@ -11,6 +11,7 @@ use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{
     DEFAULT_MAX_BYTES, Material, Negative, Texture, TextureChoice, TexturesByFace, WHOLE_TEXELS,
 };
+use crate::units::plural;
 
 use super::sources::{ReadFiles, beside};
 
@@ -251,8 +252,9 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
 fn warn_of_negative(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
     let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
     let message = format!(
-        "{texels} texels of {} are negative, the first at ({x}, {y}); they are kept, so the surfaces \
-         they cover have negative radiance",
+        "found {} in {}, the first at ({x}, {y}); they are kept, so the surfaces they cover have \
+         negative radiance",
+        plural(texels as usize, "negative texel"),
         path.display()
     );
     let help = "a colour is at least 0: clip the image, or convert it to a wider gamut";

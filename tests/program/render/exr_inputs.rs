@@ -107,7 +107,7 @@ fn negative_texels_are_kept_and_counted() {
     let done = scratch.run(&["render", "s.json", "-o", "out"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
     let said = done.stderr();
-    assert!(said.contains("2 texels of"), "{said}");
+    assert!(said.contains("found 2 negative texels in"), "{said}");
     assert!(said.contains("the first at (5, 4)") && said.contains("kept"), "{said}");
     let seen = scratch.channels("out.exr");
     let red = &seen.iter().find(|(name, _)| name == "R").unwrap().1;
