@@ -68,8 +68,8 @@ impl SolidPlacement {
         Self { scale, offset: DVec3::new(0.6, -0.5, 0.62) * scale * offset, turn }
     }
 
-    /// As [`SolidPlacement::new`]. `number` is the index of the world in its case; at even indices the
-    /// object is tilted.
+    /// As [`SolidPlacement::new`]. `number` is the index of the world in its case; at even indices
+    /// the object is tilted.
     fn numbered(scale: f64, offset: f64, number: u64) -> Self {
         let turn = match number % 2 {
             0 => DMat3::from_rotation_x(0.7) * DMat3::from_rotation_y(0.6),
