@@ -3,10 +3,12 @@
 use rayon::prelude::*;
 
 use super::batch::RayBatch;
+use super::filling::Filling;
 use super::progress;
 use super::refine::HitBatch;
+use super::rounded::Rounded;
 use super::scene::RayScene;
-use crate::accel::bvh::{Bvh, Crossing};
+use crate::accel::bvh::Crossing;
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::ray::LANES;
@@ -38,50 +40,55 @@ impl RayScene {
     /// outside a closed mesh, has an even number of hits.
     ///
     /// # Errors
-    /// `Unsupported` with the backend Embree; `Retry` if there is too little memory; `Interrupted`
-    /// if the monitor was stopped.
+    /// `Unsupported` with the backend Embree, and the errors of [`RayScene::closest`].
     pub fn all_hits(&self, rays: &RayBatch, monitor: &Monitor) -> Result<AllHits> {
         let bvh = self.bvh()?;
+        let rounding = self.rounding(rays)?;
         let chunks = progress::in_chunks(rays.len(), monitor, |range| {
-            let (mut found, mut hits) = (Vec::new(), ChunkHits::default());
+            let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
+            let mut hits = ChunkHits::default();
             for first in range.clone().step_by(LANES) {
+                rounding.round(first, &mut rounded)?;
+                found.clear();
+                bvh.crossings(&rounded.active, &rounded.packet.rays, &mut found);
                 let lanes = LANES.min(range.end - first);
-                self.hits_of_packet(&bvh, rays, (first, lanes), &mut found, &mut hits);
+                self.hits_of_packet(rays, (first, lanes), &rounded, &found, &mut hits);
             }
-            hits
+            Ok(hits)
         })?;
         let total: usize = chunks.iter().map(|chunk| chunk.hits.len()).sum();
-        let mut all = AllHits {
-            offsets: Vec::new(),
-            t: reserve::filled(0.0, total, "t")?,
-            primitive: reserve::filled(0, total, "primitive")?,
-            mesh: reserve::filled(0, total, "mesh")?,
-            barycentrics: reserve::filled([0.0; 2], total, "barycentrics")?,
-        };
-        reserve::exact(&mut all.offsets, rays.len() + 1, "offsets")?;
-        all.offsets.push(0);
+        let mut offsets = Vec::new();
+        reserve::exact(&mut offsets, rays.len() + 1, "offsets")?;
+        offsets.push(0);
         let mut end = 0;
         for count in chunks.iter().flat_map(|chunk| &chunk.counts) {
             end += i64::from(*count);
-            all.offsets.push(end);
+            offsets.push(end);
         }
-        let (mut t, mut primitive) = (&mut all.t[..], &mut all.primitive[..]);
-        let (mut mesh, mut weights) = (&mut all.mesh[..], &mut all.barycentrics[..]);
-        let mut parts = Vec::with_capacity(chunks.len());
-        for chunk in &chunks {
-            let count = chunk.hits.len();
-            let ids = (first_part(&mut primitive, count), first_part(&mut mesh, count));
-            let values = (first_part(&mut t, count), first_part(&mut weights, count));
-            parts.push((&chunk.hits, ids, values));
-        }
-        parts.into_par_iter().for_each(|(hits, (primitive, mesh), (t, weights))| {
-            for (i, hit) in hits.iter().enumerate() {
+        let lengths = || chunks.iter().map(|chunk| chunk.hits.len());
+        let mut t = Filling::new(total, "t")?;
+        let mut primitive = Filling::new(total, "primitive")?;
+        let mut mesh = Filling::new(total, "mesh")?;
+        let mut barycentrics = Filling::new(total, "barycentrics")?;
+        let ids = primitive.parts(lengths()).into_par_iter().zip(mesh.parts(lengths()));
+        let values = t.parts(lengths()).into_par_iter().zip(barycentrics.parts(lengths()));
+        let parts = chunks.par_iter().zip(ids).zip(values);
+        parts.for_each(|((chunk, (mut primitive, mut mesh)), (mut t, mut barycentrics))| {
+            for hit in &chunk.hits {
                 let place = self.place(hit.primitive);
-                (mesh[i], primitive[i]) = (place.0 as i32, place.1 as i64);
-                (t[i], weights[i]) = (hit.t, hit.barycentrics);
+                mesh.extend(&[place.0 as i32]);
+                primitive.extend(&[place.1 as i64]);
+                t.extend(&[hit.t]);
+                barycentrics.extend(&[hit.barycentrics]);
             }
         });
-        Ok(all)
+        Ok(AllHits {
+            offsets,
+            t: t.finish(),
+            primitive: primitive.finish(),
+            mesh: mesh.finish(),
+            barycentrics: barycentrics.finish(),
+        })
     }
 
     /// Returns the number of hits along each ray: see [`RayScene::all_hits`].
@@ -91,29 +98,28 @@ impl RayScene {
     pub fn count(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<u32>> {
         let bvh = self.bvh()?;
         let mut counts = reserve::filled(0u32, rays.len(), "count")?;
+        let rounding = self.rounding(rays)?;
         progress::fill(&mut counts, monitor, |first, counts| {
-            let mut found = Vec::new();
+            let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
             for (packet, counts) in counts.chunks_mut(LANES).enumerate() {
-                let rounded = self.round(rays, first + packet * LANES);
+                rounding.round(first + packet * LANES, &mut rounded)?;
                 found.clear();
                 bvh.crossings(&rounded.active, &rounded.packet.rays, &mut found);
                 found.iter().for_each(|crossing| counts[crossing.lane as usize] += 1);
             }
+            Ok(())
         })?;
         Ok(counts)
     }
 
     fn hits_of_packet(
         &self,
-        bvh: &Bvh,
         rays: &RayBatch,
         (first, lanes): (usize, usize),
-        found: &mut Vec<Crossing>,
+        rounded: &Rounded,
+        found: &[Crossing],
         hits: &mut ChunkHits,
     ) {
-        let rounded = self.round(rays, first);
-        found.clear();
-        bvh.crossings(&rounded.active, &rounded.packet.rays, found);
         let mut start = hits.hits.len();
         for found in found.chunks(LANES) {
             let mut batch = HitBatch::EMPTY;
@@ -129,7 +135,7 @@ impl RayScene {
                 barycentrics: refined.weights(i),
             }));
         }
-        let mut rest = &found[..];
+        let mut rest = found;
         for lane in 0..lanes {
             let count = rest.iter().take_while(|hit| hit.lane as usize == lane).count();
             rest = &rest[count..];
@@ -141,13 +147,6 @@ impl RayScene {
             hits.counts.push(count as u32);
         }
     }
-}
-
-/// Cuts the first `count` elements off.
-fn first_part<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-    let (first, others) = std::mem::take(rest).split_at_mut(count);
-    *rest = others;
-    first
 }
 
 /// The hits of one task.

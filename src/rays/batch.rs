@@ -1,8 +1,13 @@
-//! Rays of a caller, checked.
+//! Rays of a caller, and their checks.
 
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::ray::LANES;
+use crate::simd;
+
+/// Largest `tnear`: it must be finite.
+pub(super) const MAX_TNEAR: f64 = f64::MAX;
 
 /// One value for all rays, or a value for each.
 #[derive(Debug, Clone, Copy)]
@@ -21,9 +26,17 @@ impl Limits<'_> {
             Self::Each(values) => values[i],
         }
     }
+
+    fn values(&self) -> &[f64] {
+        match self {
+            Self::All(value) => std::slice::from_ref(value),
+            Self::Each(values) => values,
+        }
+    }
 }
 
-/// Rays `origin + t direction`, with t in (`tnear`, `tfar`).
+/// Rays `origin + t direction`, with t in (`tnear`, `tfar`). Their values are checked by the
+/// queries of a [`RayScene`](super::RayScene), while these read them.
 #[derive(Debug, Clone, Copy)]
 pub struct RayBatch<'a> {
     origins: &'a [[f64; 3]],
@@ -36,28 +49,12 @@ impl<'a> RayBatch<'a> {
     /// Rays without end, from t = 0. Directions may have any length > 0.
     ///
     /// # Errors
-    /// `Invalid` for arrays of different lengths, a number that is not finite, an origin beyond
-    /// 1e18, or a direction of length 0.
+    /// `Invalid` for arrays of different lengths.
     pub fn new(origins: &'a [[f64; 3]], directions: &'a [[f64; 3]]) -> Result<Self> {
         let (count, others) = (origins.len(), directions.len());
         if count != others {
             let message = format!("found {others} directions, expected {count} as of origins");
             return Err(Error::invalid("directions", message));
-        }
-        if let Some(i) = first(origins, |v| !fits(v)) {
-            let message = format!("found {:?}, expected finite numbers up to 1e18", origins[i]);
-            return Err(Error::invalid(format!("origins[{i}]"), message));
-        }
-        let is_direction = |[x, y, z]: &[f64; 3]| {
-            let sum = x.abs() + y.abs() + z.abs();
-            // A sum of finite numbers may overflow.
-            (sum > 0.0) & (sum <= f64::MAX)
-                | (x.is_finite() & y.is_finite() & z.is_finite() & (sum > 0.0))
-        };
-        if let Some(i) = first(directions, |v| !is_direction(v)) {
-            let found = directions[i];
-            let message = format!("found {found:?}, expected finite numbers that are not all 0");
-            return Err(Error::invalid(format!("directions[{i}]"), message));
         }
         let (tnear, tfar) = (Limits::All(0.0), Limits::All(f64::INFINITY));
         Ok(Self { origins, directions, tnear, tfar })
@@ -66,31 +63,52 @@ impl<'a> RayBatch<'a> {
     /// The same rays with another segment. A ray with `tfar <= tnear` hits nothing.
     ///
     /// # Errors
-    /// `Invalid` for a number of values other than that of the rays, a value below 0 or NaN, or an
-    /// infinite `tnear`.
+    /// `Invalid` for a number of values other than that of the rays.
     pub fn with_limits(self, tnear: Limits<'a>, tfar: Limits<'a>) -> Result<Self> {
         for (name, limits) in [("tnear", tnear), ("tfar", tfar)] {
-            let wrong = |x: f64| !(x >= 0.0 && (x.is_finite() || name == "tfar"));
-            let message = |x: f64| match name {
-                "tfar" => format!("found {x}, expected a number >= 0 or infinity"),
-                _ => format!("found {x}, expected a finite number >= 0"),
-            };
-            match limits {
-                Limits::All(x) if wrong(x) => return Err(Error::invalid(name, message(x))),
-                Limits::All(_) => {}
-                Limits::Each(values) if values.len() != self.len() => {
-                    let (found, count) = (values.len(), self.len());
-                    let message = format!("found {found} values, expected 1 or {count}");
-                    return Err(Error::invalid(name, message));
-                }
-                Limits::Each(values) => {
-                    if let Some(i) = first(values, |&x| wrong(x)) {
-                        return Err(Error::invalid(format!("{name}[{i}]"), message(values[i])));
-                    }
-                }
+            let found = if let Limits::Each(values) = limits { values.len() } else { self.len() };
+            if found != self.len() {
+                let message = format!("found {found} values, expected 1 or {}", self.len());
+                return Err(Error::invalid(name, message));
             }
         }
         Ok(Self { tnear, tfar, ..self })
+    }
+
+    /// Checks all rays. The error is that of the first wrong value: of origins, then of directions,
+    /// then of limits.
+    ///
+    /// # Errors
+    /// `Invalid` for an origin that is not finite or beyond 1e18, a direction that is not finite or
+    /// has length 0, a limit that is negative or NaN, or an infinite `tnear`.
+    #[cold]
+    pub(super) fn check(&self) -> Result<()> {
+        if let Some(i) = first(self.origins, |&v| !fits(v)) {
+            let found = self.origins[i];
+            let message = format!("found {found:?}, expected finite numbers up to 1e18");
+            return Err(Error::invalid(format!("origins[{i}]"), message));
+        }
+        if let Some(i) = first(self.directions, |&v| !is_direction(v)) {
+            let found = self.directions[i];
+            let message = format!("found {found:?}, expected finite numbers that are not all 0");
+            return Err(Error::invalid(format!("directions[{i}]"), message));
+        }
+        let limits = [
+            ("tnear", &self.tnear, MAX_TNEAR, "a finite number >= 0"),
+            ("tfar", &self.tfar, f64::INFINITY, "a number >= 0 or infinity"),
+        ];
+        for (name, limits, most, expected) in limits {
+            let values = limits.values();
+            if let Some(i) = first(values, |&x| !is_limit(x, most)) {
+                let message = format!("found {}, expected {expected}", values[i]);
+                let place = match limits {
+                    Limits::All(_) => name.to_owned(),
+                    Limits::Each(_) => format!("{name}[{i}]"),
+                };
+                return Err(Error::invalid(place, message));
+            }
+        }
+        Ok(())
     }
 
     /// Returns the number of rays.
@@ -110,6 +128,16 @@ impl<'a> RayBatch<'a> {
         (self.tnear.get(i), self.tfar.get(i))
     }
 
+    /// Prefetches 16 rays. The index may be out of bounds.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, i: usize) {
+        const LINES: usize = (LANES * size_of::<[f64; 3]>()).div_ceil(64);
+        for line in 0..LINES {
+            simd::prefetch_line(self.origins, i, line);
+            simd::prefetch_line(self.directions, i, line);
+        }
+    }
+
     /// Whether there is no ray.
     pub fn is_empty(&self) -> bool {
         self.origins.is_empty()
@@ -127,6 +155,20 @@ pub(super) fn first<T: Sync>(all: &[T], wrong: impl Fn(&T) -> bool + Sync + Send
 }
 
 /// Whether all coordinates are finite and at most 1e18.
-pub(super) fn fits([x, y, z]: &[f64; 3]) -> bool {
+#[inline(always)]
+pub(super) fn fits([x, y, z]: [f64; 3]) -> bool {
     (x.abs() <= 1e18) & (y.abs() <= 1e18) & (z.abs() <= 1e18)
+}
+
+/// Whether all components are finite, and one is not 0.
+#[inline(always)]
+pub(super) fn is_direction([x, y, z]: [f64; 3]) -> bool {
+    let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+    (x <= f64::MAX) & (y <= f64::MAX) & (z <= f64::MAX) & (x + y + z > 0.0)
+}
+
+/// Whether a limit is in [0, `most`].
+#[inline(always)]
+pub(super) fn is_limit(x: f64, most: f64) -> bool {
+    (x >= 0.0) & (x <= most)
 }

@@ -4,10 +4,11 @@ use rayon::prelude::*;
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::batch::RayBatch;
+use super::filling::{Filling, Part};
 use super::progress::{self, CHUNK};
 use super::refine::HitBatch;
+use super::rounded::Rounded;
 use super::scene::RayScene;
-use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
 use crate::ray::LANES;
@@ -35,70 +36,75 @@ impl RayScene {
     /// origin.
     ///
     /// # Errors
+    /// `Invalid` for a value of a ray: an origin that is not finite or beyond 1e18, a direction
+    /// that is not finite or has length 0, a limit that is negative or NaN, an infinite `tnear`.
     /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
     pub fn closest(&self, rays: &RayBatch, monitor: &Monitor) -> Result<FirstHits> {
         let count = rays.len();
-        let mut hits = FirstHits {
-            t: reserve::filled(0.0, count, "t")?,
-            primitive: reserve::filled(0, count, "primitive")?,
-            mesh: reserve::filled(0, count, "mesh")?,
-            barycentrics: reserve::filled([0.0; 2], count, "barycentrics")?,
-            normal: reserve::filled([0.0; 3], count, "normal")?,
-        };
-        let accelerator = self.accelerator();
+        let (accelerator, rounding) = (self.accelerator(), self.rounding(rays)?);
         monitor.begin(Phase::Check, count as u64);
-        let t = hits.t.par_chunks_mut(CHUNK);
-        let ids = hits.primitive.par_chunks_mut(CHUNK).zip(hits.mesh.par_chunks_mut(CHUNK));
-        let places = hits.barycentrics.par_chunks_mut(CHUNK);
-        let chunks = t.zip(ids).zip(places.zip(hits.normal.par_chunks_mut(CHUNK)));
-        chunks.enumerate().try_for_each(|(chunk, ((t, (primitive, mesh)), (uv, normal)))| {
+        let lengths = || (0..count).step_by(CHUNK).map(|first| CHUNK.min(count - first));
+        let mut t = Filling::new(count, "t")?;
+        let mut primitive = Filling::new(count, "primitive")?;
+        let mut mesh = Filling::new(count, "mesh")?;
+        let mut barycentrics = Filling::new(count, "barycentrics")?;
+        let mut normal = Filling::new(count, "normal")?;
+        let ids = primitive.parts(lengths()).into_par_iter().zip(mesh.parts(lengths()));
+        let weights = barycentrics.parts(lengths()).into_par_iter();
+        let places = weights.zip(normal.parts(lengths()));
+        let chunks = t.parts(lengths()).into_par_iter().zip(ids).zip(places).enumerate();
+        chunks.try_for_each(|(chunk, ((t, (primitive, mesh)), (barycentrics, normal)))| {
             monitor.check()?;
-            let length = t.len();
-            let mut chunk = HitChunk { first: chunk * CHUNK, t, primitive, mesh, uv, normal };
-            let packets = (0..length).step_by(LANES);
-            packets.for_each(|i| self.closest_of_packet(&*accelerator, rays, &mut chunk, i));
-            monitor.done.fetch_add(length as u64, Relaxed);
+            let first = chunk * CHUNK;
+            let range = first..first + t.room();
+            let mut chunk = HitChunk { t, primitive, mesh, barycentrics, normal };
+            let mut rounded = Rounded::EMPTY;
+            for first in range.clone().step_by(LANES) {
+                chunk.prefetch();
+                rounding.round(first, &mut rounded)?;
+                let Rounded { active, packet, coherence, .. } = &mut rounded;
+                accelerator.closest(active, packet, *coherence);
+                let hits = self.hits_in_f64(rays, first, &rounded);
+                chunk.extend(&hits, LANES.min(range.end - first));
+            }
+            monitor.done.fetch_add(range.len() as u64, Relaxed);
             Ok(())
         })?;
-        Ok(hits)
+        Ok(FirstHits {
+            t: t.finish(),
+            primitive: primitive.finish(),
+            mesh: mesh.finish(),
+            barycentrics: barycentrics.finish(),
+            normal: normal.finish(),
+        })
     }
 
-    fn closest_of_packet(
-        &self,
-        accelerator: &dyn Accelerator,
-        rays: &RayBatch,
-        chunk: &mut HitChunk,
-        at: usize,
-    ) {
-        let first = chunk.first + at;
-        let mut rounded = self.round(rays, first);
-        let active = rounded.active;
-        accelerator.closest(&active, &mut rounded.packet, rounded.coherence);
-        let hit = rounded.packet.hit(&active);
+    /// The hits of a packet whose first ray has the index `first`.
+    fn hits_in_f64(&self, rays: &RayBatch, first: usize, rounded: &Rounded) -> PacketHits {
+        let hit = rounded.packet.hit(&rounded.active);
         let found = &rounded.packet.hits;
-        let mut hits = HitBatch::EMPTY;
-        for i in 0..LANES.min(chunk.t.len() - at) {
-            let out = at + i;
+        let mut out = PacketHits::MISSES;
+        let (mut hits, mut lanes) = (HitBatch::EMPTY, [0; LANES]);
+        for i in 0..LANES {
             if hit.0[i] == 0 {
-                (chunk.t[out], chunk.primitive[out], chunk.mesh[out]) = (f64::INFINITY, -1, -1);
-                (chunk.uv[out], chunk.normal[out]) = ([f64::NAN; 2], [0.0; 3]);
                 continue;
             }
             let (mesh, face) = (found.geom[i], found.prim[i]);
-            (chunk.primitive[out], chunk.mesh[out]) = (face.into(), mesh as i32);
+            (out.primitive[i], out.mesh[i]) = (face.into(), mesh as i32);
             let primitive = self.geometry().primitive(mesh, face);
             let t = rounded.t(i, rounded.packet.rays.tfar[i].into());
+            lanes[hits.count] = i;
             hits.push(first + i, primitive, t, [found.u[i].into(), found.v[i].into()]);
         }
         if hits.count == 0 {
-            return;
+            return out;
         }
         let refined = self.refine(rays, &hits);
-        for i in 0..hits.count {
-            let out = hits.rays[i] - chunk.first;
-            (chunk.t[out], chunk.uv[out]) = (refined.t[i], refined.weights(i));
-            chunk.normal[out] = refined.normal(i);
+        for (i, &lane) in lanes.iter().enumerate().take(hits.count) {
+            (out.t[lane], out.barycentrics[lane]) = (refined.t[i], refined.weights(i));
+            out.normal[lane] = refined.normal(i);
         }
+        out
     }
 
     /// Returns whether each ray hits anything. Faster than [`RayScene::closest`].
@@ -106,30 +112,72 @@ impl RayScene {
     /// # Errors
     /// The errors of [`RayScene::closest`].
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
-        let accelerator = self.accelerator();
+        let (accelerator, rounding) = (self.accelerator(), self.rounding(rays)?);
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;
         progress::fill(&mut occluded, monitor, |first, occluded| {
+            let mut rounded = Rounded::EMPTY;
             for (packet, occluded) in occluded.chunks_mut(LANES).enumerate() {
-                let mut rounded = self.round(rays, first + packet * LANES);
-                let active = rounded.active;
-                accelerator.occluded(&active, &mut rounded.packet.rays, rounded.coherence);
+                rounding.round(first + packet * LANES, &mut rounded)?;
+                let Rounded { active, packet, coherence, .. } = &mut rounded;
+                accelerator.occluded(active, &mut packet.rays, *coherence);
                 for (i, occluded) in occluded.iter_mut().enumerate() {
-                    let end = rounded.packet.rays.tfar[i];
+                    let end = packet.rays.tfar[i];
                     *occluded = active.0[i] != 0 && end == f32::NEG_INFINITY;
                 }
             }
+            Ok(())
         })?;
         Ok(occluded)
     }
 }
 
+/// The hits of 16 rays, by lane.
+struct PacketHits {
+    t: [f64; LANES],
+    primitive: [i64; LANES],
+    mesh: [i32; LANES],
+    barycentrics: [[f64; 2]; LANES],
+    normal: [[f64; 3]; LANES],
+}
+
+impl PacketHits {
+    const MISSES: Self = Self {
+        t: [f64::INFINITY; LANES],
+        primitive: [-1; LANES],
+        mesh: [-1; LANES],
+        barycentrics: [[f64::NAN; 2]; LANES],
+        normal: [[0.0; 3]; LANES],
+    };
+}
+
 /// The output of one task.
 struct HitChunk<'a> {
-    /// Number of the first ray.
-    first: usize,
-    t: &'a mut [f64],
-    primitive: &'a mut [i64],
-    mesh: &'a mut [i32],
-    uv: &'a mut [[f64; 2]],
-    normal: &'a mut [[f64; 3]],
+    t: Part<'a, f64>,
+    primitive: Part<'a, i64>,
+    mesh: Part<'a, i32>,
+    barycentrics: Part<'a, [f64; 2]>,
+    normal: Part<'a, [f64; 3]>,
+}
+
+impl HitChunk<'_> {
+    /// Prefetches the memory of the next packet. Else its stores would wait for memory, and later
+    /// loads for the stores.
+    #[inline(always)]
+    fn prefetch(&self) {
+        self.t.prefetch(LANES);
+        self.primitive.prefetch(LANES);
+        self.mesh.prefetch(LANES);
+        self.barycentrics.prefetch(LANES);
+        self.normal.prefetch(LANES);
+    }
+
+    /// Appends the first `count` hits of a packet.
+    #[inline(always)]
+    fn extend(&mut self, hits: &PacketHits, count: usize) {
+        self.t.extend(&hits.t[..count]);
+        self.primitive.extend(&hits.primitive[..count]);
+        self.mesh.extend(&hits.mesh[..count]);
+        self.barycentrics.extend(&hits.barycentrics[..count]);
+        self.normal.extend(&hits.normal[..count]);
+    }
 }

@@ -53,6 +53,7 @@ impl RayScene {
                 *inside = self.in_closed(&bvh, point, closed, &mut scratch)
                     || is_open && self.winding_of_open(&bvh, point.into()).abs() >= 0.5;
             }
+            Ok(())
         })?;
         Ok(inside)
     }
@@ -72,6 +73,7 @@ impl RayScene {
             for (i, winding) in winding.iter_mut().enumerate() {
                 *winding = bvh.winding(&dipoles, points[start + i].into(), &corners);
             }
+            Ok(())
         })?;
         Ok(winding)
     }
@@ -137,7 +139,7 @@ impl RayScene {
 
 /// Checks that all points are finite and their coordinates at most 1e18.
 pub(super) fn check_points(points: &[[f64; 3]]) -> Result<()> {
-    match first(points, |v| !fits(v)) {
+    match first(points, |&v| !fits(v)) {
         None => Ok(()),
         Some(i) => {
             let message = format!("found {:?}, expected finite numbers up to 1e18", points[i]);

@@ -1,13 +1,14 @@
 //! Rays and points on meshes whose arrays stay with the caller: [`RayScene`].
 //!
 //! `arrays` reads the caller's arrays. `batch` checks rays, `rounded` rounds them for the tree, and
-//! `refine` computes their hits in f64. `first_hit`, `all_hits`, `inside`, `nearest` and `visible`
-//! are one kind of query each.
+//! `refine` computes their hits in f64. `filling` makes the arrays of answers. `first_hit`,
+//! `all_hits`, `inside`, `nearest` and `visible` are one kind of query each.
 
 mod all_hits;
 mod arrays;
 mod batch;
 mod closed;
+mod filling;
 mod first_hit;
 mod inside;
 mod nearest;

@@ -1,14 +1,15 @@
 //! The points of the meshes that are nearest to given points.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use super::filling::Filling;
 use super::inside::check_points;
 use super::progress;
 use super::scene::RayScene;
 use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::monitor::Monitor;
-use crate::reserve;
 
 /// Nearest points on the meshes, an element for each point.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,7 +25,6 @@ pub struct ClosestPoints {
 }
 
 /// The nearest point so far.
-#[derive(Clone)]
 struct Nearest {
     squared: f64,
     point: DVec3,
@@ -44,27 +44,33 @@ impl RayScene {
     pub fn closest_point(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<ClosestPoints> {
         check_points(points)?;
         let bvh = self.bvh()?;
-        let count = points.len();
-        let mut all =
-            ClosestPoints { point: vec![], distance: vec![], primitive: vec![], mesh: vec![] };
-        reserve::exact(&mut all.point, count, "point")?;
-        reserve::exact(&mut all.distance, count, "distance")?;
-        reserve::exact(&mut all.primitive, count, "primitive")?;
-        reserve::exact(&mut all.mesh, count, "mesh")?;
-        let mut found = reserve::filled(Nearest::NONE, count, "closest_point")?;
-        progress::fill(&mut found, monitor, |first, found| {
-            for (nearest, &point) in found.iter_mut().zip(&points[first..]) {
-                *nearest = self.nearest(&bvh, point.into());
-            }
+        let chunks = progress::in_chunks(points.len(), monitor, |range| {
+            Ok(points[range].iter().map(|&p| self.nearest(&bvh, p.into())).collect::<Vec<_>>())
         })?;
-        for nearest in found {
-            let (mesh, face) = self.place(nearest.primitive);
-            all.point.push(nearest.point.to_array());
-            all.distance.push(nearest.squared.sqrt());
-            all.primitive.push(face as i64);
-            all.mesh.push(mesh as i32);
-        }
-        Ok(all)
+        let count = points.len();
+        let lengths = || chunks.iter().map(Vec::len);
+        let mut point = Filling::new(count, "point")?;
+        let mut distance = Filling::new(count, "distance")?;
+        let mut primitive = Filling::new(count, "primitive")?;
+        let mut mesh = Filling::new(count, "mesh")?;
+        let ids = primitive.parts(lengths()).into_par_iter().zip(mesh.parts(lengths()));
+        let places = point.parts(lengths()).into_par_iter().zip(distance.parts(lengths()));
+        let parts = chunks.par_iter().zip(ids).zip(places);
+        parts.for_each(|((found, (mut primitive, mut mesh)), (mut point, mut distance))| {
+            for nearest in found {
+                let place = self.place(nearest.primitive);
+                mesh.extend(&[place.0 as i32]);
+                primitive.extend(&[place.1 as i64]);
+                point.extend(&[nearest.point.to_array()]);
+                distance.extend(&[nearest.squared.sqrt()]);
+            }
+        });
+        Ok(ClosestPoints {
+            point: point.finish(),
+            distance: distance.finish(),
+            primitive: primitive.finish(),
+            mesh: mesh.finish(),
+        })
     }
 
     fn nearest(&self, bvh: &Bvh, point: DVec3) -> Nearest {

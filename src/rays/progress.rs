@@ -14,18 +14,18 @@ pub(super) const CHUNK: usize = 1024;
 /// answers in order.
 ///
 /// # Errors
-/// `Interrupted` if the monitor was stopped.
+/// `Interrupted` if the monitor was stopped, and those of `answer`.
 pub(super) fn in_chunks<T: Send>(
     count: usize,
     monitor: &Monitor,
-    answer: impl Fn(std::ops::Range<usize>) -> T + Sync,
+    answer: impl Fn(std::ops::Range<usize>) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     monitor.begin(Phase::Check, count as u64);
     let chunks = (0..count.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
         monitor.check()?;
         let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
         let length = range.len() as u64;
-        let answer = answer(range);
+        let answer = answer(range)?;
         monitor.done.fetch_add(length, Relaxed);
         Ok(answer)
     });
@@ -36,16 +36,16 @@ pub(super) fn in_chunks<T: Send>(
 /// item and the items.
 ///
 /// # Errors
-/// `Interrupted` if the monitor was stopped.
+/// `Interrupted` if the monitor was stopped, and those of `fill`.
 pub(super) fn fill<T: Send>(
     all: &mut [T],
     monitor: &Monitor,
-    fill: impl Fn(usize, &mut [T]) + Sync,
+    fill: impl Fn(usize, &mut [T]) -> Result<()> + Sync,
 ) -> Result<()> {
     monitor.begin(Phase::Check, all.len() as u64);
     all.par_chunks_mut(CHUNK).enumerate().try_for_each(|(chunk, items)| {
         monitor.check()?;
-        fill(chunk * CHUNK, items);
+        fill(chunk * CHUNK, items)?;
         monitor.done.fetch_add(items.len() as u64, Relaxed);
         Ok(())
     })

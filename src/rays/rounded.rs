@@ -1,12 +1,16 @@
 //! Packets of a caller's rays, rounded for the tree.
 
-use super::batch::RayBatch;
+use super::batch::{MAX_TNEAR, RayBatch, fits, is_direction, is_limit};
 use super::scene::RayScene;
-use crate::ray::{Coherence, LANES, Mask, RayPacket};
+use crate::error::Result;
+use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{self, Isa, Kernel};
 
 /// One double per lane.
 pub(super) type Doubles = [f64; LANES];
+
+/// The rays that are this far ahead are prefetched.
+const PREFETCH_DISTANCE: usize = 4 * LANES;
 
 /// A packet of rays in the coordinates of the tree, and how their parameters convert.
 pub(super) struct Rounded {
@@ -21,43 +25,79 @@ pub(super) struct Rounded {
 }
 
 impl Rounded {
+    pub const EMPTY: Self = Self {
+        packet: RayPacket::EMPTY,
+        active: Mask::NONE,
+        coherence: Coherence::Coherent,
+        scale: [1.0; LANES],
+        shift: [0.0; LANES],
+    };
+
     /// The caller's ray parameter for a parameter of the packet.
     pub fn t(&self, lane: usize, t: f64) -> f64 {
         t * self.scale[lane] + self.shift[lane]
     }
 }
 
+/// Rounds the rays of a batch to f32.
+pub(super) struct Rounding<'a> {
+    pub rays: &'a RayBatch<'a>,
+    /// Longest side of the box of all triangles.
+    size: f32,
+    /// Origin of the coordinates of the tree.
+    origin: [f64; 3],
+    /// Middle of the box.
+    middle: [f64; 3],
+}
+
 impl RayScene {
-    /// Rounds at most 16 rays to f32, from index `first` on.
+    /// Returns the rounding of rays for the tree of this scene.
+    ///
+    /// # Errors
+    /// The errors of [`RayBatch::check`], if there is no ray: else packets check them.
+    pub(super) fn rounding<'a>(&self, rays: &'a RayBatch<'a>) -> Result<Rounding<'a>> {
+        if rays.is_empty() {
+            rays.check()?;
+        }
+        let [low, high] = self.local_bounds();
+        let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
+        let middle = (self.bounds[0] + self.bounds[1]) * 0.5;
+        Ok(Rounding { rays, size, origin: self.origin().into(), middle: middle.into() })
+    }
+}
+
+impl Rounding<'_> {
+    /// Checks and rounds at most 16 rays, from index `first` on.
     ///
     /// Directions are scaled by a power of two, so that their largest component lies in [1, 2).
     /// A ray that starts far away from the triangles starts nearer to them, so that its origin is
     /// rounded less.
-    pub(super) fn round(&self, rays: &RayBatch, first: usize) -> Rounded {
-        let [low, high] = self.local_bounds();
-        let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
-        let middle = (self.bounds[0] + self.bounds[1]) * 0.5;
-        let places = [self.origin().to_array(), middle.to_array()];
-        simd::dispatch(Isa::detect(), Round { rays, first, size, places })
+    ///
+    /// # Errors
+    /// The errors of [`RayBatch::check`], if one of these rays is wrong.
+    #[inline(always)]
+    pub fn round(&self, first: usize, out: &mut Rounded) -> Result<()> {
+        let valid = simd::dispatch(Isa::detect(), Round { rounding: self, first, out });
+        if valid { Ok(()) } else { self.rays.check() }
     }
 }
 
-/// The work of [`RayScene::round`].
+/// The work of [`Rounding::round`]. Returns whether the values of all rays are valid.
 struct Round<'a> {
-    rays: &'a RayBatch<'a>,
+    rounding: &'a Rounding<'a>,
     first: usize,
-    /// Longest side of the box of all triangles.
-    size: f32,
-    /// Origin of the coordinates of the tree, and the middle of the box.
-    places: [[f64; 3]; 2],
+    out: &'a mut Rounded,
 }
 
 impl Kernel for Round<'_> {
-    type Output = Rounded;
+    type Output = bool;
 
     #[inline(always)]
-    fn run(self) -> Rounded {
-        let Self { rays, first, size, places: [origin, middle] } = self;
+    fn run(self) -> bool {
+        let Self { rounding, first, out } = self;
+        // Copies, as writing to `out` might change them for all that the compiler knows.
+        let Rounding { rays, size, origin, middle } = *rounding;
+        rays.prefetch(first + PREFETCH_DISTANCE);
         let mut from = [[0.0; LANES]; 3];
         let mut direction = [[1.0; LANES]; 3];
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
@@ -70,9 +110,15 @@ impl Kernel for Round<'_> {
             }
             (tnear[i], tfar[i]) = rays.limits(first + i);
         }
-        let mut packet = RayPacket::EMPTY;
+        let mut valid = true;
+        for i in 0..LANES {
+            valid &= fits([from[0][i], from[1][i], from[2][i]])
+                & is_direction([direction[0][i], direction[1][i], direction[2][i]])
+                & is_limit(tnear[i], MAX_TNEAR)
+                & is_limit(tfar[i], f64::INFINITY);
+        }
         let (mut scale, mut shift) = ([1.0; LANES], [0.0; LANES]);
-        let mut active = Mask::NONE;
+        let (mut local, mut active) = (Rays::EMPTY, Mask::NONE);
         let far = 4.0 * f64::from(size);
         for i in 0..LANES {
             let [dx, dy, dz] = [direction[0][i], direction[1][i], direction[2][i]];
@@ -86,29 +132,30 @@ impl Kernel for Round<'_> {
             let is_far = x.abs().max(y.abs()).max(z.abs()) > far;
             let ahead = if is_far & (ahead > 0.0) & (ahead < f64::INFINITY) { ahead } else { 0.0 };
             (scale[i], shift[i]) = (down, ahead * down);
-            packet.rays.org[0][i] = (fx - origin[0] + dx * ahead) as f32;
-            packet.rays.org[1][i] = (fy - origin[1] + dy * ahead) as f32;
-            packet.rays.org[2][i] = (fz - origin[2] + dz * ahead) as f32;
-            packet.rays.dir[0][i] = dx as f32;
-            packet.rays.dir[1][i] = dy as f32;
-            packet.rays.dir[2][i] = dz as f32;
+            local.org[0][i] = (fx - origin[0] + dx * ahead) as f32;
+            local.org[1][i] = (fy - origin[1] + dy * ahead) as f32;
+            local.org[2][i] = (fz - origin[2] + dz * ahead) as f32;
+            local.dir[0][i] = dx as f32;
+            local.dir[1][i] = dy as f32;
+            local.dir[2][i] = dz as f32;
             // Exact: a power of two.
             let up = 1.0 / down;
-            packet.rays.tnear[i] = ((tnear[i] - shift[i]) * up).max(0.0) as f32;
-            packet.rays.tfar[i] = ((tfar[i] - shift[i]) * up) as f32;
+            local.tnear[i] = ((tnear[i] - shift[i]) * up).max(0.0) as f32;
+            local.tfar[i] = ((tfar[i] - shift[i]) * up) as f32;
             active.0[i] = -i32::from((tnear[i] < tfar[i]) & (i < count));
         }
-        let active = packet.rays.possible(&active);
-        let coherence = coherence(&packet, &active, size);
-        Rounded { packet, active, coherence, scale, shift }
+        out.active = local.possible(&active);
+        out.coherence = coherence(&local, &out.active, size);
+        (out.packet.rays, out.scale, out.shift) = (local, scale, shift);
+        out.packet.clear_hits();
+        valid
     }
 }
 
 /// Compared with lane 0, directions must differ by less than 0.1 in each component (some 6
 /// degrees), and origins by less than a thousandth of the scene's size.
 #[inline(always)]
-fn coherence(packet: &RayPacket, active: &Mask, size: f32) -> Coherence {
-    let rays = &packet.rays;
+fn coherence(rays: &Rays, active: &Mask, size: f32) -> Coherence {
     let mut similar = active.0[0];
     for axis in 0..3 {
         let (dir, org) = (&rays.dir[axis], &rays.org[axis]);

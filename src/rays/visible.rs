@@ -48,6 +48,7 @@ impl RayScene {
                 let from = from[if from.len() == 1 { 0 } else { first + i }];
                 *visible = !self.is_blocked(&bvh, from, points[first + i]);
             }
+            Ok(())
         })?;
         Ok(visible)
     }

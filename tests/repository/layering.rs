@@ -18,6 +18,7 @@ const UNSAFE_ALLOWED: &[&str] = &[
     "src/mesh/ply/source.rs",
     "src/exhausted.rs",
     "src/memory/freed.rs",
+    "src/rays/filling.rs",
     "src/shading/image_file/file_pages.rs",
 ];
 

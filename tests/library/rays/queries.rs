@@ -140,21 +140,40 @@ fn a_stopped_monitor_ends_every_query() {
 
 #[test]
 fn wrong_rays_are_refused_with_their_place() {
-    let (good, short) = ([[0.0, 0.0, 1.0]; 3], [[0.0, 0.0, 1.0]; 2]);
-    let place = |result: lightpath::Result<RayBatch>| {
+    fn place<T>(result: lightpath::Result<T>) -> String {
         result.map(|_| ()).unwrap_err().problems[0].place.clone()
-    };
+    }
+    let (good, short) = ([[0.0, 0.0, 1.0]; 2000], [[0.0, 0.0, 1.0]; 2]);
     assert_eq!(place(RayBatch::new(&good, &short)), "directions");
-    let mut wrong = good;
-    wrong[1] = [0.0; 3];
-    assert_eq!(place(RayBatch::new(&good, &wrong)), "directions[1]");
-    wrong[2][0] = f64::NAN;
-    assert_eq!(place(RayBatch::new(&wrong, &good)), "origins[2]");
     let rays = RayBatch::new(&good, &good).expect("rays");
-    let limited = |tnear, tfar| place(rays.with_limits(tnear, tfar));
+    assert_eq!(place(rays.with_limits(Limits::All(0.0), Limits::Each(&[1.0]))), "tfar");
+
+    let monitor = Monitor::default();
+    let scene = RayScene::new(vec![Box::new(ball(5, [0.0; 3]))], &monitor).expect("a scene");
+    let refused = |rays: RayBatch| {
+        let places = [
+            place(scene.closest(&rays, &monitor)),
+            place(scene.occluded(&rays, &monitor)),
+            place(scene.count(&rays, &monitor)),
+            place(scene.all_hits(&rays, &monitor)),
+        ];
+        assert!(places.iter().all(|place| *place == places[0]), "{places:?}");
+        places[0].clone()
+    };
+    // Two tasks find a wrong direction. The error is that of the first one.
+    let mut wrong = good;
+    (wrong[1], wrong[1999]) = ([0.0; 3], [f64::INFINITY; 3]);
+    assert_eq!(refused(RayBatch::new(&good, &wrong).expect("rays")), "directions[1]");
+    wrong[1500][0] = f64::NAN;
+    assert_eq!(refused(RayBatch::new(&wrong, &good).expect("rays")), "origins[1500]");
+    let limited = |tnear, tfar| refused(rays.with_limits(tnear, tfar).expect("as many values"));
     assert_eq!(limited(Limits::All(f64::INFINITY), Limits::All(1.0)), "tnear");
-    assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0, -1.0, 1.0])), "tfar[1]");
-    assert_eq!(limited(Limits::All(0.0), Limits::Each(&[1.0])), "tfar");
+    let mut ends = [1.0; 2000];
+    ends[1700] = -1.0;
+    assert_eq!(limited(Limits::All(0.0), Limits::Each(&ends)), "tfar[1700]");
+    let none = RayBatch::new(&[], &[]).expect("no rays");
+    let negative = none.with_limits(Limits::All(0.0), Limits::All(-1.0)).expect("a value");
+    assert_eq!(refused(negative), "tfar");
 }
 
 /// A scene whose vertices are doubles far from 0, and rays from around it through its inside.
