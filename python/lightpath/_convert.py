@@ -70,8 +70,9 @@ def mesh(vertices, faces):
             raise ValueError(f"{name}: found {array.shape[0]} rows, expected fewer than 2**32")
     single = vertices.dtype.kind == "f" and vertices.dtype.itemsize <= 4
     vertices = _native(vertices, np.float32 if single else np.float64)
-    kept = faces.dtype.kind + str(max(faces.dtype.itemsize, 4))
-    return vertices, _native(faces, np.dtype(kept))
+    # An empty array may have a dtype that no integer has.
+    kept = np.dtype(faces.dtype.kind + str(max(faces.dtype.itemsize, 4))) if faces.size else np.int64
+    return vertices, _native(faces, kept)
 
 
 def trimesh_arrays(source):

@@ -36,6 +36,7 @@ MESHES = [
     (VERTICES, changed(FACES, (1, 2), -1), ValueError, r"faces\[1, 2\]: found vertex -1"),
     (VERTICES, changed(FACES, (3, 0), 2**63 + 5, np.uint64), ValueError, r"faces\[3, 0\]: found vertex 9223"),
     (VERTICES, FACES[:0], ValueError, "faces: found no face, expected at least one"),
+    (VERTICES, FACES[:0].astype(bool), ValueError, "faces: found no face, expected at least one"),
     (VERTICES[:0], FACES, ValueError, r"faces\[0, 0\]: found vertex 0, expected 0 to -1"),
     (None, FACES, TypeError, "vertices: found dtype object"),
 ]
