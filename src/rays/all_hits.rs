@@ -1,11 +1,13 @@
 //! All hits along rays, and their number.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::batch::RayBatch;
 use super::filling::Filling;
 use super::progress;
-use super::refine::HitBatch;
+use super::refine::FoundHit;
 use super::rounded::Rounded;
 use super::scene::RayScene;
 use crate::accel::bvh::Crossing;
@@ -45,16 +47,24 @@ impl RayScene {
         let bvh = self.bvh()?;
         let rounding = self.rounding(rays)?;
         let chunks = progress::in_chunks(rays.len(), monitor, |range| {
-            let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
-            let mut hits = ChunkHits::default();
+            let (mut rounded, mut crossings) = (Rounded::EMPTY, Vec::new());
+            let mut found = Vec::new();
             for first in range.clone().step_by(LANES) {
                 rounding.round(first, &mut rounded)?;
-                found.clear();
-                bvh.crossings(&rounded.active, &rounded.packet.rays, &mut found);
-                let lanes = LANES.min(range.end - first);
-                self.hits_of_packet(rays, (first, lanes), &rounded, &found, &mut hits);
+                crossings.clear();
+                bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
+                self.collect_crossings(first, &rounded, &crossings, &mut found);
             }
-            Ok(hits)
+            let mut hits = Vec::with_capacity(found.len());
+            self.refine(rays, &found, |found, refined| {
+                hits.extend(found.iter().enumerate().map(|(i, hit)| RayHit {
+                    t: refined.t[i],
+                    mesh: hit.mesh,
+                    face: hit.face,
+                    barycentrics: refined.weights(i),
+                }));
+            });
+            Ok(ChunkHits::new(range, &found, hits))
         })?;
         let total: usize = chunks.iter().map(|chunk| chunk.hits.len()).sum();
         let mut offsets = Vec::new();
@@ -75,9 +85,8 @@ impl RayScene {
         let parts = chunks.par_iter().zip(ids).zip(values);
         parts.for_each(|((chunk, (mut primitive, mut mesh)), (mut t, mut barycentrics))| {
             for hit in &chunk.hits {
-                let place = self.place(hit.primitive);
-                mesh.extend(&[place.0 as i32]);
-                primitive.extend(&[place.1 as i64]);
+                mesh.extend(&[hit.mesh as i32]);
+                primitive.extend(&[hit.face.into()]);
                 t.extend(&[hit.t]);
                 barycentrics.extend(&[hit.barycentrics]);
             }
@@ -112,55 +121,55 @@ impl RayScene {
         Ok(counts)
     }
 
-    fn hits_of_packet(
+    /// Appends the crossings of a packet, whose first ray has the index `first`, to `found`.
+    fn collect_crossings(
         &self,
-        rays: &RayBatch,
-        (first, lanes): (usize, usize),
+        first: usize,
         rounded: &Rounded,
-        found: &[Crossing],
-        hits: &mut ChunkHits,
+        crossings: &[Crossing],
+        found: &mut Vec<FoundHit>,
     ) {
-        let mut start = hits.hits.len();
-        for found in found.chunks(LANES) {
-            let mut batch = HitBatch::EMPTY;
-            for hit in found {
-                let lane = hit.lane as usize;
-                let t = rounded.t(lane, hit.t);
-                batch.push(first + lane, hit.primitive, t, [f64::NAN; 2]);
-            }
-            let refined = self.refine(rays, &batch);
-            hits.hits.extend((0..batch.count).map(|i| RayHit {
-                t: refined.t[i],
-                primitive: batch.primitives[i],
-                barycentrics: refined.weights(i),
-            }));
-        }
-        let mut rest = found;
-        for lane in 0..lanes {
-            let count = rest.iter().take_while(|hit| hit.lane as usize == lane).count();
-            rest = &rest[count..];
-            let own = &mut hits.hits[start..start + count];
-            own.sort_unstable_by(|a, b| {
-                a.t.total_cmp(&b.t).then_with(|| a.primitive.cmp(&b.primitive))
-            });
-            start += count;
-            hits.counts.push(count as u32);
-        }
+        found.extend(crossings.iter().map(|crossing| {
+            let lane = crossing.lane as usize;
+            let (mesh, face) = self.geometry().place(crossing.primitive);
+            self.prefetch_face(mesh, face);
+            let (t, uv) = (rounded.t(lane, crossing.t), [f64::NAN; 2]);
+            FoundHit { ray: first + lane, mesh, face, t, uv }
+        }));
     }
 }
 
 /// The hits of one task.
-#[derive(Default)]
 struct ChunkHits {
     /// Number of hits of each ray.
     counts: Vec<u32>,
     hits: Vec<RayHit>,
 }
 
+impl ChunkHits {
+    /// Sorts the hits of each ray. `found` has their rays, in order.
+    fn new(rays: Range<usize>, found: &[FoundHit], mut hits: Vec<RayHit>) -> Self {
+        let mut counts = vec![0u32; rays.len()];
+        for hit in found {
+            counts[hit.ray - rays.start] += 1;
+        }
+        let mut rest = &mut hits[..];
+        for &count in &counts {
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(count as usize);
+            own.sort_unstable_by(|a, b| {
+                a.t.total_cmp(&b.t).then((a.mesh, a.face).cmp(&(b.mesh, b.face)))
+            });
+            rest = others;
+        }
+        Self { counts, hits }
+    }
+}
+
 /// A hit of a ray.
 struct RayHit {
     t: f64,
-    /// Index of the triangle in the scene.
-    primitive: u32,
+    mesh: u32,
+    /// Face in the mesh.
+    face: u32,
     barycentrics: [f64; 2],
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
+use crate::simd::prefetch;
 
 /// Largest magnitude of a coordinate.
 const MAX_COORDINATE: f64 = 1e18;
@@ -30,6 +31,15 @@ impl Vertices<'_> {
     /// Whether there is no vertex.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Prefetches the first cache line of a vertex. The index may be out of bounds.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, i: usize) {
+        match self {
+            Self::F32(all) => prefetch(all, i),
+            Self::F64(all) => prefetch(all, i),
+        }
     }
 
     /// Position of a vertex; `None` beyond the last one.
@@ -72,6 +82,17 @@ impl Faces<'_> {
     /// Whether there is no triangle.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Prefetches the first cache line of a triangle. The index may be out of bounds.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, i: usize) {
+        match self {
+            Self::U32(all) => prefetch(all, i),
+            Self::I32(all) => prefetch(all, i),
+            Self::U64(all) => prefetch(all, i),
+            Self::I64(all) => prefetch(all, i),
+        }
     }
 
     /// Vertex indices of a triangle; `None` for a negative index.

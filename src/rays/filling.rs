@@ -81,11 +81,11 @@ impl<T: Copy> Part<'_, T> {
         self.written += values.len();
     }
 
-    /// Prefetches the memory of the next `count` elements.
+    /// Prefetches the memory of `count` elements, from the one that is `ahead` of the next.
     #[inline(always)]
-    pub fn prefetch(&self, count: usize) {
+    pub fn prefetch(&self, ahead: usize, count: usize) {
         for line in 0..(count * size_of::<T>()).div_ceil(64) {
-            prefetch_line(self.slots, 0, line);
+            prefetch_line(self.slots, ahead, line);
         }
     }
 

@@ -6,12 +6,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::batch::RayBatch;
 use super::filling::{Filling, Part};
 use super::progress::{self, CHUNK};
-use super::refine::HitBatch;
+use super::refine::{FoundHit, Refined};
 use super::rounded::Rounded;
 use super::scene::RayScene;
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
-use crate::ray::LANES;
+use crate::ray::{LANES, RayPacket};
 use crate::reserve;
 
 /// The closest hits of rays, an element for each ray.
@@ -53,20 +53,23 @@ impl RayScene {
         let weights = barycentrics.parts(lengths()).into_par_iter();
         let places = weights.zip(normal.parts(lengths()));
         let chunks = t.parts(lengths()).into_par_iter().zip(ids).zip(places).enumerate();
-        chunks.try_for_each(|(chunk, ((t, (primitive, mesh)), (barycentrics, normal)))| {
+        let begin = || (Rounded::EMPTY, Vec::with_capacity(CHUNK), Answers::new());
+        chunks.try_for_each_init(begin, |(rounded, found, answers), (chunk, parts)| {
             monitor.check()?;
-            let first = chunk * CHUNK;
-            let range = first..first + t.room();
-            let mut chunk = HitChunk { t, primitive, mesh, barycentrics, normal };
-            let mut rounded = Rounded::EMPTY;
+            let ((t, (primitive, mesh)), (barycentrics, normal)) = parts;
+            let range = chunk * CHUNK..chunk * CHUNK + t.room();
+            let output = Output { t, primitive, mesh, barycentrics, normal };
+            found.clear();
             for first in range.clone().step_by(LANES) {
-                chunk.prefetch();
-                rounding.round(first, &mut rounded)?;
-                let Rounded { active, packet, coherence, .. } = &mut rounded;
+                output.prefetch(first - range.start);
+                rounding.round(first, rounded)?;
+                let Rounded { active, packet, coherence, .. } = rounded;
                 accelerator.closest(active, packet, *coherence);
-                let hits = self.hits_in_f64(rays, first, &rounded);
-                chunk.extend(&hits, LANES.min(range.end - first));
+                self.collect_hits(first, rounded, found);
             }
+            answers.clear();
+            self.refine(rays, found, |hits, refined| answers.store(range.start, hits, refined));
+            output.fill(answers);
             monitor.done.fetch_add(range.len() as u64, Relaxed);
             Ok(())
         })?;
@@ -79,32 +82,17 @@ impl RayScene {
         })
     }
 
-    /// The hits of a packet whose first ray has the index `first`.
-    fn hits_in_f64(&self, rays: &RayBatch, first: usize, rounded: &Rounded) -> PacketHits {
+    /// Appends the hits of a packet, whose first ray has the index `first`, to `found`.
+    #[inline(always)]
+    fn collect_hits(&self, first: usize, rounded: &Rounded, found: &mut Vec<FoundHit>) {
+        let RayPacket { rays, hits } = &rounded.packet;
         let hit = rounded.packet.hit(&rounded.active);
-        let found = &rounded.packet.hits;
-        let mut out = PacketHits::MISSES;
-        let (mut hits, mut lanes) = (HitBatch::EMPTY, [0; LANES]);
-        for i in 0..LANES {
-            if hit.0[i] == 0 {
-                continue;
-            }
-            let (mesh, face) = (found.geom[i], found.prim[i]);
-            (out.primitive[i], out.mesh[i]) = (face.into(), mesh as i32);
-            let primitive = self.geometry().primitive(mesh, face);
-            let t = rounded.t(i, rounded.packet.rays.tfar[i].into());
-            lanes[hits.count] = i;
-            hits.push(first + i, primitive, t, [found.u[i].into(), found.v[i].into()]);
+        for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
+            let (mesh, face) = (hits.geom[i], hits.prim[i]);
+            self.prefetch_face(mesh, face);
+            let (t, uv) = (rounded.t(i, rays.tfar[i].into()), [hits.u[i].into(), hits.v[i].into()]);
+            found.push(FoundHit { ray: first + i, mesh, face, t, uv });
         }
-        if hits.count == 0 {
-            return out;
-        }
-        let refined = self.refine(rays, &hits);
-        for (i, &lane) in lanes.iter().enumerate().take(hits.count) {
-            (out.t[lane], out.barycentrics[lane]) = (refined.t[i], refined.weights(i));
-            out.normal[lane] = refined.normal(i);
-        }
-        out
     }
 
     /// Returns whether each ray hits anything. Faster than [`RayScene::closest`].
@@ -131,27 +119,49 @@ impl RayScene {
     }
 }
 
-/// The hits of 16 rays, by lane.
-struct PacketHits {
-    t: [f64; LANES],
-    primitive: [i64; LANES],
-    mesh: [i32; LANES],
-    barycentrics: [[f64; 2]; LANES],
-    normal: [[f64; 3]; LANES],
+/// The answers of a task, in the order of its rays.
+struct Answers {
+    t: Vec<f64>,
+    primitive: Vec<i64>,
+    mesh: Vec<i32>,
+    barycentrics: Vec<[f64; 2]>,
+    normal: Vec<[f64; 3]>,
 }
 
-impl PacketHits {
-    const MISSES: Self = Self {
-        t: [f64::INFINITY; LANES],
-        primitive: [-1; LANES],
-        mesh: [-1; LANES],
-        barycentrics: [[f64::NAN; 2]; LANES],
-        normal: [[0.0; 3]; LANES],
-    };
+impl Answers {
+    fn new() -> Self {
+        Self {
+            t: vec![0.0; CHUNK],
+            primitive: vec![0; CHUNK],
+            mesh: vec![0; CHUNK],
+            barycentrics: vec![[0.0; 2]; CHUNK],
+            normal: vec![[0.0; 3]; CHUNK],
+        }
+    }
+
+    /// Makes all answers misses.
+    fn clear(&mut self) {
+        self.t.fill(f64::INFINITY);
+        self.primitive.fill(-1);
+        self.mesh.fill(-1);
+        self.barycentrics.fill([f64::NAN; 2]);
+        self.normal.fill([0.0; 3]);
+    }
+
+    /// Stores hits. `first` is the index of the task's first ray.
+    #[inline(always)]
+    fn store(&mut self, first: usize, hits: &[FoundHit], refined: &Refined) {
+        for (i, hit) in hits.iter().enumerate() {
+            let at = hit.ray - first;
+            (self.t[at], self.primitive[at]) = (refined.t[i], hit.face.into());
+            (self.mesh[at], self.barycentrics[at]) = (hit.mesh as i32, refined.weights(i));
+            self.normal[at] = refined.normal(i);
+        }
+    }
 }
 
-/// The output of one task.
-struct HitChunk<'a> {
+/// Where the answers of a task go.
+struct Output<'a> {
     t: Part<'a, f64>,
     primitive: Part<'a, i64>,
     mesh: Part<'a, i32>,
@@ -159,25 +169,25 @@ struct HitChunk<'a> {
     normal: Part<'a, [f64; 3]>,
 }
 
-impl HitChunk<'_> {
-    /// Prefetches the memory of the next packet. Else its stores would wait for memory, and later
-    /// loads for the stores.
+impl Output<'_> {
+    /// Prefetches the memory of the packet that begins at ray `i` of the task. Else the stores of
+    /// its answers would wait for memory, and later loads for the stores.
     #[inline(always)]
-    fn prefetch(&self) {
-        self.t.prefetch(LANES);
-        self.primitive.prefetch(LANES);
-        self.mesh.prefetch(LANES);
-        self.barycentrics.prefetch(LANES);
-        self.normal.prefetch(LANES);
+    fn prefetch(&self, i: usize) {
+        self.t.prefetch(i, LANES);
+        self.primitive.prefetch(i, LANES);
+        self.mesh.prefetch(i, LANES);
+        self.barycentrics.prefetch(i, LANES);
+        self.normal.prefetch(i, LANES);
     }
 
-    /// Appends the first `count` hits of a packet.
-    #[inline(always)]
-    fn extend(&mut self, hits: &PacketHits, count: usize) {
-        self.t.extend(&hits.t[..count]);
-        self.primitive.extend(&hits.primitive[..count]);
-        self.mesh.extend(&hits.mesh[..count]);
-        self.barycentrics.extend(&hits.barycentrics[..count]);
-        self.normal.extend(&hits.normal[..count]);
+    /// Writes all answers.
+    fn fill(mut self, answers: &Answers) {
+        let count = self.t.room();
+        self.t.extend(&answers.t[..count]);
+        self.primitive.extend(&answers.primitive[..count]);
+        self.mesh.extend(&answers.mesh[..count]);
+        self.barycentrics.extend(&answers.barycentrics[..count]);
+        self.normal.extend(&answers.normal[..count]);
     }
 }

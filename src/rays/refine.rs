@@ -12,35 +12,20 @@ use crate::simd::{self, Isa, Kernel};
 /// One vector of doubles per lane.
 type Doubles3 = [Doubles; 3];
 
-/// Up to 16 hits of any rays.
-pub(super) struct HitBatch {
-    pub count: usize,
-    /// Indices of the rays.
-    pub rays: [usize; LANES],
-    /// Scene-wide indices of the triangles.
-    pub primitives: [u32; LANES],
-    /// What the tree found. It is kept where the ray runs in the plane of the triangle.
-    pub t: Doubles,
-    pub uv: [Doubles; 2],
-}
+/// Vertex indices of the faces of up to 16 hits.
+type FaceBatch = [[Option<u64>; 3]; LANES];
 
-impl HitBatch {
-    pub const EMPTY: Self = Self {
-        count: 0,
-        rays: [0; LANES],
-        primitives: [0; LANES],
-        t: [0.0; LANES],
-        uv: [[0.0; LANES]; 2],
-    };
-
-    /// Adds a hit. There is room for 16.
-    #[inline(always)]
-    pub fn push(&mut self, ray: usize, primitive: u32, t: f64, [u, v]: [f64; 2]) {
-        let i = self.count % LANES;
-        (self.rays[i], self.primitives[i], self.t[i]) = (ray, primitive, t);
-        (self.uv[0][i], self.uv[1][i]) = (u, v);
-        self.count = i + 1;
-    }
+/// A hit that the tree found.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FoundHit {
+    /// Index of the ray.
+    pub ray: usize,
+    pub mesh: u32,
+    /// Face in the mesh.
+    pub face: u32,
+    /// The values of t, u, v are kept where the ray runs in the plane of the triangle.
+    pub t: f64,
+    pub uv: [f64; 2],
 }
 
 /// Values of hits, computed in f64.
@@ -66,29 +51,57 @@ impl Refined {
 }
 
 impl RayScene {
-    /// Computes hits in f64, from the caller's arrays.
-    pub(super) fn refine(&self, rays: &RayBatch, hits: &HitBatch) -> Refined {
-        let mut corners = [[[1.0; LANES]; 3]; 3];
-        // All faces before the first vertex, so that the reads do not wait for each other.
-        let mut faces = [(0, [None; 3]); LANES];
-        for (face, &primitive) in faces.iter_mut().zip(&hits.primitives[..hits.count]) {
-            let (mesh, index) = self.place(primitive);
-            *face = (mesh, self.meshes[mesh].faces().get(index));
+    /// Prefetches the face of a hit that [`RayScene::refine`] will read.
+    #[inline(always)]
+    pub(super) fn prefetch_face(&self, mesh: u32, face: u32) {
+        self.meshes[mesh as usize].faces().prefetch(face as usize);
+    }
+
+    /// Computes hits in f64, from the caller's arrays. Calls `store` with up to 16 hits and their
+    /// values, in order.
+    pub(super) fn refine(
+        &self,
+        rays: &RayBatch,
+        found: &[FoundHit],
+        mut store: impl FnMut(&[FoundHit], &Refined),
+    ) {
+        // The vertices of a batch are prefetched while the batch before is computed.
+        let mut next = self.faces(&found[..found.len().min(LANES)]);
+        for (batch, hits) in found.chunks(LANES).enumerate() {
+            let faces = next;
+            next = self.faces(found.chunks(LANES).nth(batch + 1).unwrap_or(&[]));
+            let mut corners = [[[1.0; LANES]; 3]; 3];
+            for (i, (hit, face)) in hits.iter().zip(faces).enumerate() {
+                let positions = arrays::positions(self.meshes[hit.mesh as usize].as_ref(), face);
+                for (corner, position) in corners.iter_mut().zip(positions) {
+                    (corner[0][i], corner[1][i], corner[2][i]) = position.into();
+                }
+            }
+            let refined = simd::dispatch(Isa::detect(), Refine { rays, hits, corners: &corners });
+            store(hits, &refined);
         }
-        for (i, (mesh, face)) in faces.iter().take(hits.count).enumerate() {
-            let positions = arrays::positions(self.meshes[*mesh].as_ref(), *face);
-            for (corner, position) in corners.iter_mut().zip(positions) {
-                (corner[0][i], corner[1][i], corner[2][i]) = position.into();
+    }
+
+    /// Reads the faces of up to 16 hits, and prefetches their vertices.
+    #[inline(always)]
+    fn faces(&self, hits: &[FoundHit]) -> FaceBatch {
+        let mut faces = [[None; 3]; LANES];
+        for (face, hit) in faces.iter_mut().zip(hits) {
+            let mesh = &self.meshes[hit.mesh as usize];
+            *face = mesh.faces().get(hit.face as usize);
+            let vertices = mesh.vertices();
+            for vertex in face.iter().flatten() {
+                vertices.prefetch(*vertex as usize);
             }
         }
-        simd::dispatch(Isa::detect(), Refine { rays, hits, corners: &corners })
+        faces
     }
 }
 
-/// The work of [`RayScene::refine`].
+/// The work of [`RayScene::refine`] for up to 16 hits.
 struct Refine<'a> {
     rays: &'a RayBatch<'a>,
-    hits: &'a HitBatch,
+    hits: &'a [FoundHit],
     /// By corner.
     corners: &'a [Doubles3; 3],
 }
@@ -102,13 +115,15 @@ impl Kernel for Refine<'_> {
         let Self { rays, hits, corners: [v0, v1, v2] } = self;
         let (mut from, mut direction) = ([[0.0; LANES]; 3], [[1.0; LANES]; 3]);
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
-        for i in 0..hits.count.min(LANES) {
-            let (o, d) = rays.line(hits.rays[i]);
+        let (mut found_t, mut found_uv) = ([0.0; LANES], [[0.0; LANES]; 2]);
+        for (i, hit) in hits.iter().enumerate().take(LANES) {
+            let (o, d) = rays.line(hit.ray);
             for axis in 0..3 {
                 from[axis][i] = o[axis];
                 direction[axis][i] = d[axis];
             }
-            (tnear[i], tfar[i]) = rays.limits(hits.rays[i]);
+            (tnear[i], tfar[i]) = rays.limits(hit.ray);
+            (found_t[i], found_uv[0][i], found_uv[1][i]) = (hit.t, hit.uv[0], hit.uv[1]);
         }
         let mut out =
             Refined { t: [0.0; LANES], uv: [[0.0; LANES]; 2], normals: [[0.0; LANES]; 3] };
@@ -121,9 +136,9 @@ impl Kernel for Refine<'_> {
             let r = cross(to_v0, d);
             let t = dot(normal, to_v0) * inverse;
             let is_exact = t.abs() < f64::INFINITY;
-            let u = if is_exact { dot(r, e2) * inverse } else { hits.uv[0][i] };
-            let v = if is_exact { -dot(r, e1) * inverse } else { hits.uv[1][i] };
-            let t = if is_exact { t } else { hits.t[i] };
+            let u = if is_exact { dot(r, e2) * inverse } else { found_uv[0][i] };
+            let v = if is_exact { -dot(r, e1) * inverse } else { found_uv[1][i] };
+            let t = if is_exact { t } else { found_t[i] };
             (out.uv[0][i], out.uv[1][i]) = clamp_barycentrics(u, v);
             out.t[i] = t.max(tnear[i]).min(tfar[i]);
             let shrink = 1.0 / dot(normal, normal).sqrt();
