@@ -6,7 +6,7 @@ usage: growth.py [--program target/release/lightpath] [--rounds 3] [--embree-up-
 Each mesh is rendered alone under a point light, 1024 x 1024, 1 sample, by each backend in turns (A B B A). The
 tables have the medians. Meshes of more than 50 million triangles are rendered once, and those of more than
 --embree-up-to by `bvh` alone. Closed meshes of any size: scripts/make_torus.py. Prints an entry for
-docs/notebook/scaling.md. --charts writes growth-time.svg and growth-memory.svg; it needs matplotlib.
+docs/notebook/scaling.md. --charts writes scale-time.svg and scale-memory.svg; it needs matplotlib.
 """
 import argparse
 import json
@@ -94,6 +94,8 @@ def table(rows):
 def charts(rows, folder):
     from matplotlib import pyplot
 
+    pyplot.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "growth"})
+
     def draw(name, unit, lines):
         figure, axes = pyplot.subplots(figsize=(6, 4))
         for label, backend, value in lines:
@@ -108,8 +110,8 @@ def charts(rows, folder):
 
     seconds = [(phase, backend, lambda row, phase=phase: row[phase])
                for phase in ("load", "build", "render") for backend in ("bvh", "embree")]
-    draw("growth-time.svg", "seconds", [line for line in seconds if line[:2] != ("load", "embree")])
-    draw("growth-memory.svg", "GiB", [("process", b, lambda row: row["peak"] / 2**30) for b in ("bvh", "embree")])
+    draw("scale-time.svg", "seconds", [line for line in seconds if line[:2] != ("load", "embree")])
+    draw("scale-memory.svg", "GiB", [("process", b, lambda row: row["peak"] / 2**30) for b in ("bvh", "embree")])
 
 
 def main():

@@ -93,8 +93,11 @@ fn render_with<R: Record>(
 ) -> Result<RayCounts> {
     monitor.begin(Phase::Render, pixels(film.window));
     let context = RenderContext { world, accelerator, monitor };
+    // Without a maximum, the last tiles are handed out some 60 at a time, and threads wait for the
+    // one that got them.
     let (counts, dropped) = tiles(film, world.frame_end())
         .into_par_iter()
+        .with_max_len(1)
         .map(|mut tile| {
             if monitor.stopped() {
                 return Default::default();

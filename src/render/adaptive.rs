@@ -157,7 +157,7 @@ impl SharedSettings<'_> {
             let (taken, dropped) = work.finish(monitor);
             (rays, taken, dropped)
         };
-        tiles.into_par_iter().map(render).reduce_with(join)
+        tiles.into_par_iter().with_max_len(1).map(render).reduce_with(join)
     }
 
     /// Renders in passes over the whole film. Each pass is as large as the remaining time allows.
@@ -184,7 +184,11 @@ impl SharedSettings<'_> {
                 monitor.set_done(total.min((part * total as f64) as u64));
                 rays
             };
-            let sum = all.par_iter_mut().map(pass).reduce(RayCounts::default, |a, b| a + b);
+            let sum = all
+                .par_iter_mut()
+                .with_max_len(1)
+                .map(pass)
+                .reduce(RayCounts::default, |a, b| a + b);
             rays = rays + sum;
             if monitor.stopped() {
                 break;
