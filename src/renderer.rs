@@ -21,7 +21,7 @@ use crate::output::Outputs;
 use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
-use crate::render;
+use crate::render::{RenderContext, render_layers};
 use crate::scene::{
     self, CheckedShape, Loaded, Overrides, Scene, ShapeKind, Smooth, Source, Trimesh,
 };
@@ -307,7 +307,8 @@ impl Renderer<'_> {
         let channels = plan.layout.channels.clone();
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
-        render::render_layers(world, accelerator, isa, &mut film, plan, monitor)?;
+        let context = RenderContext { world, accelerator, isa, monitor };
+        render_layers(context, &mut film, plan, None)?;
         Ok(film)
     }
 

@@ -16,7 +16,7 @@ use crate::{
     layers::LayerPlan,
     memory::{self, Budget, Prediction},
     picture::{self, PictureFiles, PictureHeader, Storage},
-    render::{RayCounts, render_layers},
+    render::{RayCounts, RenderContext, render_layers},
     world::{ContentHashes, LoadOptions, World},
 };
 
@@ -171,8 +171,8 @@ impl Run<'_> {
         self.status.began(&monitor);
         let began = Instant::now();
         let (isa, accelerator) = (scene.backend.isa(), built.accelerator);
-        let counts =
-            self.pool.install(|| render_layers(&world, accelerator, isa, film, &plan, &monitor));
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        let counts = self.pool.install(|| render_layers(context, film, &plan, None));
         let render_s = began.elapsed().as_secs_f64();
         drop(permit);
         let written = counts.map(|counts| {

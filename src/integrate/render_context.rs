@@ -2,6 +2,7 @@
 
 use crate::accel::Accelerator;
 use crate::monitor::Monitor;
+use crate::simd::Isa;
 use crate::world::World;
 
 /// Number of rays traced, by class.
@@ -35,6 +36,8 @@ pub struct RenderContext<'a> {
     pub world: &'a World,
     /// Backend that finds the hits.
     pub accelerator: &'a dyn Accelerator,
+    /// Instruction set of the shading.
+    pub isa: Isa,
     /// Progress and the request to stop.
     pub monitor: &'a Monitor,
 }

@@ -15,7 +15,7 @@ use crate::{
     layers::{FaceCounts, LayerPlan},
     monitor::Monitor,
     poses::Poses,
-    render,
+    render::{RenderContext, render_layers},
     scene::{Backend, CheckedCamera, Loaded, Overrides, Projection},
     studio::{self, Appearance, Studio, Subject, Template},
     units,
@@ -80,8 +80,9 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
         let (width, height) = (scene.camera.width, scene.camera.height);
         let window = Window::full(width, height);
         let mut film = ReservedFilm::new([width, height], window, Vec::new())?.film();
-        let accelerator = accelerator.as_ref();
-        render::render_layers(&world, accelerator, backend.isa(), &mut film, &plan, &monitor)?;
+        let (accelerator, isa) = (accelerator.as_ref(), backend.isa());
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        render_layers(context, &mut film, &plan, None)?;
         let mut coverage =
             Coverage { image: pose.image.clone(), size: [width, height], faces: 0, area: 0.0 };
         for (primitive, ..) in counts.seen() {

@@ -25,7 +25,7 @@ use crate::{
     monitor::Monitor,
     output::{ValueCounts, atomic::PartFile},
     picture::{self, PictureHeader},
-    render::{self as renderer, RayCounts, SampleCounts},
+    render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers},
     world::{ContentHashes, LoadOptions, World, fingerprint},
 };
 
@@ -205,17 +205,12 @@ impl RenderRun<'_> {
         plan: &LayerPlan,
     ) -> Result<(RayCounts, Option<SampleCounts>)> {
         let (isa, monitor) = (self.job.loaded.scene.backend.isa(), self.monitor);
+        let context = RenderContext { world, accelerator, isa, monitor };
         if let Some(adaptive) = self.options.adaptive {
-            let (counts, taken) =
-                renderer::render_adaptive(world, accelerator, isa, film, plan, adaptive, monitor)?;
+            let (counts, taken) = render_adaptive(context, film, plan, adaptive)?;
             return Ok((counts, Some(taken)));
         }
-        let counts = match &self.options.part.raw {
-            None => renderer::render_layers(world, accelerator, isa, film, plan, monitor)?,
-            Some(raw) => {
-                renderer::render_samples(world, accelerator, isa, film, plan, raw, monitor)?
-            }
-        };
+        let counts = render_layers(context, film, plan, self.options.part.raw.as_ref())?;
         Ok((counts, None))
     }
 

@@ -161,7 +161,7 @@ fn explain(
     let witness = Witness { oracle, built_backends: [*first, *other], reason };
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
-    let context = RenderContext { world, accelerator: &witness, monitor };
+    let context = RenderContext { world, accelerator: &witness, isa, monitor };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
     simd::dispatch(isa, TileKernel::beauty(context, window, &mut rows));
     witness.reason.into_inner().unwrap_or_default()
