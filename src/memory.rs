@@ -124,8 +124,7 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
 
 /// Returns the bytes that a PNG of this depth needs beyond 8 bits per channel.
 pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
-    let pixels = u64::from(window.width()) * u64::from(window.height());
-    PNG_BYTES.saturating_mul(pixels) * u64::from(depth.bits() / 8 - 1)
+    PNG_BYTES.saturating_mul(window.pixels()) * u64::from(depth.bits() / 8 - 1)
 }
 
 /// Predicts the memory of a scene from the headers of all files, without the accelerator.
@@ -138,9 +137,8 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
 
 /// Returns the bytes of film and PNG with `words` channels in addition to R, G, B, A.
 pub fn film_bytes(window: Window, words: usize) -> u64 {
-    let pixels = u64::from(window.width()) * u64::from(window.height());
     let words = words as u64;
-    pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
+    window.pixels().saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
 }
 
 /// Predicts the memory of a scene with `words` channels in addition to R, G, B, A.

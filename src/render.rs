@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use rayon::prelude::*;
 
 pub use self::adaptive::{Adaptive, SampleCounts, render_adaptive};
-use self::tiles::{pixels, tiles};
+use self::tiles::tiles;
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes};
@@ -71,7 +71,7 @@ fn render_with<R: Record>(
     record: impl Fn() -> R + Sync,
 ) -> Result<RayCounts> {
     let RenderContext { world, monitor, .. } = context;
-    monitor.begin(Phase::Render, pixels(film.window));
+    monitor.begin(Phase::Render, film.window.pixels());
     let (counts, dropped) = tiles(film, world.frame_end())
         .into_par_iter()
         .map(|mut tile| {
@@ -87,7 +87,7 @@ fn render_with<R: Record>(
                 samples: samples.clone(),
             };
             let (counts, dropped) = simd::dispatch(context.isa, kernel);
-            monitor.done.fetch_add(pixels(tile.window), Relaxed);
+            monitor.done.fetch_add(tile.window.pixels(), Relaxed);
             monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
             (counts, dropped)
         })

@@ -85,18 +85,12 @@ impl Outputs {
         monitor.begin(Phase::Write, 1);
         let (exr, png) = rayon::join(
             || {
-                let path = self.exr.target().to_owned();
                 let mut attributes = options.exr.attributes.to_vec();
                 attributes.extend(options.fingerprint.map(|f| (FINGERPRINT.into(), f.into())));
                 let options = exr::Options { attributes: &attributes, ..options.exr };
-                exr::write(film, &options, self.exr.file(), &path)?;
-                self.exr.sync()
+                self.exr.fill_by(|file, path| exr::write(film, &options, file, path))
             },
-            || {
-                let path = self.png.target().to_owned();
-                png::write(film, options, self.png.file(), &path)?;
-                self.png.sync()
-            },
+            || self.png.fill_by(|file, path| png::write(film, options, file, path)),
         );
         exr?;
         png?;

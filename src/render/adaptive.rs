@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::tiles::{Tile, pixels, tiles};
+use super::tiles::{Tile, tiles};
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};
 use crate::integrate::{
@@ -97,7 +97,7 @@ pub fn render_adaptive(
 ) -> Result<(RayCounts, SampleCounts)> {
     let RenderContext { world, monitor, .. } = context;
     debug_assert_eq!(world.spp, adaptive.most);
-    monitor.begin(Phase::Render, pixels(film.window));
+    monitor.begin(Phase::Render, film.window.pixels());
     let mut job = SharedSettings { context, adaptive, goal: None };
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
@@ -123,7 +123,7 @@ impl SharedSettings<'_> {
         film: &mut Film,
         record: impl Fn() -> R + Sync,
     ) -> (RayCounts, SampleCounts) {
-        let all = pixels(film.window);
+        let all = film.window.pixels();
         let tiles = tiles(film, self.context.world.frame_end());
         let done = match self.adaptive.time {
             Some(time) => self.in_time(time, tiles, record),
@@ -148,7 +148,7 @@ impl SharedSettings<'_> {
             while !monitor.stopped() && self.goal.is_some_and(|goal| work.passes.choose(&goal)) {
                 rays = rays + work.pass(self);
             }
-            monitor.done.fetch_add(pixels(work.tile.window), Relaxed);
+            monitor.done.fetch_add(work.tile.window.pixels(), Relaxed);
             let (taken, dropped) = work.finish(monitor);
             (rays, taken, dropped)
         };

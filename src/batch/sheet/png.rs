@@ -33,12 +33,13 @@ const GREY: Rgb<u8> = Rgb([224, 227, 231]);
 pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Result<PathBuf> {
     let sheet = draw(entries, strips);
     let mut part = PartFile::create(path)?;
-    let written = sheet.write_to(&mut std::io::BufWriter::new(part.file()), ImageFormat::Png);
-    written.map_err(|error| {
-        let problem = Problem::new(path.display().to_string(), format!("cannot write: {error}"));
-        Error::new(ErrorKind::Retry, problem)
+    part.fill_by(|file, _| {
+        let written = sheet.write_to(&mut std::io::BufWriter::new(file), ImageFormat::Png);
+        written.map_err(|error| {
+            let message = format!("cannot write: {error}");
+            Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
+        })
     })?;
-    part.sync()?;
     part.commit()
 }
 

@@ -1,6 +1,5 @@
 //! Files for data sets: the faces that the camera sees, and ids as pictures.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -129,10 +128,7 @@ impl DatasetFiles {
     ) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
         if let (Some(mut part), Some(counts)) = (self.faces, &plan.faces) {
-            let bytes = visible_faces(counts, world);
-            let path = part.target().to_owned();
-            part.file().write_all(&bytes).map_err(|error| Error::io(&path, "write", &error))?;
-            part.sync()?;
+            part.fill(&visible_faces(counts, world))?;
             written.push(add(part));
         }
         let objects = film.planes.index("objectid.id");
@@ -147,9 +143,7 @@ impl DatasetFiles {
             let instance: Vec<u16> = pixels.clone().map(|pixel| object(pixel) as u16).collect();
             let semantic: Vec<u16> = pixels.map(|pixel| class(object(pixel))).collect();
             for (mut part, values) in parts.into_iter().zip([instance, semantic]) {
-                let path = part.target().to_owned();
-                png::write_ids(film, &values, part.file(), &path)?;
-                part.sync()?;
+                part.fill_by(|file, path| png::write_ids(film, &values, file, path))?;
                 written.push(add(part));
             }
         }

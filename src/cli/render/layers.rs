@@ -108,11 +108,9 @@ pub fn write_previews(
     mut add: impl FnMut(PartFile) -> PathBuf,
 ) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, PartFile)| {
-        let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
         let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };
-        png::encode(film, &bytes, color, None, part.file(), &path)?;
-        part.sync()?;
+        part.fill_by(|file, path| png::encode(film, &bytes, color, None, file, path))?;
         Ok(add(part))
     };
     previews.into_iter().map(write).collect()

@@ -210,7 +210,7 @@ fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     let [x0, y0] = [overscan - pixels; 2];
     let [x1, y1] = [width, height].map(|side| overscan + side + pixels);
     let window = Window { x0, y0, x1, y1 };
-    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
+    if window.pixels() > MAX_PIXELS {
         let [w, h] = [window.width(), window.height()];
         let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
         let message = format!("{message}, expected at most {MAX_PIXELS} pixels");

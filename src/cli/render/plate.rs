@@ -30,10 +30,9 @@ impl OverArgs {
     /// An image whose header cannot be read.
     pub fn bytes(&self, window: Window) -> Result<u64> {
         let Some(path) = &self.over else { return Ok(0) };
-        let pixels = u64::from(window.width()) * u64::from(window.height());
         // The plate's pixels in the window, and the pixels of the composite.
         let composite =
-            pixels.saturating_mul((size_of::<[f32; 3]>() + size_of::<[f32; 4]>()) as u64);
+            window.pixels().saturating_mul((size_of::<[f32; 3]>() + size_of::<[f32; 4]>()) as u64);
         Ok(Texture::size(path)?.decoding.saturating_add(composite))
     }
 

@@ -77,8 +77,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
 
 /// Returns the bytes that adaptive sampling keeps in addition to the film.
 pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
-    let each = adaptive.bytes_per_pixel(LayerPlan::new(scene).layout.channels.len());
-    u64::from(window.width()) * u64::from(window.height()) * each
+    window.pixels() * adaptive.bytes_per_pixel(LayerPlan::new(scene).layout.channels.len())
 }
 
 /// Returns the EXR attributes that describe adaptive sampling.
