@@ -112,16 +112,7 @@ fn measure_scene(
     // All backends get the same geometry, and some trace no instances.
     let world = job.world(monitor, true, note)?;
     let measured = measure(&world, settings, monitor, &note)?;
-    let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
-    Ok(SceneResult {
-        rays: rays.collect(),
-        name,
-        hash: job.loaded.hash,
-        triangles: world.triangles(),
-        backends: measured.backends,
-        rows: measured.rows,
-        agreement: measured.agreement,
-    })
+    Ok(SceneResult { name, hash: job.loaded.hash, ..measured })
 }
 
 /// Checks the flags and returns the settings.

@@ -193,7 +193,7 @@ fn check(
     let mut report = check_rays(&check, monitor)?;
     report.tree = built.bvh.as_ref().map(|bvh| TreeReport::from(bvh.validate()));
     if !args.no_picture {
-        report.pictures = compare_pictures(&world, &built.oracle, &built_backends, isa, monitor)?;
+        report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
     if let Some(path) = &args.save {
