@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    accel::BuildInfo,
     camera,
     error::{Error, Problem, Result},
     film::{Dropped, Film},
@@ -141,12 +140,12 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
 }
 
 /// The information that a picture's files hold beside the pixels.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct PictureHeader<'a> {
     /// Additional header attributes: names and values.
     pub more: &'a [(String, String)],
-    /// Backend that found the hits.
-    pub info: &'a BuildInfo,
+    /// Version of the backend that found the hits.
+    pub backend_version: &'a str,
     /// SHA-256 of everything that decides the pixels ([`crate::world::fingerprint`]). `None` if a
     /// mesh came through a pipe.
     pub scene_hash: Option<&'a str>,
@@ -228,7 +227,7 @@ fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
         _ => String::new(),
     };
     let name = scene.backend.name();
-    let backend = format!("{name} ({}{mode})", says.info.version);
+    let backend = format!("{name} ({}{mode})", says.backend_version);
     let values = [
         ("backend", Some(backend)),
         ("sceneHash", says.scene_hash.map(str::to_string)),

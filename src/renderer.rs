@@ -18,7 +18,6 @@ use crate::layers::LayerPlan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
-use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render::{RenderContext, render_layers};
@@ -364,15 +363,9 @@ impl PictureWriter {
     ) -> Result<[PathBuf; 2]> {
         let LoadedScene { scene, plan, .. } = loaded;
         let header = PictureHeader {
-            more: &[],
-            info: &self.info,
-            scene_hash: None,
-            spp: None,
-            over: None,
-            sequence: Sequence::default(),
-            render_seconds: None,
+            backend_version: &self.info.version,
             legend: loaded.world.legend.as_ref(),
-            fingerprint: None,
+            ..PictureHeader::default()
         };
         let storage = Storage::default();
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;

@@ -16,10 +16,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     };
     let number: f64 = number.parse().map_err(|_| expected())?;
     let bytes = number * (1u64 << shift) as f64;
-    match bytes >= 1.0 && bytes < (1u64 << 60) as f64 {
-        true => Ok(bytes as u64),
-        false => Err(expected()),
-    }
+    if bytes >= 1.0 && bytes < (1u64 << 60) as f64 { Ok(bytes as u64) } else { Err(expected()) }
 }
 
 /// Parses a picture size: `1920x1080` -> [1920, 1080]. The check of the scene limits the values.

@@ -177,15 +177,12 @@ impl Run<'_> {
         drop(permit);
         let written = counts.map(|counts| {
             let says = PictureHeader {
-                more: &[],
-                info: &built.info,
+                backend_version: &built.info.version,
                 scene_hash: frame.hash.as_deref(),
-                spp: None,
-                over: None,
                 sequence: self.job.sequence(frame.number),
-                render_seconds: None,
                 legend: built.world.legend.as_ref(),
                 fingerprint: frame.fingerprint.as_deref(),
+                ..PictureHeader::default()
             };
             let storage = self.job.storage;
             let write = || picture::write(files, film, scene, says, storage, &monitor);

@@ -50,10 +50,7 @@ pub fn json(value: &impl serde::Serialize) -> Result<()> {
         true => format!("\\u{:04x}", u32::from(c)),
         false => c.to_string(),
     };
-    let text = match text.contains(is_hidden) {
-        true => text.chars().map(escaped).collect(),
-        false => text,
-    };
+    let text = if text.contains(is_hidden) { text.chars().map(escaped).collect() } else { text };
     bytes((text + "\n").as_bytes())
 }
 

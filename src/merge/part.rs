@@ -41,7 +41,7 @@ pub struct PartDescription {
 }
 
 /// Format of a picture's files.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureFormat {
     /// Store 32-bit floats instead of 16-bit floats.
@@ -66,14 +66,10 @@ impl PictureFormat {
     /// Returns the default format with the given tone mapping.
     pub fn new(tonemap: &Tonemap) -> Self {
         Self {
-            float: false,
-            compression: Compression::default(),
-            multipart: false,
-            depth: Depth::default(),
-            transparent: false,
             tonemap: json!(tonemap.operator).as_str().unwrap_or_default().to_string(),
             exposure: tonemap.exposure,
             srgb: tonemap.srgb,
+            ..Self::default()
         }
     }
 

@@ -89,10 +89,7 @@ pub fn encode(
         Depth::Eight => BitDepth::Eight,
         Depth::Sixteen => BitDepth::Sixteen,
     });
-    encoder.set_color(match color.alpha {
-        true => ColorType::Rgba,
-        false => ColorType::Rgb,
-    });
+    encoder.set_color(if color.alpha { ColorType::Rgba } else { ColorType::Rgb });
     match color.srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),

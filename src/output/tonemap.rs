@@ -44,11 +44,6 @@ impl Depth {
     }
 }
 
-/// Returns 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
-pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
-    to_samples(pixels, tonemap, transparent, Depth::Eight)
-}
-
 /// Returns the bytes of the pixels, row-major: 4 channels with `transparent`, else 3. Each channel
 /// has the bytes of `depth`.
 pub fn to_samples(

@@ -55,10 +55,7 @@ impl Poses {
     /// All problems of the list; cameras that a scene would refuse.
     pub fn read(path: &Path, undistort: bool) -> Result<Self> {
         let json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-        let mut poses = match json && path.is_file() {
-            true => from_json(path)?,
-            false => colmap::read(path)?,
-        };
+        let mut poses = if json && path.is_file() { from_json(path)? } else { colmap::read(path)? };
         let place = path.display().to_string();
         if poses.list.is_empty() {
             return Err(Error::invalid(place, "found no camera, expected at least one"));

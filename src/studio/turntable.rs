@@ -52,6 +52,7 @@ pub struct Turntable {
 
 impl Turntable {
     /// Makes a turntable of `frames` frames: the object turns, and the lights stay with the camera.
+    #[cfg(test)]
     pub fn new(frames: u32) -> Self {
         Self { frames, turn: Turning::Object, lights: LightsFollow::Camera, start_deg: 0.0 }
     }

@@ -88,9 +88,6 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> 
         without.iter().for_each(|line| print::note(line));
         tested_backends = available;
     }
-    let times = match args.full {
-        true => FULL,
-        false => args.times.unwrap_or(1),
-    };
+    let times = if args.full { FULL } else { args.times.unwrap_or(1) };
     Ok(AccuracySettings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
 }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use crate::{
     error::{Error, Failures, Result},
     lab::{
-        compare::{self, CompareSettings, Compared, Comparison, file::Picture},
+        compare::{self, CompareSettings, Compared, Comparison, file::Picture, map},
         metrics::Metric,
     },
     output::atomic::PartFile,
@@ -38,7 +38,8 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let found = pool.install(|| compare::compare(test, reference, &settings))?;
     let failed = failed(args, &found, &limits)?;
     let shown = error_map.zip(found.layers.first());
-    let shown = shown.map(|(part, layer)| part.finish(page::error_map(layer)));
+    let shown =
+        shown.map(|(part, layer)| part.finish(map::error_map(&layer.test, &layer.reference)));
     let mut written: Vec<PathBuf> = shown.transpose()?.into_iter().collect();
     outputs.write("--html", || page::page(args, &found, &failed).html())?;
     written.extend(outputs.written());

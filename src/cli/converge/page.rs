@@ -155,9 +155,7 @@ fn pictures(report: &StudyReport, study: &Study) -> Option<Section> {
             text::error(point.relmse.value)
         );
         charts.push(picture(values, &caption));
-        let errors = map::errors(&layer(values, crop), &layer(&exact, crop));
-        let colors: Vec<_> = errors.iter().map(|e| map::color(map::position(*e))).collect();
-        let png = map::png(&colors, crop.size[0]);
+        let png = map::error_map(&layer(values, crop), &layer(&exact, crop));
         maps.push(picture_of_width(&png, &format!("error of {}", point.name()), shown));
     }
     charts.push(picture(&exact, "the reference"));

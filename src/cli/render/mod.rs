@@ -251,14 +251,14 @@ impl RenderRun<'_> {
         let behind = options.plate.as_ref().map(|plate| plate.pixels(film.window));
         let says = PictureHeader {
             more: &more,
-            info,
+            backend_version: &info.version,
             scene_hash: hash,
             spp: Some(&spp),
             over: behind.as_deref(),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             legend: world.legend.as_ref(),
-            fingerprint: None,
+            ..PictureHeader::default()
         };
         let RenderFiles { mut picture, previews, dataset, mut texts } = files;
         let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;

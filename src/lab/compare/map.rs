@@ -68,6 +68,16 @@ pub fn color(position: f64) -> [u8; 3] {
     [c.r, c.g, c.b]
 }
 
+/// Returns the map of the errors of a layer's pixels as a PNG.
+pub fn error_map(test: &PictureLayer, reference: &PictureLayer) -> Vec<u8> {
+    colored(errors(test, reference).into_iter().map(position), test.size[0])
+}
+
+/// Returns a PNG of positions on the colour scale, row by row.
+pub fn colored(positions: impl Iterator<Item = f64>, width: usize) -> Vec<u8> {
+    png(&positions.map(color).collect::<Vec<_>>(), width)
+}
+
 /// Encodes 8-bit pixels as a PNG file.
 pub fn png(pixels: &[[u8; 3]], width: usize) -> Vec<u8> {
     let (across, down) = (width as u32, (pixels.len() / width.max(1)) as u32);

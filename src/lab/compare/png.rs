@@ -87,10 +87,7 @@ impl Curve {
             (None, Some(gamma)) if gamma.into_value() > 0.0 => {
                 let gamma = f64::from(gamma.into_value());
                 // A gamma of 1 / 2.2 is a common approximation of sRGB.
-                match (gamma - 1.0 / 2.2).abs() < 1e-3 {
-                    true => Self::Srgb,
-                    false => Self::Power(1.0 / gamma),
-                }
+                if (gamma - 1.0 / 2.2).abs() < 1e-3 { Self::Srgb } else { Self::Power(1.0 / gamma) }
             }
             _ => Self::Srgb,
         }
