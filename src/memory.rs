@@ -99,10 +99,8 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
     let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. Its message is
     // the better one, so the prediction must not fail first.
-    let maximum = match summary.packed {
-        None => summary.file_bytes,
-        Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
-    };
+    let ratio = if summary.packed.is_some() { MAX_PACKING_RATIO } else { 1 };
+    let maximum = summary.file_bytes.saturating_mul(ratio);
     let implausible = summary.triangles.max(summary.vertices) > maximum;
     if options.points && !implausible {
         let spheres = summary.vertices.saturating_mul(SPHERE_BYTES);

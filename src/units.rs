@@ -140,10 +140,7 @@ pub fn ranges(numbers: &[u32]) -> String {
     };
     let shown: Vec<String> = ranges.by_ref().take(MAX_RANGES).map(text).collect();
     let rest: usize = ranges.map(<[u32]>::len).sum();
-    match rest {
-        0 => shown.join(", "),
-        _ => format!("{} and {rest} more", shown.join(", ")),
-    }
+    if rest == 0 { shown.join(", ") } else { format!("{} and {rest} more", shown.join(", ")) }
 }
 
 /// Formats a count with its noun: `1 thread`, `2,000 threads`.

@@ -38,10 +38,7 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
-    let fast = match loaded.scene.backend {
-        Backend::Embree(EmbreeMode::Fast) => ",fast",
-        _ => "",
-    };
+    let fast = if loaded.scene.backend == Backend::Embree(EmbreeMode::Fast) { ",fast" } else { "" };
     let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
     let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")

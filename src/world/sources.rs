@@ -6,6 +6,7 @@ use std::{
 };
 
 use crate::{
+    error::Problem,
     files::Stamp,
     mesh::{self, Mesh},
     scene::{Scene, ShapeKind},
@@ -73,6 +74,15 @@ pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
 /// Files that were read, with their stamps at that time. Pipes have no stamp.
 #[derive(Debug, Clone, Default)]
 pub struct ReadFiles(pub(super) Vec<(PathBuf, Option<Stamp>)>);
+
+/// What the load of a world reports beside the world.
+#[derive(Debug, Default)]
+pub(super) struct LoadLog {
+    /// The files that were read.
+    pub read: ReadFiles,
+    /// Warnings about the scene and its files.
+    pub warnings: Vec<Problem>,
+}
 
 impl ReadFiles {
     /// Paths of all files that were read.

@@ -13,7 +13,7 @@ use crate::shading::{
 };
 use crate::units::plural;
 
-use super::sources::{ReadFiles, beside};
+use super::sources::{LoadLog, beside};
 
 /// Memory that textures may take.
 #[derive(Debug, Clone, Copy)]
@@ -40,11 +40,10 @@ impl TextureLimits {
 ///
 /// # Errors
 /// All images that cannot be read or do not fit.
-pub fn load(
+pub(super) fn load(
     scene: &Scene,
     limits: TextureLimits,
-    read: &mut ReadFiles,
-    warnings: &mut Vec<Problem>,
+    log: &mut LoadLog,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
     let mut left = limits;
     let mut used = vec![false; scene.materials.len()];
@@ -65,12 +64,12 @@ pub fn load(
                     let texture = one(&spec.path, spec.color_space, left);
                     let texture = failures.keep(texture)?;
                     left = left.less(texture.bytes());
-                    read.0.push((spec.path.clone(), texture.stamp()));
+                    log.read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
                 if let Some(slot) = slot {
-                    warn(spec, &textures[slot as usize], warnings);
+                    warn(spec, &textures[slot as usize], &mut log.warnings);
                 }
                 slot
             }
@@ -178,12 +177,12 @@ pub fn mesh_images(
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.
 /// All textures together stay within `limits`.
-pub fn load_mesh_images(
+pub(super) fn load_mesh_images(
     mesh_images: Vec<MeshImages>,
     scene: &Scene,
     limits: TextureLimits,
     looks: &mut (Vec<Texture>, Vec<Material>),
-    (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
+    log: &mut LoadLog,
 ) -> Result<Vec<MeshMaterial>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
@@ -204,8 +203,8 @@ pub fn load_mesh_images(
                     let texture = one(&path, None, limits.less(taken));
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
-                        warn_of_negative(&place, &path, &texture, warnings);
-                        read.0.push((path.clone(), texture.stamp()));
+                        warn_of_negative(&place, &path, &texture, &mut log.warnings);
+                        log.read.0.push((path.clone(), texture.stamp()));
                         textures.push(texture);
                         textures.len() as u32 - 1
                     })

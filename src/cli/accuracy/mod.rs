@@ -18,7 +18,7 @@ use crate::{
     simd::Isa,
 };
 
-use super::{machine, print, signals};
+use super::{machine, outputs::OutputFlags, print, signals};
 
 use self::args::AccuracyArgs;
 
@@ -28,11 +28,16 @@ const FULL: u64 = 400;
 /// Runs the catalogue of hard cases, or the selected ones.
 pub fn run(args: &AccuracyArgs) -> Result<()> {
     let cases = cases(args.case.as_deref())?;
-    args.outputs().refuse_overwrites([""; 0])?;
+    let outputs = OutputFlags(vec![
+        ("--json FILE", &args.json),
+        ("--html FILE", &args.html),
+        ("--markdown FILE", &args.markdown),
+    ]);
+    outputs.refuse_overwrites([""; 0])?;
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;
     signals::watch(&monitor)?;
-    let mut outputs = args.outputs().create()?;
+    let mut outputs = outputs.create()?;
     let mut report = args.workers.pool()?.install(|| {
         print::text(&table::heading(&settings))?;
         let count = cases.len();

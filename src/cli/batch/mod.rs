@@ -279,14 +279,8 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         let written = written.as_ref();
         file.turntable = Some(TurntableKeys {
             frames: count,
-            turn: match frames.turn {
-                Some(turn) => turn,
-                None => written.map_or(Turning::Object, |t| t.turn),
-            },
-            lights: match frames.lights {
-                Some(lights) => Some(lights),
-                None => written.and_then(|t| t.lights),
-            },
+            turn: frames.turn.unwrap_or(written.map_or(Turning::Object, |t| t.turn)),
+            lights: frames.lights.or(written.and_then(|t| t.lights)),
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
         });

@@ -5,10 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueHint};
 
 use crate::{
-    cli::{
-        flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
-        outputs::OutputFlags,
-    },
+    cli::flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
     scene::SamplerKind,
 };
 
@@ -82,15 +79,4 @@ pub struct ConvergeArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
-}
-
-impl ConvergeArgs {
-    /// Returns the flags that name output files.
-    pub fn outputs(&self) -> OutputFlags<'_> {
-        OutputFlags(vec![
-            ("--json FILE", &self.json),
-            ("--csv FILE", &self.csv),
-            ("--html FILE", &self.html),
-        ])
-    }
 }

@@ -27,7 +27,9 @@ use crate::{
 
 use super::{
     load::{self, SceneRequest},
-    machine, overrides, print, signals,
+    machine,
+    outputs::OutputFlags,
+    overrides, print, signals,
 };
 
 use self::args::ConvergeArgs;
@@ -46,13 +48,18 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     overrides::add_sets(&mut request.overrides, &args.overrides.set);
     let mut job = load::load(request, &monitor)?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
-    args.outputs().refuse_overwrites(inputs)?;
+    let outputs = OutputFlags(vec![
+        ("--json FILE", &args.json),
+        ("--csv FILE", &args.csv),
+        ("--html FILE", &args.html),
+    ]);
+    outputs.refuse_overwrites(inputs)?;
     let scene = &job.loaded.scene;
     let tested_backends = tested_backends(args, scene, isa)?;
     let grid = grid(args, scene, tested_backends.len())?;
     let given = args.reference.as_deref().map(|path| read_reference(path, scene)).transpose()?;
     signals::watch(&monitor)?;
-    let mut outputs = args.outputs().create()?;
+    let mut outputs = outputs.create()?;
     let note = |text: &str| args.messages.note(text);
     if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
         limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));

@@ -56,10 +56,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
             }
         }
     }
-    match kind {
-        None => Ok(()),
-        Some(kind) => Err(Error { kind, problems }),
-    }
+    kind.map_or(Ok(()), |kind| Err(Error { kind, problems }))
 }
 
 fn error_json(path: &Path, error: &Error) -> Value {
@@ -155,10 +152,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
     resolution(&mesh, Bounds { min: low, max: high }, facts);
     drop(mesh);
-    match &args.cameras {
-        Some(list) => cameras::describe(path, list, args, facts),
-        None => Ok(()),
-    }
+    args.cameras.as_ref().map_or(Ok(()), |list| cameras::describe(path, list, args, facts))
 }
 
 /// Reads the header of a mesh, or of a cloud of points. The second value is true for a cloud.

@@ -22,10 +22,7 @@ pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
 /// - Data: the length of d over the root mean square length of all r.
 /// - Ids: 1 if they differ, else 0.
 pub fn errors(test: &PictureLayer, reference: &PictureLayer) -> Vec<f64> {
-    let channels = match test.meaning {
-        Meaning::Light => 3,
-        _ => test.channels.len(),
-    };
+    let channels = if test.meaning == Meaning::Light { 3 } else { test.channels.len() };
     let pixels = test.values.chunks_exact(channels).zip(reference.values.chunks_exact(channels));
     let square = |v: f32| f64::from(v) * f64::from(v);
     let finite = reference.values.iter().filter(|v| v.is_finite());
