@@ -24,7 +24,7 @@ mod uv;
 
 pub use environment::{Environment, TurnedMap};
 pub use environment_map::EnvironmentMap;
-pub use image_file::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
+pub use image_file::{DEFAULT_MAX_BYTES, ImageRequest, TextureSize, WHOLE_TEXELS};
 pub use light::{Area, Distant, Emitter, Falloff, Light};
 pub use light_rays::{LightWeights, light_rays};
 pub use light_tree::{DrawnLights, LightTree};

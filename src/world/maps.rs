@@ -68,7 +68,7 @@ fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
         let problem = Problem::new(shown, message).help("scale the image down");
         return Err(Error::new(ErrorKind::Limit, problem));
     }
-    let texture = Texture::load_within(&spec.path, None, needed)?;
+    let texture = Texture::load_within(&spec.path, needed)?;
     if let Some(Negative { texels, first: [x, y] }) = texture.negative() {
         let message = format!(
             "found {}, the first at ({x}, {y}); expected a radiance of at least 0",

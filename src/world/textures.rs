@@ -9,7 +9,8 @@ use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{
-    DEFAULT_MAX_BYTES, Material, Negative, Texture, TextureChoice, TexturesByFace, WHOLE_TEXELS,
+    DEFAULT_MAX_BYTES, ImageRequest, Material, Negative, Texture, TextureChoice, TexturesByFace,
+    WHOLE_TEXELS,
 };
 use crate::units::plural;
 
@@ -94,7 +95,7 @@ pub(super) fn load(
 
 /// Loads one image within the memory that is left.
 fn one(path: &Path, space: Option<ColorSpace>, left: TextureLimits) -> Result<Texture> {
-    let most = match left.budget {
+    let max_bytes = match left.budget {
         Some(budget) if budget.set_by_user => budget.bytes.min(DEFAULT_MAX_BYTES),
         // The limit is the free memory of this machine. The image may fit on another machine, so
         // this error is retryable. An image above the fixed limit fails below.
@@ -107,7 +108,7 @@ fn one(path: &Path, space: Option<ColorSpace>, left: TextureLimits) -> Result<Te
         }
         _ => DEFAULT_MAX_BYTES,
     };
-    Texture::load_in_tiles(path, space, most, left.whole)
+    Texture::load(ImageRequest { path, color_space: space, max_bytes, whole: left.whole })
 }
 
 /// The images that a mesh file names, for a shape whose material has no texture.

@@ -48,7 +48,7 @@ impl OverArgs {
             return Err(Error::invalid("--over", message).help(help));
         }
         let limit = max_memory.unwrap_or(DEFAULT_MAX_BYTES);
-        let image = Texture::load_within(path, None, limit)?;
+        let image = Texture::load_within(path, limit)?;
         let (found, frame) =
             ([image.width(), image.height()], [scene.camera.width, scene.camera.height]);
         if found != frame {

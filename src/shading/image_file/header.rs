@@ -21,8 +21,7 @@ const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 /// Offset of the byte of a PNG that is not 0 if the image is interlaced.
 const PNG_INTERLACING: usize = 28;
 
-/// Limit of [`Texture::load`](crate::shading::Texture::load) on the memory of one texture while it
-/// is decoded: 4 GiB.
+/// Limit on the memory of one texture while it is decoded, where the user sets none: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
 
 /// Most texels of a surface's image that is held in memory whole: 8192 x 8192.

@@ -15,12 +15,12 @@ const C: Wrap = Wrap::Clamp;
 
 /// Reads an image into memory.
 fn read(path: &Path, space: Option<ColorSpace>, max_bytes: u64) -> Result<DecodedImage> {
-    super::read(path, space, max_bytes, u64::MAX)
+    super::read(ImageRequest { path, color_space: space, max_bytes, whole: u64::MAX })
 }
 
 /// Reads an image into tiles.
 fn read_tiles(path: &Path, max_bytes: u64) -> Result<DecodedImage> {
-    super::read(path, None, max_bytes, 0)
+    super::read(ImageRequest { path, color_space: None, max_bytes, whole: 0 })
 }
 
 /// Writes one file into a new folder.
@@ -235,7 +235,7 @@ fn an_exr_texture_is_its_display_window() {
         let image = Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
         let (_folder, path) = file("w.exr", b"");
         image.write().to_file(&path).unwrap();
-        let texture = super::read(&path, None, DEFAULT_MAX_BYTES, u64::MAX).unwrap();
+        let texture = self::read(&path, None, DEFAULT_MAX_BYTES).unwrap();
         assert_eq!(texture.image.size(), (6, 5));
         let mut has = 0;
         for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
