@@ -9,7 +9,7 @@ use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformat
 
 use crate::{
     error::{Error, ErrorKind, Problem, Result},
-    shading::linear_from_srgb,
+    output::srgb,
 };
 
 use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
@@ -95,7 +95,7 @@ impl Curve {
 
     fn linear(self, value: f64) -> f64 {
         match self {
-            Self::Srgb => linear_from_srgb(value),
+            Self::Srgb => srgb::to_linear(value),
             Self::Power(1.0) => value,
             Self::Power(power) => value.powf(power),
         }

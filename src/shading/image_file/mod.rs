@@ -29,11 +29,11 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat};
 
-use super::srgb::linear_from_srgb;
 use super::texel_image::TexelImage;
 use super::tiles::{TileWriter, Tiles};
 use crate::error::{Error, Result};
 use crate::files::Stamp;
+use crate::output::srgb;
 use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::ExrLayout;
@@ -223,7 +223,7 @@ fn decode(
 /// The linear value of a stored value.
 fn linear(stored: f64, color_space: ColorSpace) -> f32 {
     match color_space {
-        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
+        ColorSpace::Srgb => srgb::to_linear(stored) as f32,
         ColorSpace::Linear => stored as f32,
     }
 }
@@ -241,7 +241,7 @@ fn decode_exr(
     color_space: Option<ColorSpace>,
 ) -> TexelImage {
     if color_space == Some(ColorSpace::Srgb) {
-        floats.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
+        floats.iter_mut().for_each(|v| *v = srgb::to_linear(f64::from(*v)) as f32);
     }
     let ExrLayout { size, columns, rows, .. } = layout;
     TexelImage::from_part(size.into(), columns, rows, floats)

@@ -63,7 +63,7 @@ fn bilinear(decoded: &DecodedImage, u: f64, v: f64, wrap: [Wrap; 2]) -> Vec3 {
 #[test]
 fn integers_are_srgb_and_decoded_before_filtering() {
     let t = load("t.ppm", b"P6 2 1 255\n\x00\x80\xff\xff\x80\xff");
-    let half = linear_from_srgb(128.0 / 255.0) as f32;
+    let half = srgb::to_linear(128.0 / 255.0) as f32;
     assert!((half - 0.215_860_5).abs() < 1e-6);
     let middle = bilinear(&t, 0.5, 0.5, [C; 2]);
     assert_eq!(middle, Vec3::new(0.5, half, 1.0));
@@ -83,7 +83,7 @@ fn sixteen_bits_are_kept() {
     let rgb = nearest(&t, 0.5, 0.5);
     assert_eq!(rgb, Vec3::new(1.0, 32768.0, 65535.0) / 65535.0);
     let t = load("t.ppm", b"P6 1 1 65535\n\x80\x00\x00\x00\xff\xff");
-    let half = linear_from_srgb(32768.0 / 65535.0) as f32;
+    let half = srgb::to_linear(32768.0 / 65535.0) as f32;
     assert_eq!(nearest(&t, 0.0, 0.0), Vec3::new(half, 0.0, 1.0));
 }
 
@@ -123,7 +123,7 @@ fn samples_of_any_maxval_are_exact() {
                     let exact = f64::from(sample) / f64::from(white);
                     let exact = match space {
                         ColorSpace::Linear => exact,
-                        ColorSpace::Srgb => linear_from_srgb(exact),
+                        ColorSpace::Srgb => srgb::to_linear(exact),
                     };
                     let u = (f64::from(sample) + 0.5) / count as f64;
                     let found = nearest(&texture, u, 0.5);
