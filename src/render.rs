@@ -88,7 +88,7 @@ fn render_with<R: Record>(
             };
             let (counts, dropped) = simd::dispatch(context.isa, kernel);
             monitor.done.fetch_add(tile.window.pixels(), Relaxed);
-            monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+            monitor.rays.fetch_add(counts.all(), Relaxed);
             (counts, dropped)
         })
         .reduce(Default::default, |(a, lost): (RayCounts, Dropped), (b, more)| {

@@ -330,7 +330,7 @@ impl Run<'_> {
     /// Counts a frame that is written and named, and its rays.
     pub fn finished(&self, counts: &RayCounts) {
         self.status.rendered.fetch_add(1, Relaxed);
-        self.status.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+        self.status.rays.fetch_add(counts.all(), Relaxed);
     }
 }
 

@@ -216,7 +216,7 @@ impl<'a> Bench<'a> {
             let started = Instant::now();
             let counts = render(self.world, built[i], self.settings.isa, &mut film, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();
-            work[i] = counts.primary + counts.shadow + counts.reflection;
+            work[i] = counts.all();
             Ok(seconds)
         })?;
         Ok(TimingRow::new(WorkKind::Image, "image", "", threads, &work, samples))

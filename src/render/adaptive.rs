@@ -240,8 +240,7 @@ impl SharedSettings<'_> {
     fn pass<R: Record>(&self, passes: &mut Passes<R::Held>, record: &mut R) -> RayCounts {
         let rays =
             simd::dispatch(self.context.isa, PassKernel { context: self.context, passes, record });
-        let all = rays.primary + rays.shadow + rays.reflection;
-        self.context.monitor.rays.fetch_add(all, Relaxed);
+        self.context.monitor.rays.fetch_add(rays.all(), Relaxed);
         rays
     }
 }

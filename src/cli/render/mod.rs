@@ -177,12 +177,7 @@ impl RenderRun<'_> {
         stats.triangles = world.triangles();
         stats.memory.mesh_bytes = world.mesh_bytes();
         stats.memory.texture_bytes = world.texture_bytes();
-        stats.rays = RayStats {
-            primary: counts.primary,
-            shadow: counts.shadow,
-            reflection: counts.reflection,
-            false_hits: accelerator.false_hits(),
-        };
+        stats.rays = RayStats { counts, false_hits: accelerator.false_hits() };
         stats.samples = taken;
         stats.seconds = Seconds {
             load: loaded,
