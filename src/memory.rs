@@ -2,25 +2,21 @@
 //!
 //! `info` prints the prediction. `--max-memory` is compared with it before the first mesh is read.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use serde::Serialize;
 
-use crate::{
-    accel::MemoryFootprint,
-    error::{Error, ErrorKind, Problem, Result},
-    film::Window,
-    layers::LayerPlan,
-    mesh::{self, ReadOptions},
-    output::tonemap::Depth,
-    scene::{Filter, Scene, ShapeKind, Smooth},
-    shading::{EnvironmentMap, Texture, WHOLE_TEXELS},
-    units,
-    world::{color_request, own_images},
-};
+use crate::accel::MemoryFootprint;
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::Window;
+use crate::layers::LayerPlan;
+use crate::mesh::{self, ReadOptions};
+use crate::output::tonemap::Depth;
+use crate::scene::{Filter, Scene, ShapeKind, Smooth};
+use crate::shading::{EnvironmentMap, Texture, WHOLE_TEXELS};
+use crate::units;
+use crate::world::{color_request, own_images};
 
 mod available;
 mod budget;

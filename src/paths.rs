@@ -1,9 +1,7 @@
 //! Names of output files, and paths that remain valid when a scene is saved elsewhere.
 
-use std::{
-    ffi::OsStr,
-    path::{Component, Path, PathBuf},
-};
+use std::ffi::OsStr;
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, Result};
 

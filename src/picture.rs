@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    camera,
-    error::{Error, Problem, Result},
-    film::{Dropped, Film},
-    layers::{LayerPlan, Mattes},
-    monitor::Monitor,
-    output::{
-        Outputs, ValueCounts, WriteOptions, atomic::PartFile, exr, legend::Legend, tonemap::Depth,
-    },
-    paths,
-    scene::{Backend, CheckedCamera, Layer, Scene, written::MAX_CRYPTO_RANKS},
-};
+use crate::error::{Error, Problem, Result};
+use crate::film::{Dropped, Film};
+use crate::layers::{LayerPlan, Mattes};
+use crate::monitor::Monitor;
+use crate::output::atomic::PartFile;
+use crate::output::legend::Legend;
+use crate::output::tonemap::Depth;
+use crate::output::{Outputs, ValueCounts, WriteOptions, exr};
+use crate::scene::written::MAX_CRYPTO_RANKS;
+use crate::scene::{Backend, CheckedCamera, Layer, Scene};
+use crate::{camera, paths};
 
 /// Storage options of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -5,11 +5,10 @@
 //! scene and the contents of its files. The second covers only the scene, so that a message can
 //! name what differs. Paths of files do not count.
 
-use crate::{
-    output::{exr::Sequence, tonemap::Depth},
-    picture::Storage,
-    scene::{Backend, EmbreeMode, Loaded},
-};
+use crate::output::exr::Sequence;
+use crate::output::tonemap::Depth;
+use crate::picture::Storage;
+use crate::scene::{Backend, EmbreeMode, Loaded};
 
 /// Hexadecimal digits kept of a hash: 128 bits.
 const DIGITS: usize = 32;

@@ -1,14 +1,10 @@
 //! Expands paths, folders and patterns to files.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Error, Result},
-    studio,
-};
+use crate::error::{Error, Result};
+use crate::studio;
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///

@@ -1,9 +1,7 @@
 //! Prints results to stdout and messages to stderr.
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use clap::builder::Styles;
 

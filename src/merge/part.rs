@@ -7,7 +7,8 @@ use serde_json::json;
 
 use crate::film::Window;
 use crate::layers::{PartialSumsLayout, PixelLayout};
-use crate::output::{exr::Compression, tonemap::Depth};
+use crate::output::exr::Compression;
+use crate::output::tonemap::Depth;
 use crate::scene::Tonemap;
 
 /// Name of the EXR attribute that holds the description as JSON.

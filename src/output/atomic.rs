@@ -6,21 +6,17 @@
 //! never a broken target. The data is on the disk before the rename. So after a power cut the final
 //! name still refers to a complete file.
 
-use std::{
-    collections::HashMap,
-    ffi::{OsStr, OsString},
-    fs::{File, OpenOptions},
-    io::Write,
-    path::{Path, PathBuf},
-    sync::Mutex,
-};
+use std::collections::HashMap;
+use std::ffi::{OsStr, OsString};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use tempfile::NamedTempFile;
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    files, paths, threads,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::{files, paths, threads};
 
 /// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
@@ -217,7 +213,9 @@ fn target_of(part: &OsStr) -> Option<&OsStr> {
 /// the process ends.
 #[cfg(unix)]
 mod lock {
-    use std::{fs::File, os::unix::fs::MetadataExt, path::Path};
+    use std::fs::File;
+    use std::os::unix::fs::MetadataExt;
+    use std::path::Path;
 
     use rustix::fs::{FlockOperation, flock};
 

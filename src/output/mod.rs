@@ -21,12 +21,10 @@ mod write_options;
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::Result,
-    film::Film,
-    monitor::{Monitor, Phase},
-    paths,
-};
+use crate::error::Result;
+use crate::film::Film;
+use crate::monitor::{Monitor, Phase};
+use crate::paths;
 
 pub use finished::FINGERPRINT;
 pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{ToneOperator, Tonemap};
 
-use super::{srgb, value_counts::finite};
+use super::srgb;
+use super::value_counts::finite;
 
 /// The format of a PNG's pixels.
 #[derive(Debug, Clone, Copy)]

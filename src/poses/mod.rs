@@ -9,10 +9,8 @@ mod pose;
 mod text;
 mod transforms;
 
-use std::{
-    collections::HashSet,
-    path::{Component, Path},
-};
+use std::collections::HashSet;
+use std::path::{Component, Path};
 
 use self::bytes::bytes;
 pub use self::pose::{Pose, Poses};
@@ -20,13 +18,9 @@ pub use self::pose::{Pose, Poses};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    error::{Error, Result},
-    scene::{
-        self, Document,
-        written::{CameraDescription, Name},
-    },
-};
+use crate::error::{Error, Result};
+use crate::scene::written::{CameraDescription, Name};
+use crate::scene::{self, Document};
 
 /// Most cameras of a list; turntables have the same limit.
 const MAX_POSES: usize = 100_000;

@@ -9,10 +9,8 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{
-    SceneDescription,
-    written::{Axes, CameraDescription, LightDescription, Matrix},
-};
+use crate::scene::SceneDescription;
+use crate::scene::written::{Axes, CameraDescription, LightDescription, Matrix};
 
 use super::axes::main_axis;
 

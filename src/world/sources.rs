@@ -1,16 +1,12 @@
 //! Lists the files that decide the picture of a scene.
 
-use std::{
-    fs::Metadata,
-    path::{Path, PathBuf},
-};
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
 
-use crate::{
-    error::Problem,
-    files::Stamp,
-    mesh::{self, Mesh},
-    scene::{Scene, ShapeKind},
-};
+use crate::error::Problem;
+use crate::files::Stamp;
+use crate::mesh::{self, Mesh};
+use crate::scene::{Scene, ShapeKind};
 
 /// Returns all files that a scene names: meshes, textures of its materials, images of environments,
 /// and the images that the meshes themselves name, used or not. Reads the headers of the meshes.

@@ -2,18 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use embedded_graphics::mono_font::{MonoFont, ascii::FONT_6X10};
+use embedded_graphics::mono_font::MonoFont;
+use embedded_graphics::mono_font::ascii::FONT_6X10;
 use image::{ImageFormat, Rgb, RgbImage, imageops};
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    output::{atomic::PartFile, text::draw_text},
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::atomic::PartFile;
+use crate::output::text::draw_text;
 
-use super::{
-    entry::SheetEntry,
-    thumbnails::{SIDE, Strip},
-};
+use super::entry::SheetEntry;
+use super::thumbnails::{SIDE, Strip};
 
 const COLUMNS: usize = 15;
 

@@ -8,17 +8,14 @@ mod table;
 
 use std::sync::Arc;
 
-use crate::{
-    error::{Error, Result},
-    lab::{
-        accuracy::{self, AccuracySettings, Case},
-        backend::{self, TestedBackend},
-    },
-    monitor::Monitor,
-    simd::Isa,
-};
+use crate::error::{Error, Result};
+use crate::lab::accuracy::{self, AccuracySettings, Case};
+use crate::lab::backend::{self, TestedBackend};
+use crate::monitor::Monitor;
+use crate::simd::Isa;
 
-use super::{machine, outputs::OutputFlags, print, signals};
+use super::outputs::OutputFlags;
+use super::{machine, print, signals};
 
 use self::args::AccuracyArgs;
 

@@ -7,17 +7,15 @@ mod text;
 
 use std::path::PathBuf;
 
-use crate::{
-    error::{Error, Failures, Result},
-    lab::{
-        compare::{self, CompareSettings, Compared, Comparison, file::Picture, map},
-        metrics::Metric,
-    },
-    output::atomic::PartFile,
-    scene::{did_you_mean, list},
-};
+use crate::error::{Error, Failures, Result};
+use crate::lab::compare::file::Picture;
+use crate::lab::compare::{self, CompareSettings, Compared, Comparison, map};
+use crate::lab::metrics::Metric;
+use crate::output::atomic::PartFile;
+use crate::scene::{did_you_mean, list};
 
-use super::{outputs::OutputFlags, print, signals};
+use super::outputs::OutputFlags;
+use super::{print, signals};
 
 use self::args::CompareArgs;
 

@@ -1,17 +1,12 @@
 //! Report page of `compare`: pictures side by side, error maps, all numbers.
 
-use crate::{
-    lab::{
-        compare::{
-            Compared, Comparison, map,
-            mattes::{self, Matte},
-        },
-        metrics::Metric,
-    },
-    report::{Cell, ColorScale, Page, Section, picture_of_width},
-};
+use crate::lab::compare::mattes::{self, Matte};
+use crate::lab::compare::{Compared, Comparison, map};
+use crate::lab::metrics::Metric;
+use crate::report::{Cell, ColorScale, Page, Section, picture_of_width};
 
-use super::{args::CompareArgs, text};
+use super::args::CompareArgs;
+use super::text;
 
 /// Maximum number of mattes in one table.
 const MAX_MATTES: usize = 1000;

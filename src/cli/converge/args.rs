@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    cli::flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
-    scene::SamplerKind,
-};
+use crate::cli::flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs};
+use crate::scene::SamplerKind;
 
 /// Arguments of `lightpath converge`.
 #[derive(Debug, Args)]

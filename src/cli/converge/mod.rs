@@ -4,33 +4,26 @@ pub mod args;
 mod page;
 mod text;
 
-use std::{path::Path, sync::Arc, time::Instant};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
 
-use crate::{
-    error::{Error, Result},
-    lab::{
-        backend::TestedBackend,
-        compare::{
-            file::{FileFormat, Picture},
-            layer::{Meaning, PictureLayer},
-        },
-        converge::{
-            self, ReferencePicture, StudyGrid, StudyLimits, StudyNames, StudySettings, report,
-        },
-    },
-    monitor::Monitor,
-    output::exr_read,
-    scene::{SamplerKind, Scene},
-    simd::Isa,
-    studio,
+use crate::error::{Error, Result};
+use crate::lab::backend::TestedBackend;
+use crate::lab::compare::file::{FileFormat, Picture};
+use crate::lab::compare::layer::{Meaning, PictureLayer};
+use crate::lab::converge::{
+    self, ReferencePicture, StudyGrid, StudyLimits, StudyNames, StudySettings, report,
 };
+use crate::monitor::Monitor;
+use crate::output::exr_read;
+use crate::scene::{SamplerKind, Scene};
+use crate::simd::Isa;
+use crate::studio;
 
-use super::{
-    load::{self, SceneRequest},
-    machine,
-    outputs::OutputFlags,
-    overrides, print, signals,
-};
+use super::load::{self, SceneRequest};
+use super::outputs::OutputFlags;
+use super::{machine, overrides, print, signals};
 
 use self::args::ConvergeArgs;
 

@@ -3,10 +3,8 @@
 use std::fmt::Write;
 
 use crate::error::printable;
-use crate::lab::{
-    converge::{MeanWithError, PointResult, Series, StudyReport},
-    metrics::Metric,
-};
+use crate::lab::converge::{MeanWithError, PointResult, Series, StudyReport};
+use crate::lab::metrics::Metric;
 use crate::units::plural;
 
 use crate::cli::print::aligned;

@@ -7,22 +7,21 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::{
-    accel::{self, BuildOptions},
-    error::{Error, Result},
-    film::{ReservedFilm, Window},
-    geometry::doubles,
-    layers::{FaceCounts, LayerPlan},
-    monitor::Monitor,
-    poses::Poses,
-    render::{RenderContext, render_layers},
-    scene::{Backend, CheckedCamera, Loaded, Overrides, Projection},
-    studio::{self, Appearance, Studio, Subject, Template},
-    units,
-    world::{LoadOptions, World},
-};
+use crate::accel::{self, BuildOptions};
+use crate::error::{Error, Result};
+use crate::film::{ReservedFilm, Window};
+use crate::geometry::doubles;
+use crate::layers::{FaceCounts, LayerPlan};
+use crate::monitor::Monitor;
+use crate::poses::Poses;
+use crate::render::{RenderContext, render_layers};
+use crate::scene::{Backend, CheckedCamera, Loaded, Overrides, Projection};
+use crate::studio::{self, Appearance, Studio, Subject, Template};
+use crate::units;
+use crate::world::{LoadOptions, World};
 
-use super::{args::InfoArgs, facts::Facts};
+use super::args::InfoArgs;
+use super::facts::Facts;
 
 /// Maximum number of cameras that the text lists; JSON lists all.
 const LISTED: usize = 12;

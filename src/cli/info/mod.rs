@@ -9,35 +9,31 @@ mod cameras;
 mod facts;
 mod scene;
 
-use std::{
-    fs::File,
-    io::{ErrorKind, Read},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::Path;
 
-use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::AttributeValue;
+use ::exr::meta::header::Header;
 use serde_json::{Map, Value, json};
 
-use crate::{
-    accel::memory_footprint,
-    error::{Error, Problem, Result},
-    film::Window,
-    memory::{self, Prediction},
-    mesh,
-    monitor::Monitor,
-    output::{exr::text::decode, exr_check::exr_error},
-    scene::{Backend, Overrides},
-    studio::{self, Appearance, Studio, Subject, Template, UsedVertices},
-    units,
-    world::{Bounds, Detail},
-};
+use crate::accel::memory_footprint;
+use crate::error::{Error, Problem, Result};
+use crate::film::Window;
+use crate::memory::{self, Prediction};
+use crate::monitor::Monitor;
+use crate::output::exr::text::decode;
+use crate::output::exr_check::exr_error;
+use crate::scene::{Backend, Overrides};
+use crate::studio::{self, Appearance, Studio, Subject, Template, UsedVertices};
+use crate::world::{Bounds, Detail};
+use crate::{mesh, units};
 
 use super::print;
 
-use self::{
-    args::InfoArgs,
-    facts::{Facts, resolution_line},
-};
+use self::args::InfoArgs;
+use self::facts::{Facts, resolution_line};
 
 /// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {

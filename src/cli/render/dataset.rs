@@ -5,17 +5,15 @@ use std::sync::Arc;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    error::{Error, Result},
-    film::{Film, Window},
-    layers::{FaceCounts, LayerPlan},
-    memory,
-    output::{atomic::PartFile, png},
-    paths,
-    scene::{Layer, Scene},
-    shading::Owner,
-    world::World,
-};
+use crate::error::{Error, Result};
+use crate::film::{Film, Window};
+use crate::layers::{FaceCounts, LayerPlan};
+use crate::output::atomic::PartFile;
+use crate::output::png;
+use crate::scene::{Layer, Scene};
+use crate::shading::Owner;
+use crate::world::World;
+use crate::{memory, paths};
 
 /// Flags for data sets.
 #[derive(Debug, Args)]

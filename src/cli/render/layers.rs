@@ -2,18 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Error, Result},
-    film::Film,
-    layers::PixelLayout,
-    output::{
-        atomic::PartFile,
-        exr, png, preview as pictures,
-        tonemap::{Depth, PixelFormat},
-    },
-    paths,
-    scene::{Layer, Scene},
-};
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::layers::PixelLayout;
+use crate::output::atomic::PartFile;
+use crate::output::tonemap::{Depth, PixelFormat};
+use crate::output::{exr, png, preview as pictures};
+use crate::paths;
+use crate::scene::{Layer, Scene};
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///

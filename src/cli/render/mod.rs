@@ -11,38 +11,33 @@ pub mod progress;
 mod sampling;
 mod stats;
 
-use std::{path::PathBuf, sync::Arc, time::Instant};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
 use serde_json::json;
 
-use crate::{
-    accel::{self, Accelerator, BuildInfo, BuildOptions},
-    error::{Problem, Result},
-    film::{Film, ReservedFilm},
-    layers::LayerPlan,
-    memory::{self, Budget},
-    mesh::Mesh,
-    monitor::Monitor,
-    output::{ValueCounts, atomic::PartFile},
-    picture::{self, PictureHeader},
-    render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers},
-    world::{ContentHashes, LoadOptions, World, fingerprint},
-};
+use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
+use crate::error::{Problem, Result};
+use crate::film::{Film, ReservedFilm};
+use crate::layers::LayerPlan;
+use crate::memory::{self, Budget};
+use crate::mesh::Mesh;
+use crate::monitor::Monitor;
+use crate::output::ValueCounts;
+use crate::output::atomic::PartFile;
+use crate::picture::{self, PictureHeader};
+use crate::render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers};
+use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 
-use super::{
-    load::{self, SceneJob},
-    machine,
-    outputs::{self, TextOutputs},
-    print,
-    progress::Progress,
-    signals, version,
-};
+use super::load::{self, SceneJob};
+use super::outputs::{self, TextOutputs};
+use super::progress::Progress;
+use super::{machine, print, signals, version};
 
-use self::{
-    args::{RenderArgs, ReportArgs},
-    options::RenderOptions,
-    stats::{MemoryStats, RayStats, Seconds, Stats},
-};
+use self::args::{RenderArgs, ReportArgs};
+use self::options::RenderOptions;
+use self::stats::{MemoryStats, RayStats, Seconds, Stats};
 
 /// Flags that name output files.
 const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";

@@ -2,17 +2,15 @@
 
 use std::ops::Range;
 
-use crate::{
-    accel::BuildInfo,
-    camera::check_overscan,
-    error::{Error, ErrorKind, Problem, Result},
-    film::{Channel, Window},
-    integrate::{Pattern, TILE},
-    layers::{LayerPlan, PartialSumsLayout, PixelLayout},
-    merge::{PartDescription, PictureFormat, part},
-    picture::Storage,
-    scene::{Backend, MAX_PIXELS, Scene},
-};
+use crate::accel::BuildInfo;
+use crate::camera::check_overscan;
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::{Channel, Window};
+use crate::integrate::{Pattern, TILE};
+use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
+use crate::merge::{PartDescription, PictureFormat, part};
+use crate::picture::Storage;
+use crate::scene::{Backend, MAX_PIXELS, Scene};
 
 use super::args::RenderArgs;
 

@@ -4,12 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    error::{Error, Result},
-    film::Window,
-    scene::{Filter, Scene, Wrap},
-    shading::{DEFAULT_MAX_BYTES, Texture},
-};
+use crate::error::{Error, Result};
+use crate::film::Window;
+use crate::scene::{Filter, Scene, Wrap};
+use crate::shading::{DEFAULT_MAX_BYTES, Texture};
 
 /// The flag `--over`.
 #[derive(Debug, Args)]

@@ -2,14 +2,12 @@
 
 use std::time::Duration;
 
-use crate::{
-    error::{Error, Problem, Result},
-    film::Window,
-    integrate::{MIN_PASS_SAMPLES, Relative},
-    layers::LayerPlan,
-    render::Adaptive,
-    scene::Scene,
-};
+use crate::error::{Error, Problem, Result};
+use crate::film::Window;
+use crate::integrate::{MIN_PASS_SAMPLES, Relative};
+use crate::layers::LayerPlan;
+use crate::render::Adaptive;
+use crate::scene::Scene;
 
 use super::args::SamplingArgs;
 

@@ -4,10 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::{
-    render::{RayCounts, SampleCounts},
-    units,
-};
+use crate::render::{RayCounts, SampleCounts};
+use crate::units;
 
 /// Content of the `--stats` file, described in docs/guide/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]

@@ -4,11 +4,12 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
+use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind};
 use super::judge::{AimedPacket, Expect, judge_packet};
 use super::meshes::{corners, icosphere, inside, scene};
-use super::{AccuracySettings, backends::CaseBackends, catalogue};
+use super::{AccuracySettings, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{BackendFault, Faulty};

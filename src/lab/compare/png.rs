@@ -3,14 +3,14 @@
 //! A `gAMA` chunk defines the curve. Values are sRGB without that chunk, with an `sRGB` chunk, or
 //! if gamma is 1 / 2.2.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformations};
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    output::srgb,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::srgb;
 
 use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
 

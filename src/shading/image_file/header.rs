@@ -1,20 +1,16 @@
 //! Headers of image files: format detection by content, memory limits, and error messages.
 
-use std::{
-    fs::File,
-    io::{self, BufRead, BufReader, Seek},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Seek};
+use std::path::Path;
 
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::ExrLayout;
 use super::{jpeg_rows, jpeg_segments, pnm};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::files::Stamp;
 use crate::shading::{mip_map, tiles};
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    files::Stamp,
-};
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
