@@ -92,10 +92,7 @@ impl Error {
     /// # Errors
     /// An error of class `kind` with all `problems`.
     pub fn check(kind: ErrorKind, problems: Vec<Problem>) -> Result<()> {
-        match problems.is_empty() {
-            true => Ok(()),
-            false => Err(Self { kind, problems }),
-        }
+        if problems.is_empty() { Ok(()) } else { Err(Self { kind, problems }) }
     }
 
     /// Returns `Ok` if there are no failures. `check` is the place of the problems.

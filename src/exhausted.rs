@@ -6,10 +6,8 @@
 //! thread holds their list. It ends the process with the exit code for failures worth retrying. An
 //! abort of a thread whose allocations all succeeded stays an abort.
 
-use std::{
-    alloc::{GlobalAlloc, Layout, System},
-    cell::Cell,
-};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 
 thread_local! {
     /// True once an allocation of this thread has failed, also one that `reserve` reports as an

@@ -1,13 +1,11 @@
 //! Identity of files: refuses outputs that would overwrite an input, and detects files that change
 //! between two reads.
 
-use std::{
-    collections::HashSet,
-    ffi::OsString,
-    fs::Metadata,
-    path::{Path, PathBuf},
-    time::SystemTime,
-};
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 

@@ -2,25 +2,21 @@
 //!
 //! `info` prints the prediction. `--max-memory` is compared with it before the first mesh is read.
 
-use std::{
-    collections::{HashMap, HashSet},
-    path::Path,
-};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 use serde::Serialize;
 
-use crate::{
-    accel::MemoryFootprint,
-    error::{Error, ErrorKind, Problem, Result},
-    film::Window,
-    layers::LayerPlan,
-    mesh::{self, ReadOptions},
-    output::tonemap::Depth,
-    scene::{Filter, Scene, ShapeKind, Smooth},
-    shading::{EnvironmentMap, Texture, WHOLE_TEXELS},
-    units,
-    world::{color_request, own_images},
-};
+use crate::accel::MemoryFootprint;
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::Window;
+use crate::layers::LayerPlan;
+use crate::mesh::{self, ReadOptions};
+use crate::output::tonemap::Depth;
+use crate::scene::{Filter, Scene, ShapeKind, Smooth};
+use crate::shading::{EnvironmentMap, Texture, WHOLE_TEXELS};
+use crate::units;
+use crate::world::{color_request, own_images};
 
 mod available;
 mod budget;
@@ -99,10 +95,8 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
     let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. Its message is
     // the better one, so the prediction must not fail first.
-    let maximum = match summary.packed {
-        None => summary.file_bytes,
-        Some(_) => summary.file_bytes.saturating_mul(MAX_PACKING_RATIO),
-    };
+    let ratio = if summary.packed.is_some() { MAX_PACKING_RATIO } else { 1 };
+    let maximum = summary.file_bytes.saturating_mul(ratio);
     let implausible = summary.triangles.max(summary.vertices) > maximum;
     if options.points && !implausible {
         let spheres = summary.vertices.saturating_mul(SPHERE_BYTES);
@@ -124,8 +118,7 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
 
 /// Returns the bytes that a PNG of this depth needs beyond 8 bits per channel.
 pub fn deeper_png_bytes(window: Window, depth: Depth) -> u64 {
-    let pixels = u64::from(window.width()) * u64::from(window.height());
-    PNG_BYTES.saturating_mul(pixels) * u64::from(depth.bits() / 8 - 1)
+    PNG_BYTES.saturating_mul(window.pixels()) * u64::from(depth.bits() / 8 - 1)
 }
 
 /// Predicts the memory of a scene from the headers of all files, without the accelerator.
@@ -138,9 +131,8 @@ pub fn predict(scene: &Scene, window: Window) -> Result<Prediction> {
 
 /// Returns the bytes of film and PNG with `words` channels in addition to R, G, B, A.
 pub fn film_bytes(window: Window, words: usize) -> u64 {
-    let pixels = u64::from(window.width()) * u64::from(window.height());
     let words = words as u64;
-    pixels.saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
+    window.pixels().saturating_mul(words.saturating_mul(4).saturating_add(FILM_BYTES + PNG_BYTES))
 }
 
 /// Predicts the memory of a scene with `words` channels in addition to R, G, B, A.

@@ -1,9 +1,8 @@
 //! State that a long job shares with other threads: its progress, and a request to stop.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicI32, AtomicU8, AtomicU64, Ordering::Relaxed},
-};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicI32, AtomicU8, AtomicU64};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 

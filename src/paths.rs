@@ -1,9 +1,7 @@
 //! Names of output files, and paths that remain valid when a scene is saved elsewhere.
 
-use std::{
-    ffi::OsStr,
-    path::{Component, Path, PathBuf},
-};
+use std::ffi::OsStr;
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, Result};
 
@@ -102,10 +100,7 @@ pub fn seen_from(path: &Path, folder: &Path) -> Result<String> {
 
 /// Makes a folder's path absolute, and resolves links if it exists.
 fn real(folder: &Path) -> PathBuf {
-    let folder = match folder.as_os_str().is_empty() {
-        true => Path::new("."),
-        false => folder,
-    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let absolute = || std::path::absolute(folder);
     folder.canonicalize().or_else(|_| absolute()).unwrap_or_else(|_| folder.to_owned())
 }

@@ -2,19 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    accel::BuildInfo,
-    camera,
-    error::{Error, Problem, Result},
-    film::{Dropped, Film},
-    layers::{LayerPlan, Mattes},
-    monitor::Monitor,
-    output::{
-        Outputs, ValueCounts, WriteOptions, atomic::PartFile, exr, legend::Legend, tonemap::Depth,
-    },
-    paths,
-    scene::{Backend, CheckedCamera, Layer, Scene, written::MAX_CRYPTO_RANKS},
-};
+use crate::error::{Error, Problem, Result};
+use crate::film::{Dropped, Film};
+use crate::layers::{LayerPlan, Mattes};
+use crate::monitor::Monitor;
+use crate::output::atomic::PartFile;
+use crate::output::legend::Legend;
+use crate::output::tonemap::Depth;
+use crate::output::{Outputs, ValueCounts, WriteOptions, exr};
+use crate::scene::written::MAX_CRYPTO_RANKS;
+use crate::scene::{Backend, CheckedCamera, Layer, Scene};
+use crate::{camera, paths};
 
 /// Storage options of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -141,12 +139,12 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
 }
 
 /// The information that a picture's files hold beside the pixels.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct PictureHeader<'a> {
     /// Additional header attributes: names and values.
     pub more: &'a [(String, String)],
-    /// Backend that found the hits.
-    pub info: &'a BuildInfo,
+    /// Version of the backend that found the hits.
+    pub backend_version: &'a str,
     /// SHA-256 of everything that decides the pixels ([`crate::world::fingerprint`]). `None` if a
     /// mesh came through a pipe.
     pub scene_hash: Option<&'a str>,
@@ -228,7 +226,7 @@ fn origin(scene: &Scene, says: &PictureHeader) -> Vec<(String, String)> {
         _ => String::new(),
     };
     let name = scene.backend.name();
-    let backend = format!("{name} ({}{mode})", says.info.version);
+    let backend = format!("{name} ({}{mode})", says.backend_version);
     let values = [
         ("backend", Some(backend)),
         ("sceneHash", says.scene_hash.map(str::to_string)),

@@ -10,12 +10,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use rayon::prelude::*;
 
 pub use self::adaptive::{Adaptive, SampleCounts, render_adaptive};
-use self::tiles::{pixels, tiles};
+use self::tiles::tiles;
 use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes};
-pub use crate::integrate::RayCounts;
-use crate::integrate::{Beauty, Layers, Record, RenderContext, TileKernel};
+use crate::integrate::{Beauty, Layers, Record, TileKernel};
+pub use crate::integrate::{RayCounts, RenderContext};
 use crate::layers::{LayerPlan, PartialSumsLayout};
 use crate::monitor::{Monitor, Phase};
 use crate::simd::{self, Isa};
@@ -34,65 +34,44 @@ pub fn render(
     film: &mut Film,
     monitor: &Monitor,
 ) -> Result<RayCounts> {
-    film.planes = Planes::default();
-    render_with(world, accelerator, isa, film, 0..world.spp, || Beauty(None), monitor)
+    let context = RenderContext { world, accelerator, isa, monitor };
+    render_layers(context, film, &LayerPlan::default(), None)
 }
 
 /// [`render`] with the layers of a plan. R, G, B, A are the same bit for bit. The film's planes
 /// must be the planes of the plan.
 ///
-/// # Errors
-/// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
-pub fn render_layers(
-    world: &World,
-    accelerator: &dyn Accelerator,
-    isa: Isa,
-    film: &mut Film,
-    plan: &LayerPlan,
-    monitor: &Monitor,
-) -> Result<RayCounts> {
-    if plan.is_empty() {
-        return render(world, accelerator, isa, film, monitor);
-    }
-    let record = || Layers::new(plan, None, world.spp);
-    render_with(world, accelerator, isa, film, 0..world.spp, record, monitor)
-}
-
-/// [`render_layers`] for a part of the samples. The film's planes must be the planes of `raw`,
-/// which is made for the plan's layout. They receive partial sums, from which a merge computes the
+/// `raw`, which is made for the plan's layout, renders a part of the samples. The film's planes
+/// must then be the planes of `raw`. They receive partial sums, from which a merge computes the
 /// bits of the whole render. The film's pixels become the mean of these samples.
 ///
 /// # Errors
 /// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
-pub fn render_samples(
-    world: &World,
-    accelerator: &dyn Accelerator,
-    isa: Isa,
+pub fn render_layers(
+    context: RenderContext,
     film: &mut Film,
     plan: &LayerPlan,
-    raw: &PartialSumsLayout,
-    monitor: &Monitor,
+    raw: Option<&PartialSumsLayout>,
 ) -> Result<RayCounts> {
-    let samples = raw.samples();
-    if plan.is_empty() {
-        let record = || Beauty(Some(raw));
-        return render_with(world, accelerator, isa, film, samples, record, monitor);
+    let spp = context.world.spp;
+    let samples = raw.map_or(0..spp, PartialSumsLayout::samples);
+    if !plan.is_empty() {
+        return render_with(context, film, samples, || Layers::new(plan, raw, spp));
     }
-    let record = || Layers::new(plan, Some(raw), world.spp);
-    render_with(world, accelerator, isa, film, samples, record, monitor)
+    if raw.is_none() {
+        film.planes = Planes::default();
+    }
+    render_with(context, film, samples, || Beauty(raw))
 }
 
 fn render_with<R: Record>(
-    world: &World,
-    accelerator: &dyn Accelerator,
-    isa: Isa,
+    context: RenderContext,
     film: &mut Film,
     samples: Range<u32>,
     record: impl Fn() -> R + Sync,
-    monitor: &Monitor,
 ) -> Result<RayCounts> {
-    monitor.begin(Phase::Render, pixels(film.window));
-    let context = RenderContext { world, accelerator, monitor };
+    let RenderContext { world, monitor, .. } = context;
+    monitor.begin(Phase::Render, film.window.pixels());
     // Without a maximum, the last tiles are handed out some 60 at a time, and threads wait for the
     // one that got them.
     let (counts, dropped) = tiles(film, world.frame_end())
@@ -110,9 +89,9 @@ fn render_with<R: Record>(
                 words: &mut tile.words,
                 samples: samples.clone(),
             };
-            let (counts, dropped) = simd::dispatch(isa, kernel);
-            monitor.done.fetch_add(pixels(tile.window), Relaxed);
-            monitor.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+            let (counts, dropped) = simd::dispatch(context.isa, kernel);
+            monitor.done.fetch_add(tile.window.pixels(), Relaxed);
+            monitor.rays.fetch_add(counts.all(), Relaxed);
             (counts, dropped)
         })
         .reduce(Default::default, |(a, lost): (RayCounts, Dropped), (b, more)| {

@@ -18,10 +18,9 @@ use crate::layers::LayerPlan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
-use crate::output::exr::Sequence;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
-use crate::render;
+use crate::render::{RenderContext, render_layers};
 use crate::scene::{
     self, CheckedShape, Loaded, Overrides, Scene, ShapeKind, Smooth, Source, Trimesh,
 };
@@ -307,7 +306,8 @@ impl Renderer<'_> {
         let channels = plan.layout.channels.clone();
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
-        render::render_layers(world, accelerator, isa, &mut film, plan, monitor)?;
+        let context = RenderContext { world, accelerator, isa, monitor };
+        render_layers(context, &mut film, plan, None)?;
         Ok(film)
     }
 
@@ -363,15 +363,9 @@ impl PictureWriter {
     ) -> Result<[PathBuf; 2]> {
         let LoadedScene { scene, plan, .. } = loaded;
         let header = PictureHeader {
-            more: &[],
-            info: &self.info,
-            scene_hash: None,
-            spp: None,
-            over: None,
-            sequence: Sequence::default(),
-            render_seconds: None,
+            backend_version: &self.info.version,
             legend: loaded.world.legend.as_ref(),
-            fingerprint: None,
+            ..PictureHeader::default()
         };
         let storage = Storage::default();
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;

@@ -1,10 +1,8 @@
 //! Reserves memory whose size comes from a file or a scene, before the memory is used. So a lack of
 //! memory is an error and does not end the process.
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    units,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::units;
 
 /// A limit of memory, and whether the user set it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

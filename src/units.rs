@@ -16,10 +16,7 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     };
     let number: f64 = number.parse().map_err(|_| expected())?;
     let bytes = number * (1u64 << shift) as f64;
-    match bytes >= 1.0 && bytes < (1u64 << 60) as f64 {
-        true => Ok(bytes as u64),
-        false => Err(expected()),
-    }
+    if bytes >= 1.0 && bytes < (1u64 << 60) as f64 { Ok(bytes as u64) } else { Err(expected()) }
 }
 
 /// Parses a picture size: `1920x1080` -> [1920, 1080]. The check of the scene limits the values.
@@ -143,10 +140,7 @@ pub fn ranges(numbers: &[u32]) -> String {
     };
     let shown: Vec<String> = ranges.by_ref().take(MAX_RANGES).map(text).collect();
     let rest: usize = ranges.map(<[u32]>::len).sum();
-    match rest {
-        0 => shown.join(", "),
-        _ => format!("{} and {rest} more", shown.join(", ")),
-    }
+    if rest == 0 { shown.join(", ") } else { format!("{} and {rest} more", shown.join(", ")) }
 }
 
 /// Formats a count with its noun: `1 thread`, `2,000 threads`.

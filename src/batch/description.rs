@@ -10,11 +10,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{
-    output::exr::Compression,
-    scene::written::{Angles, MeshColorDescription, Name, Point, SmoothDescription},
-    studio::{Axis, LightsFollow, Quality, Studio, Turning},
-};
+use crate::output::exr::Compression;
+use crate::scene::written::{Angles, MeshColorDescription, Name, Point, SmoothDescription};
+use crate::studio::{Axis, LightsFollow, Quality, Studio, Turning};
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
 /// to the job file.

@@ -3,12 +3,10 @@
 //! XXH3 with 128 bits detects errors of disks, cables and copies. It does not protect against
 //! deliberate changes: whoever changes a file can change the journal, too.
 
-use std::{
-    collections::HashMap,
-    fs::File,
-    io::{self, BufReader},
-    path::{Path, PathBuf},
-};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
 

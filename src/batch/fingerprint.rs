@@ -5,11 +5,10 @@
 //! scene and the contents of its files. The second covers only the scene, so that a message can
 //! name what differs. Paths of files do not count.
 
-use crate::{
-    output::{exr::Sequence, tonemap::Depth},
-    picture::Storage,
-    scene::{Backend, EmbreeMode, Loaded},
-};
+use crate::output::exr::Sequence;
+use crate::output::tonemap::Depth;
+use crate::picture::Storage;
+use crate::scene::{Backend, EmbreeMode, Loaded};
 
 /// Hexadecimal digits kept of a hash: 128 bits.
 const DIGITS: usize = 32;
@@ -38,10 +37,7 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
-    let fast = match loaded.scene.backend {
-        Backend::Embree(EmbreeMode::Fast) => ",fast",
-        _ => "",
-    };
+    let fast = if loaded.scene.backend == Backend::Embree(EmbreeMode::Fast) { ",fast" } else { "" };
     let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
     let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")

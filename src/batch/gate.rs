@@ -2,10 +2,8 @@
 //! for the next one. A limited number of frames is rendered at a time, and frames of earlier meshes
 //! come first.
 
-use std::{
-    collections::BTreeMap,
-    sync::{Condvar, Mutex, PoisonError},
-};
+use std::collections::BTreeMap;
+use std::sync::{Condvar, Mutex, PoisonError};
 
 use crate::threads::lock;
 
@@ -125,7 +123,8 @@ impl Drop for RenderPermit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
+    use std::sync::atomic::AtomicU64;
+    use std::sync::atomic::Ordering::SeqCst;
 
     #[test]
     fn only_a_mesh_that_is_alone_may_exceed_the_limit() {

@@ -1,14 +1,10 @@
 //! Expands paths, folders and patterns to files.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Error, Result},
-    studio,
-};
+use crate::error::{Error, Result};
+use crate::studio;
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///
@@ -43,10 +39,7 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let matches = matches(&pattern)
         .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
     let files = once(matches.into_iter().filter(|path| path.is_file()));
-    match files.is_empty() {
-        true => Err(nothing("a pattern that matches no file")),
-        false => Ok(files),
-    }
+    if files.is_empty() { Err(nothing("a pattern that matches no file")) } else { Ok(files) }
 }
 
 /// Keeps the shortest of several paths that reach the same file through links to folders. A link to

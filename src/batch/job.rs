@@ -1,29 +1,24 @@
 //! Turns a job file and the command line's flags into a checked [`Job`], whose inputs all exist.
 
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde_json::Value;
 
-use crate::{
-    error::{Error, Failures, Result},
-    output::{exr::Sequence, tonemap::Depth},
-    paths,
-    picture::Storage,
-    poses::Poses,
-    scene::{Overrides, written::Name},
-    studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable},
-    units,
-};
+use crate::error::{Error, Failures, Result};
+use crate::output::exr::Sequence;
+use crate::output::tonemap::Depth;
+use crate::picture::Storage;
+use crate::poses::Poses;
+use crate::scene::Overrides;
+use crate::scene::written::Name;
+use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
+use crate::{paths, units};
 
-use super::{
-    description::{Input as Written, JobFile, TurntableKeys},
-    inputs,
-    names::{self, NamePattern},
-};
+use super::description::{Input as Written, JobFile, TurntableKeys};
+use super::inputs;
+use super::names::{self, NamePattern};
 
 /// Output folder if none is given.
 const FOLDER: &str = "out";

@@ -3,24 +3,20 @@
 //! Each line is appended by itself, so a kill at any time loses at most the last line. Later runs
 //! append to the file. A folder may have several journals. The record of the latest run counts.
 
-use std::{
-    collections::BTreeMap,
-    fs::{File, OpenOptions},
-    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write},
-    path::{Path, PathBuf},
-    sync::Mutex,
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 #[cfg(unix)]
 use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::{
-    error::{Error, Result},
-    threads::lock,
-};
+use crate::error::{Error, Result};
+use crate::threads::lock;
 
 /// One line of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]

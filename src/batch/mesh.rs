@@ -1,34 +1,27 @@
 //! Renders one input of a batch, a mesh or a scene: reads it, builds its accelerator, renders its
 //! frames in parallel, and drops it.
 
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering::Relaxed},
-    },
-    time::Instant,
-};
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
 
-use crate::{
-    accel::{self, Accelerator, BuildInfo, BuildOptions},
-    error::{Error, Result},
-    film::{Film, ReservedFilm, Window},
-    layers::LayerPlan,
-    memory::{self, Budget, Prediction},
-    picture::{self, PictureFiles, PictureHeader, Storage},
-    render::{RayCounts, render_layers},
-    world::{ContentHashes, LoadOptions, World},
-};
+use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
+use crate::error::{Error, Result};
+use crate::film::{Film, ReservedFilm, Window};
+use crate::layers::LayerPlan;
+use crate::memory::{self, Budget, Prediction};
+use crate::picture::{self, PictureFiles, PictureHeader, Storage};
+use crate::render::{RayCounts, RenderContext, render_layers};
+use crate::world::{ContentHashes, LoadOptions, World};
 
-use super::{
-    file_hashes::sum,
-    journal::{FrameRecord, JournalRecord, MeshRecord, seen_from},
-    resume::Resume,
-    scene::{self, Frame, Ready},
-    status::Event,
-    tasks::Task,
-    workers::{Run, guarded, together},
-};
+use super::file_hashes::sum;
+use super::journal::{FrameRecord, JournalRecord, MeshRecord, seen_from};
+use super::resume::Resume;
+use super::scene::{self, Frame, Ready};
+use super::status::Event;
+use super::tasks::Task;
+use super::workers::{Run, guarded, together};
 
 /// A loaded input with its accelerator, shared by all its frames.
 struct Built<'a> {
@@ -171,21 +164,18 @@ impl Run<'_> {
         self.status.began(&monitor);
         let began = Instant::now();
         let (isa, accelerator) = (scene.backend.isa(), built.accelerator);
-        let counts =
-            self.pool.install(|| render_layers(&world, accelerator, isa, film, &plan, &monitor));
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        let counts = self.pool.install(|| render_layers(context, film, &plan, None));
         let render_s = began.elapsed().as_secs_f64();
         drop(permit);
         let written = counts.map(|counts| {
             let says = PictureHeader {
-                more: &[],
-                info: &built.info,
+                backend_version: &built.info.version,
                 scene_hash: frame.hash.as_deref(),
-                spp: None,
-                over: None,
                 sequence: self.job.sequence(frame.number),
-                render_seconds: None,
                 legend: built.world.legend.as_ref(),
                 fingerprint: frame.fingerprint.as_deref(),
+                ..PictureHeader::default()
             };
             let storage = self.job.storage;
             let write = || picture::write(files, film, scene, says, storage, &monitor);

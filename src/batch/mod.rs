@@ -33,13 +33,13 @@ pub use workers::{BatchOptions, Outcome};
 
 pub use journal::read as journal;
 
-use std::{ops::Range, path::PathBuf, sync::atomic::Ordering::Relaxed};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
 
-use crate::{
-    error::{Error, Result},
-    monitor::Monitor,
-    threads,
-};
+use crate::error::{Error, Result};
+use crate::monitor::Monitor;
+use crate::threads;
 
 use journal::{Journal, now};
 

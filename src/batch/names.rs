@@ -1,18 +1,14 @@
 //! Names of the files of a batch: frames by a pattern such as `{stem}/{stem}.{frame:04}`, and
 //! contact sheets.
 
-use std::{
-    hash::{DefaultHasher, Hash, Hasher},
-    path::{Component, Path, PathBuf},
-    sync::Arc,
-};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
-use crate::{
-    error::{Error, Problem, Result},
-    output::Outputs,
-    paths,
-    scene::did_you_mean,
-};
+use crate::error::{Error, Problem, Result};
+use crate::output::Outputs;
+use crate::paths;
+use crate::scene::did_you_mean;
 
 /// Pattern for the path of a frame's files within the output folder, without the ending.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,18 +4,14 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::{
-    error::Result,
-    files::{self, FileSet},
-    output::Outputs,
-    picture, world,
-};
+use crate::error::Result;
+use crate::files::{self, FileSet};
+use crate::output::Outputs;
+use crate::{picture, world};
 
-use super::{
-    job::{Job, JobInput},
-    scene, sheet,
-    tasks::Task,
-};
+use super::job::{Job, JobInput};
+use super::tasks::Task;
+use super::{scene, sheet};
 
 /// Returns all files that a job reads: its own files, the texture for its meshes, its inputs, and
 /// the files that these name.

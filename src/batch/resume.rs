@@ -1,10 +1,12 @@
 //! Decides whether an existing frame may stay.
 
-use std::{ffi::OsStr, path::PathBuf};
+use std::ffi::OsStr;
+use std::path::PathBuf;
 
 use crate::output::finished::{self, FileState};
 
-use super::{file_hashes::FileHashes, fingerprint::difference};
+use super::file_hashes::FileHashes;
+use super::fingerprint::difference;
 
 /// Which existing frames may stay.
 #[derive(Debug, Clone, Copy)]

@@ -5,26 +5,22 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    error::{Error, Problem, Result},
-    film::Window,
-    layers::LayerPlan,
-    memory::{self, Prediction},
-    mesh::Mesh,
-    monitor::Monitor,
-    picture::{self, PictureFiles},
-    reserve::MemoryLimit,
-    scene::{Loaded, Scene, Source},
-    studio::{self, MeshScene, Subject, Turntable},
-    world::{self, ContentHashes},
-};
+use crate::error::{Error, Problem, Result};
+use crate::film::Window;
+use crate::layers::LayerPlan;
+use crate::memory::{self, Prediction};
+use crate::mesh::Mesh;
+use crate::monitor::Monitor;
+use crate::picture::{self, PictureFiles};
+use crate::reserve::MemoryLimit;
+use crate::scene::{Loaded, Scene, Source};
+use crate::studio::{self, MeshScene, Subject, Turntable};
+use crate::world::{self, ContentHashes};
 
-use super::{
-    fingerprint::{Settings, fingerprint},
-    job::{Job, JobInput},
-    resume::{self, Decision, Resume},
-    tasks::{self, Task},
-};
+use super::fingerprint::{Settings, fingerprint};
+use super::job::{Job, JobInput};
+use super::resume::{self, Decision, Resume};
+use super::tasks::{self, Task};
 
 /// Number of frames whose files are checked in one parallel pass.
 const FRAMES_PER_CHECK: usize = 256;

@@ -1,20 +1,15 @@
 //! Progress of a batch, for a display.
 
-use std::{
-    path::PathBuf,
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicU64, Ordering::Relaxed},
-    },
-};
+use std::path::PathBuf;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex};
 
 use serde_json::Value;
 
-use crate::{
-    error::{Error, Problem},
-    monitor::{Monitor, Phase},
-    threads::lock,
-};
+use crate::error::{Error, Problem};
+use crate::monitor::{Monitor, Phase};
+use crate::threads::lock;
 
 /// Counters that a batch updates and a display polls.
 #[derive(Debug, Default)]

@@ -4,42 +4,35 @@
 //! its frames and drops it. There is one worker more than frames rendered at a time. So the next
 //! mesh is ready when the previous mesh is done. [`gate`](super::gate) keeps the order.
 
-use std::{
-    ops::Range,
-    panic::{AssertUnwindSafe, catch_unwind},
-    path::Path,
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed},
-    },
-};
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicUsize};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::ThreadPool;
 
-use crate::{
-    accel::{MemoryFootprint, memory_footprint},
-    error::{Error, ErrorKind, Problem, Result},
-    files::FileSet,
-    memory::{self, Prediction},
-    monitor::Monitor,
-    output::atomic::Sweep,
-    render::RayCounts,
-    reserve::MemoryLimit,
-    scene::Backend,
-    threads::{self, lock},
-    world::ReadFiles,
-};
+use crate::accel::{MemoryFootprint, memory_footprint};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::files::FileSet;
+use crate::memory::{self, Prediction};
+use crate::monitor::Monitor;
+use crate::output::atomic::Sweep;
+use crate::render::RayCounts;
+use crate::reserve::MemoryLimit;
+use crate::scene::Backend;
+use crate::threads::{self, lock};
+use crate::world::ReadFiles;
 
-use super::{
-    file_hashes::FileHashes,
-    fingerprint::Settings,
-    gate::{MemoryGate, RenderPermits},
-    job::Job,
-    journal::{Journal, JournalRecord},
-    outputs, scene,
-    status::{Event, Status},
-    tasks::Task,
-};
+use super::file_hashes::FileHashes;
+use super::fingerprint::Settings;
+use super::gate::{MemoryGate, RenderPermits};
+use super::job::Job;
+use super::journal::{Journal, JournalRecord};
+use super::status::{Event, Status};
+use super::tasks::Task;
+use super::{outputs, scene};
 
 /// Tiles of 32 x 32 pixels per thread: enough to keep a thread busy while others finish theirs.
 const TILES_PER_THREAD: usize = 8;
@@ -330,7 +323,7 @@ impl Run<'_> {
     /// Counts a frame that is written and named, and its rays.
     pub fn finished(&self, counts: &RayCounts) {
         self.status.rendered.fetch_add(1, Relaxed);
-        self.status.rays.fetch_add(counts.primary + counts.shadow + counts.reflection, Relaxed);
+        self.status.rays.fetch_add(counts.all(), Relaxed);
     }
 }
 

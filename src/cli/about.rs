@@ -4,13 +4,13 @@ use clap::CommandFactory;
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use crate::{
-    batch::JobFile,
-    error::{Error, Result},
-    scene::{schema, schema_of},
-};
+use crate::batch::JobFile;
+use crate::error::{Error, Result};
+use crate::scene::{schema, schema_of};
 
-use super::{args::Arguments, names::SchemaName, print, version};
+use super::args::Arguments;
+use super::names::SchemaName;
+use super::{print, version};
 
 /// Prints the version; with `verbose`, also what the program was built from and finds here.
 pub fn version(verbose: bool) -> Result<()> {

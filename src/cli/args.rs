@@ -2,12 +2,17 @@
 
 use clap::{Parser, Subcommand};
 
-use super::{
-    accuracy::args::AccuracyArgs, batch::args::BatchArgs, bench::args::BenchArgs,
-    compare::args::CompareArgs, converge::args::ConvergeArgs, crosscheck::args::CrosscheckArgs,
-    info::args::InfoArgs, merge::MergeArgs, names::SchemaName, render::args::RenderArgs,
-    submit::SubmitArgs,
-};
+use super::accuracy::args::AccuracyArgs;
+use super::batch::args::BatchArgs;
+use super::bench::args::BenchArgs;
+use super::compare::args::CompareArgs;
+use super::converge::args::ConvergeArgs;
+use super::crosscheck::args::CrosscheckArgs;
+use super::info::args::InfoArgs;
+use super::merge::MergeArgs;
+use super::names::SchemaName;
+use super::render::args::RenderArgs;
+use super::submit::SubmitArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \

@@ -6,17 +6,14 @@ use std::path::PathBuf;
 use clap::{Args, ValueHint};
 use rayon::ThreadPool;
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    output::{ValueCounts, exr::Compression},
-    scene::{
-        SamplerKind, ToneOperator,
-        written::{AcceleratorName, ColorMap, MeshColorDescription},
-    },
-    simd::Isa,
-    studio::{Appearance, Axis, Quality, Studio, smooth},
-    units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two},
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::ValueCounts;
+use crate::output::exr::Compression;
+use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
+use crate::scene::{SamplerKind, ToneOperator};
+use crate::simd::Isa;
+use crate::studio::{Appearance, Axis, Quality, Studio, smooth};
+use crate::units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two};
 
 use super::{machine, print};
 

@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Problem, Result},
-    memory,
-    mesh::Mesh,
-    monitor::Monitor,
-    paths::seen_from,
-    scene::{Loaded, Overrides, Source},
-    studio::{self, MeshScene, Subject, Template},
-    world::{LoadOptions, World, own_texture, sources},
-};
+use crate::error::{Problem, Result};
+use crate::memory;
+use crate::mesh::Mesh;
+use crate::monitor::Monitor;
+use crate::paths::seen_from;
+use crate::scene::{Loaded, Overrides, Source};
+use crate::studio::{self, MeshScene, Subject, Template};
+use crate::world::{LoadOptions, World, own_texture, sources};
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]

@@ -2,11 +2,9 @@
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    lab::result::Machine,
-    simd::Isa,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::lab::result::Machine;
+use crate::simd::Isa;
 
 use super::version;
 

@@ -1,25 +1,22 @@
 //! `lightpath merge`: merges the parts of a picture into the files that one render would have
 //! written.
 
-use std::{path::PathBuf, sync::Arc, time::Instant};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    error::{Error, Result},
-    merge::Parts,
-    monitor::{Monitor, Phase},
-    output::{Outputs, WriteOptions, exr},
-    paths, picture,
-};
+use crate::error::{Error, Result};
+use crate::merge::Parts;
+use crate::monitor::{Monitor, Phase};
+use crate::output::{Outputs, WriteOptions, exr};
+use crate::{paths, picture};
 
-use super::{
-    flags::{MessageArgs, PrefixArgs, WorkerArgs},
-    outputs, print,
-    progress::{Progress, ProgressMode},
-    render::{layers, progress as render_progress},
-    signals,
-};
+use super::flags::{MessageArgs, PrefixArgs, WorkerArgs};
+use super::progress::{Progress, ProgressMode};
+use super::render::{layers, progress as render_progress};
+use super::{outputs, print, signals};
 
 /// Arguments of `lightpath merge`.
 #[derive(Debug, Args)]

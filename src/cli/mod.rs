@@ -33,10 +33,8 @@ pub use print::note;
 
 use std::path::Path;
 
-use clap::{
-    Parser,
-    error::{ContextKind, ContextValue},
-};
+use clap::Parser;
+use clap::error::{ContextKind, ContextValue};
 
 use crate::error::{Error, Result, printable};
 use crate::memory;

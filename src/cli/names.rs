@@ -1,14 +1,15 @@
 //! Names that flags accept as values.
 
-use clap::{ValueEnum, builder::PossibleValue};
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
 
-use crate::{
-    integrate::Relative,
-    output::{exr::Compression, tonemap::Depth},
-    scene::{SamplerKind, ToneOperator, written::AcceleratorName},
-    simd::Isa,
-    studio::{Axis, LightsFollow, Quality, Studio, Turning},
-};
+use crate::integrate::Relative;
+use crate::output::exr::Compression;
+use crate::output::tonemap::Depth;
+use crate::scene::written::AcceleratorName;
+use crate::scene::{SamplerKind, ToneOperator};
+use crate::simd::Isa;
+use crate::studio::{Axis, LightsFollow, Quality, Studio, Turning};
 
 /// Gives the values of a type names on the command line, and help for each name.
 macro_rules! names {

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::{error::Result, files};
+use crate::error::Result;
+use crate::files;
 
 use super::text_file::TextFile;
 

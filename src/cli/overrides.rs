@@ -2,10 +2,8 @@
 
 use serde_json::{Value, json};
 
-use crate::{
-    error::Result,
-    scene::{BackendFlags, Overrides},
-};
+use crate::error::Result;
+use crate::scene::{BackendFlags, Overrides};
 
 use super::flags::{MachineArgs, SceneArgs};
 

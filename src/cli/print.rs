@@ -1,9 +1,7 @@
 //! Prints results to stdout and messages to stderr.
 
-use std::{
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 use clap::builder::Styles;
 
@@ -50,10 +48,7 @@ pub fn json(value: &impl serde::Serialize) -> Result<()> {
         true => format!("\\u{:04x}", u32::from(c)),
         false => c.to_string(),
     };
-    let text = match text.contains(is_hidden) {
-        true => text.chars().map(escaped).collect(),
-        false => text,
-    };
+    let text = if text.contains(is_hidden) { text.chars().map(escaped).collect() } else { text };
     bytes((text + "\n").as_bytes())
 }
 

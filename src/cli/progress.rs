@@ -4,13 +4,11 @@
 //! short job prints none, and the log of a long job stays readable. Other modes print JSON lines
 //! for programs to stderr, or lines for render farms to stdout.
 
-use std::{
-    io::{IsTerminal, Write},
-    path::PathBuf,
-    sync::mpsc::{RecvTimeoutError, Sender, channel},
-    thread::JoinHandle,
-    time::{Duration, Instant},
-};
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};

@@ -4,22 +4,17 @@
 //! second signal does not wait for the job. A command without a monitor ([`end_at_once`]) ends at
 //! the first signal. Before the process ends, its unfinished files are removed.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering::Relaxed},
-};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
-use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ},
-    iterator::Signals,
-};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+use signal_hook::iterator::Signals;
 
-use crate::{
-    cli::print,
-    error::{Error, Result},
-    monitor::Monitor,
-    output::atomic::remove_parts,
-};
+use crate::cli::print;
+use crate::error::{Error, Result};
+use crate::monitor::Monitor;
+use crate::output::atomic::remove_parts;
 
 /// Handles signals until the process ends, for a job that polls the monitor. The first signal is
 /// stored in the monitor. The second signal removes unfinished files and ends the process.

@@ -1,24 +1,20 @@
 //! `lightpath submit slurm`: submits a job file as an array job of `lightpath batch --range`, and a
 //! second job for the contact sheet.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-    process::Command,
-};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::{
-    accel::memory_footprint,
-    batch::{self, Job, JournalRecord},
-    error::{Error, ErrorKind, Problem, Result},
-    farm::{self, Chunks, Slurm},
-    output::atomic::PartFile,
-    paths,
-    scene::{CheckedLight, LightKind},
-    units::{self, parse_bytes},
-};
+use crate::accel::memory_footprint;
+use crate::batch::{self, Job, JournalRecord};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::farm::{self, Chunks, Slurm};
+use crate::output::atomic::PartFile;
+use crate::paths;
+use crate::scene::{CheckedLight, LightKind};
+use crate::units::{self, parse_bytes};
 
 use super::{batch as batch_command, print, signals};
 

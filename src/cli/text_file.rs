@@ -1,20 +1,15 @@
 //! Text files that the program writes to a path from a flag.
 
-use std::{
-    fs::{File, OpenOptions},
-    io::Write,
-    path::{Path, PathBuf},
-};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 #[cfg(unix)]
 use std::{ffi::OsStr, os::fd::AsFd};
 
-use crate::{
-    error::{Error, Result},
-    files,
-    output::atomic::PartFile,
-    paths,
-};
+use crate::error::{Error, Result};
+use crate::output::atomic::PartFile;
+use crate::{files, paths};
 
 /// A small text file that is written atomically. A device, a pipe or a file that a process has open
 /// (`/dev/stdout`) is written directly.
@@ -93,7 +88,8 @@ fn writer(path: &Path) -> std::io::Result<File> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
-    use std::os::{fd::AsRawFd, unix::fs::symlink};
+    use std::os::fd::AsRawFd;
+    use std::os::unix::fs::symlink;
 
     #[test]
     fn a_text_is_written_through_links() {

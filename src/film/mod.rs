@@ -41,6 +41,11 @@ impl Window {
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }
+
+    /// Number of pixels in the window.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width()) * u64::from(self.height())
+    }
 }
 
 /// A picture in linear BT.709 radiance with premultiplied alpha, row by row over the data window.

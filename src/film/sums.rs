@@ -81,6 +81,7 @@ impl SampleSums {
     }
 
     /// Returns the number of nodes that remain after merging halves.
+    #[cfg(test)]
     pub fn nodes(&self) -> usize {
         self.nodes.len()
     }

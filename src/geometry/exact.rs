@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use super::primitives::Geometry;
-use super::surface::Surfaces;
-use super::surface::{hit_corners, on_sphere};
+use super::surface::{Surfaces, hit_corners, on_sphere};
 use crate::ray::RayPacket;
 
 /// Position of the hit of lane `i`, relative to the scene's origin, to f64 rounding. The lane must

@@ -14,8 +14,7 @@ use super::passing::passing;
 use super::primitives::{Geometry, GeometryKind};
 use super::sphere::Sphere;
 use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
-use crate::ray::NONE;
-use crate::ray::{LANES, Mask, RayPacket};
+use crate::ray::{LANES, Mask, NONE, RayPacket};
 
 /// 16 surface points, relative to the scene's origin.
 #[derive(Debug, Clone)]

@@ -5,8 +5,7 @@
 //! the width does not change.
 
 use crate::geometry::Surfaces;
-use crate::ray::LANES;
-use crate::ray::Rays;
+use crate::ray::{LANES, Rays};
 use crate::shading::Lanes;
 use crate::world::World;
 

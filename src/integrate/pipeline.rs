@@ -40,7 +40,7 @@ pub fn pipeline<F: ShadePacket>(
     units: impl Iterator<Item = ([u32; 2], u32)>,
     work: &mut F,
 ) -> RayCounts {
-    let RenderContext { world, accelerator, monitor } = context;
+    let RenderContext { world, accelerator, monitor, .. } = context;
     let sampler = Sampler::with_kind(world.sampler, world.seed);
     let mut counts = RayCounts::default();
     let joint = joint_light(world);

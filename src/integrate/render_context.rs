@@ -1,11 +1,14 @@
 //! What all tiles of a render share, and the counts that each returns.
 
+use serde::Serialize;
+
 use crate::accel::Accelerator;
 use crate::monitor::Monitor;
+use crate::simd::Isa;
 use crate::world::World;
 
 /// Number of rays traced, by class.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RayCounts {
     /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
     /// [`Accelerator::is_cone_empty`].
@@ -15,6 +18,13 @@ pub struct RayCounts {
     pub shadow: u64,
     /// Rays of mirror bounces.
     pub reflection: u64,
+}
+
+impl RayCounts {
+    /// Number of rays of all classes.
+    pub fn all(&self) -> u64 {
+        self.primary + self.shadow + self.reflection
+    }
 }
 
 impl std::ops::Add for RayCounts {
@@ -35,6 +45,8 @@ pub struct RenderContext<'a> {
     pub world: &'a World,
     /// Backend that finds the hits.
     pub accelerator: &'a dyn Accelerator,
+    /// Instruction set of the shading.
+    pub isa: Isa,
     /// Progress and the request to stop.
     pub monitor: &'a Monitor,
 }

@@ -9,7 +9,7 @@ use super::agreement::{self, Agreement};
 use super::backend::{TestedBackend, build_all};
 use super::rays::{RayClass, Recording, record};
 use super::replay::{Mode, Replay};
-use super::result::{BackendResult, PairResult, TimingRow, WorkKind};
+use super::result::{BackendResult, PairResult, SceneResult, TimingRow, WorkKind};
 use crate::accel::{self, Accelerator};
 use crate::error::Result;
 use crate::film::{Film, Window};
@@ -43,20 +43,8 @@ pub struct BenchSettings {
     pub slow_plan: TimingPlan,
 }
 
-/// Measurements of one scene.
-#[derive(Debug)]
-pub struct Measured {
-    /// Version, memory and number of wrong answers of every backend.
-    pub backends: Vec<BackendResult>,
-    /// Number of recorded rays of each class in [`BenchSettings::classes`].
-    pub rays: Vec<(RayClass, u64)>,
-    /// Timings: builds, classes of rays, whole pictures.
-    pub rows: Vec<TimingRow>,
-    /// Agreement of every pair of backends, for each class and mode that has rays.
-    pub agreement: Vec<PairResult>,
-}
-
-/// Runs all measurements of a scene. Calls `note` with the name of each step when it begins.
+/// Runs all measurements of a scene, which is yet without a name and a hash. Calls `note` with the
+/// name of each step when it begins.
 ///
 /// # Errors
 /// - `Retry` if the system cannot start the threads.
@@ -67,7 +55,7 @@ pub fn measure(
     settings: &BenchSettings,
     monitor: &Monitor,
     note: &(dyn Fn(&str) + Sync),
-) -> Result<Measured> {
+) -> Result<SceneResult> {
     let most = settings.threads.iter().copied().max().unwrap_or(1);
     let pools = settings.threads.iter().map(|&n| threads::pool(n)).collect::<Result<Vec<_>>>()?;
     let bench = Bench { world, settings, monitor, note };
@@ -92,7 +80,7 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// Runs all measurements. The current pool builds the accelerators for rays and pictures, and
     /// computes all answers. `pools` run what is timed.
-    fn all(&self, pools: &[ThreadPool]) -> Result<Measured> {
+    fn all(&self, pools: &[ThreadPool]) -> Result<SceneResult> {
         let mut rows = Vec::new();
         for pool in pools {
             rows.push(pool.install(|| self.builds())?);
@@ -122,8 +110,15 @@ impl<'a> Bench<'a> {
                 wrong: judged.iter().map(|j| j.scores[i].wrong).sum(),
             }
         });
-        let rays = self.settings.classes.iter().map(|&class| (class, recording.count(class)));
-        Ok(Measured { backends: backends.collect(), rays: rays.collect(), rows, agreement })
+        let rays = |&class: &RayClass| (class.name().to_string(), recording.count(class));
+        Ok(SceneResult {
+            triangles: self.world.triangles(),
+            rays: self.settings.classes.iter().map(rays).collect(),
+            backends: backends.collect(),
+            rows,
+            agreement,
+            ..SceneResult::default()
+        })
     }
 
     fn builds(&self) -> Result<TimingRow> {
@@ -221,7 +216,7 @@ impl<'a> Bench<'a> {
             let started = Instant::now();
             let counts = render(self.world, built[i], self.settings.isa, &mut film, self.monitor)?;
             let seconds = started.elapsed().as_secs_f64();
-            work[i] = counts.primary + counts.shadow + counts.reflection;
+            work[i] = counts.all();
             Ok(seconds)
         })?;
         Ok(TimingRow::new(WorkKind::Image, "image", "", threads, &work, samples))

@@ -117,13 +117,14 @@ pub fn record(
         sampler: Sampler::new(seed),
         state: Mutex::new(state),
     };
+    let isa = Isa::detect();
     for window in windows {
         monitor.check()?;
         let width = window.width() as usize;
         let mut pixels = vec![[0.0; 4]; width * window.height() as usize];
         let mut rows: Vec<_> = pixels.chunks_mut(width).collect();
-        let context = RenderContext { world, accelerator: &recorder, monitor };
-        simd::dispatch(Isa::detect(), TileKernel::beauty(context, window, &mut rows));
+        let context = RenderContext { world, accelerator: &recorder, isa, monitor };
+        simd::dispatch(isa, TileKernel::beauty(context, window, &mut rows));
     }
     monitor.check()?;
     let state = recorder.state.into_inner().unwrap_or_else(PoisonError::into_inner);

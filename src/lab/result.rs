@@ -52,7 +52,7 @@ pub struct RunStamp {
 }
 
 /// Results of one scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneResult {
     /// Name of the scene, as on the command line.
     pub name: String,

@@ -1,6 +1,7 @@
 //! Counts how often the camera sees each primitive, over all samples of all pixels.
 
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU32, AtomicU64};
 
 use crate::error::Result;
 use crate::reserve;

@@ -95,10 +95,7 @@ pub fn id(name: &str) -> u32 {
     let mut bytes = name.as_bytes();
     // Reading from memory cannot fail.
     let hash = murmur3::murmur3_32(&mut bytes, 0).unwrap_or_default();
-    match (hash >> 23) & 255 {
-        0 | 255 => hash ^ (1 << 23),
-        _ => hash,
-    }
+    if matches!(hash >> 23 & 255, 0 | 255) { hash ^ (1 << 23) } else { hash }
 }
 
 /// Fills the words of one kind of mattes. `ids` holds how many of a pixel's `samples` hit each id,

@@ -27,11 +27,9 @@ pub fn materials(scene: &Scene) -> Vec<String> {
         users[shape.material] = name;
     }
     let mut used = UsedNames::new(scene.materials.iter().filter_map(|m| m.name.as_ref()));
-    let names = scene.materials.iter().zip(users).map(|(material, user)| match &material.name {
-        Some(name) => name.clone(),
-        None => used.unique(format!("material.{user}")),
-    });
-    names.collect()
+    let mut unnamed = |user: &str| used.unique(format!("material.{user}"));
+    let named = scene.materials.iter().zip(users);
+    named.map(|(material, user)| material.name.clone().unwrap_or_else(|| unnamed(user))).collect()
 }
 
 fn kind(kind: &ShapeKind) -> String {

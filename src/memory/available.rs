@@ -1,10 +1,8 @@
 //! The memory that this process can still get: the minimum of what the machine, the control groups
 //! and the limits of the process leave.
 
-use std::{
-    fs::read_to_string,
-    path::{Component, Path, PathBuf},
-};
+use std::fs::read_to_string;
+use std::path::{Component, Path, PathBuf};
 
 /// Returns the number of bytes that the process can still get without swapping. `None` if it cannot
 /// be determined.

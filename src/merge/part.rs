@@ -7,7 +7,8 @@ use serde_json::json;
 
 use crate::film::Window;
 use crate::layers::{PartialSumsLayout, PixelLayout};
-use crate::output::{exr::Compression, tonemap::Depth};
+use crate::output::exr::Compression;
+use crate::output::tonemap::Depth;
 use crate::scene::Tonemap;
 
 /// Name of the EXR attribute that holds the description as JSON.
@@ -41,7 +42,7 @@ pub struct PartDescription {
 }
 
 /// Format of a picture's files.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureFormat {
     /// Store 32-bit floats instead of 16-bit floats.
@@ -66,14 +67,10 @@ impl PictureFormat {
     /// Returns the default format with the given tone mapping.
     pub fn new(tonemap: &Tonemap) -> Self {
         Self {
-            float: false,
-            compression: Compression::default(),
-            multipart: false,
-            depth: Depth::default(),
-            transparent: false,
             tonemap: json!(tonemap.operator).as_str().unwrap_or_default().to_string(),
             exposure: tonemap.exposure,
             srgb: tonemap.srgb,
+            ..Self::default()
         }
     }
 

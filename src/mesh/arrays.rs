@@ -1,6 +1,7 @@
 //! A triangle mesh as its file stores it: arrays in file units, indices checked, no transform.
 
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -6,21 +6,17 @@
 //! never a broken target. The data is on the disk before the rename. So after a power cut the final
 //! name still refers to a complete file.
 
-use std::{
-    collections::HashMap,
-    ffi::{OsStr, OsString},
-    fs::{File, OpenOptions},
-    io::Write,
-    path::{Path, PathBuf},
-    sync::Mutex,
-};
+use std::collections::HashMap;
+use std::ffi::{OsStr, OsString};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use tempfile::NamedTempFile;
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    files, paths, threads,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::{files, paths, threads};
 
 /// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
@@ -120,41 +116,38 @@ impl PartFile {
         &self.target
     }
 
-    /// Returns the file to write to.
-    pub fn file(&mut self) -> &mut File {
-        self.file.as_file_mut()
-    }
-
     /// Writes all bytes and waits until they are on the disk.
     ///
     /// # Errors
     /// `Retry` if the disk is full or fails.
     pub fn fill(&mut self, bytes: &[u8]) -> Result<()> {
-        let written = self.file().write_all(bytes);
-        written.map_err(|error| Error::io(&self.target, "write", &error))?;
-        self.sync()
+        self.fill_by(|file, target| {
+            file.write_all(bytes).map_err(|error| Error::io(target, "write", &error))
+        })
     }
 
-    /// Writes the whole text and gives the file its final name.
+    /// Lets `write` fill the file, then waits until the data is on the disk. `write` gets the final
+    /// name for its messages.
     ///
     /// # Errors
-    /// `Retry` if the disk is full, or the error of a failed rename. The target is unchanged then.
-    pub fn finish(mut self, text: &str) -> Result<PathBuf> {
-        self.fill(text.as_bytes())?;
-        self.commit()
-    }
-
-    /// Waits until the data is on the disk.
-    ///
-    /// # Errors
-    /// `Retry` if the disk is full or fails.
-    pub fn sync(&mut self) -> Result<()> {
+    /// Those of `write`, and `Retry` if the disk is full or fails.
+    pub fn fill_by(&mut self, write: impl FnOnce(&mut File, &Path) -> Result<()>) -> Result<()> {
+        write(self.file.as_file_mut(), &self.target)?;
         let synced = self.file.as_file_mut().sync_all();
         synced.map_err(|error| Error::io(&self.target, "write", &error))
     }
 
+    /// Writes the whole content and gives the file its final name.
+    ///
+    /// # Errors
+    /// `Retry` if the disk is full, or the error of a failed rename. The target is unchanged then.
+    pub fn finish(mut self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
+        self.fill(content.as_ref())?;
+        self.commit()
+    }
+
     /// Renames the file to its final name and replaces any file of that name. Call
-    /// [`PartFile::sync`] first.
+    /// [`PartFile::fill`] first.
     ///
     /// # Errors
     /// A failed rename. The part file is removed then.
@@ -220,7 +213,9 @@ fn target_of(part: &OsStr) -> Option<&OsStr> {
 /// the process ends.
 #[cfg(unix)]
 mod lock {
-    use std::{fs::File, os::unix::fs::MetadataExt, path::Path};
+    use std::fs::File;
+    use std::os::unix::fs::MetadataExt;
+    use std::path::Path;
 
     use rustix::fs::{FlockOperation, flock};
 

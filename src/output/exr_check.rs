@@ -1,21 +1,16 @@
 //! Checks an EXR before it is decoded. The `exr` crate trusts some values that may be wrong in a
 //! damaged file.
 
-use std::{
-    fs::File,
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
 
-use exr::{
-    block::{
-        chunk::{Chunk, CompressedBlock},
-        read as read_blocks,
-    },
-    compression::Compression,
-    error::{Error as ExrError, Result as ExrResult},
-    meta::{BlockDescription, header::Header},
-};
+use exr::block::chunk::{Chunk, CompressedBlock};
+use exr::block::read as read_blocks;
+use exr::compression::Compression;
+use exr::error::{Error as ExrError, Result as ExrResult};
+use exr::meta::BlockDescription;
+use exr::meta::header::Header;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 

@@ -1,32 +1,26 @@
 //! Reads EXR files that this program wrote, some rows at a time.
 
-use std::{
-    fs::File,
-    io::BufReader,
-    ops::Range,
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::io::BufReader;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
-use exr::{
-    block::{
-        UncompressedBlock,
-        chunk::Chunk,
-        reader::{ChunksReader, Reader as Blocks},
-    },
-    compression::Compression,
-    math::Vec2,
-    meta::{BlockDescription, attribute::AttributeValue, attribute::SampleType},
-};
+use exr::block::UncompressedBlock;
+use exr::block::chunk::Chunk;
+use exr::block::reader::{ChunksReader, Reader as Blocks};
+use exr::compression::Compression;
+use exr::math::Vec2;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{AttributeValue, SampleType};
 use half::f16;
 use rayon::prelude::*;
 
-use crate::{
-    error::{Error, Result},
-    files::{Stamp, changed},
-    film::{Channel, ChannelKind, Window},
-};
+use crate::error::{Error, Result};
+use crate::files::{Stamp, changed};
+use crate::film::{Channel, ChannelKind, Window};
 
-use super::exr::{CameraMatrices, Sequence, text::decode};
+use super::exr::text::decode;
+use super::exr::{CameraMatrices, Sequence};
 use super::exr_check::{self, exr_error};
 
 /// Upper bound of the ratio that a lossless compression of the format can reach. zlib, the highest,

@@ -1,12 +1,11 @@
 //! Checks existing pictures: whether they are complete, and which fingerprint they hold.
 
-use std::{
-    fs::File,
-    io::{BufReader, Read, Seek, SeekFrom},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
 
-use ::exr::meta::{MetaData, attribute::AttributeValue};
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::AttributeValue;
 
 use super::exr::read_sorted;
 

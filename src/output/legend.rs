@@ -1,16 +1,12 @@
 //! Draws the legend of a colour map into the PNG: a bar with ticks, and the property's name.
 
-use embedded_graphics::mono_font::{
-    MonoFont,
-    ascii::{FONT_6X10, FONT_10X20},
-};
+use embedded_graphics::mono_font::MonoFont;
+use embedded_graphics::mono_font::ascii::{FONT_6X10, FONT_10X20};
 
 use crate::colormap::ColorMap;
 
-use super::{
-    text::draw_text,
-    tonemap::{Depth, PixelFormat},
-};
+use super::text::draw_text;
+use super::tonemap::{Depth, PixelFormat};
 
 /// The large font is used if both sides of the picture have at least this many pixels.
 const LARGE: u32 = 500;

@@ -21,12 +21,10 @@ mod write_options;
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::Result,
-    film::Film,
-    monitor::{Monitor, Phase},
-    paths,
-};
+use crate::error::Result;
+use crate::film::Film;
+use crate::monitor::{Monitor, Phase};
+use crate::paths;
 
 pub use finished::FINGERPRINT;
 pub use value_counts::{HALF_MAX, ValueCounts, ValueLocation};
@@ -85,18 +83,12 @@ impl Outputs {
         monitor.begin(Phase::Write, 1);
         let (exr, png) = rayon::join(
             || {
-                let path = self.exr.target().to_owned();
                 let mut attributes = options.exr.attributes.to_vec();
                 attributes.extend(options.fingerprint.map(|f| (FINGERPRINT.into(), f.into())));
                 let options = exr::Options { attributes: &attributes, ..options.exr };
-                exr::write(film, &options, self.exr.file(), &path)?;
-                self.exr.sync()
+                self.exr.fill_by(|file, path| exr::write(film, &options, file, path))
             },
-            || {
-                let path = self.png.target().to_owned();
-                png::write(film, options, self.png.file(), &path)?;
-                self.png.sync()
-            },
+            || self.png.fill_by(|file, path| png::write(film, options, file, path)),
         );
         exr?;
         png?;

@@ -4,26 +4,20 @@
 //! The file states its encoding, so that viewers need not guess: an `sRGB` chunk for the sRGB
 //! curve, `gAMA` 1.0 for linear values.
 
-use std::{
-    io::{BufWriter, Write},
-    path::Path,
-};
+use std::io::{BufWriter, Write};
+use std::path::Path;
 
 use png::{
     BitDepth, ColorType, Compression, Encoder, EncodingError, ScaledFloat, SrgbRenderingIntent,
 };
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    film::Film,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::Film;
 
-use super::{
-    legend::Canvas,
-    over,
-    tonemap::{self, Depth, PixelFormat},
-    write_options::WriteOptions,
-};
+use super::legend::Canvas;
+use super::over;
+use super::tonemap::{self, Depth, PixelFormat};
+use super::write_options::WriteOptions;
 
 /// Writes the film's data window: over the plate if there is one, tone mapped, with the legend.
 /// `path` is for messages.
@@ -89,10 +83,7 @@ pub fn encode(
         Depth::Eight => BitDepth::Eight,
         Depth::Sixteen => BitDepth::Sixteen,
     });
-    encoder.set_color(match color.alpha {
-        true => ColorType::Rgba,
-        false => ColorType::Rgb,
-    });
+    encoder.set_color(if color.alpha { ColorType::Rgba } else { ColorType::Rgb });
     match color.srgb {
         true => encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric),
         false => encoder.set_source_gamma(ScaledFloat::new(1.0)),

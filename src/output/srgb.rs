@@ -7,9 +7,12 @@ pub fn from_linear(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Decodes an sRGB value in [0, 1] to a linear one.
-pub fn to_linear(x: f64) -> f64 {
-    if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+/// Decodes an sRGB value to a linear one. An odd function, so that negative values of float images
+/// survive.
+pub fn to_linear(value: f64) -> f64 {
+    let x = value.abs();
+    let linear = if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    linear.copysign(value)
 }
 
 /// Returns `from_linear(x)` as a byte, rounded half up, for x in [0, 1]. Returns 0 for NaN.

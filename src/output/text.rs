@@ -2,12 +2,10 @@
 
 use std::convert::Infallible;
 
-use embedded_graphics::{
-    mono_font::{MonoFont, MonoTextStyle},
-    pixelcolor::Rgb888,
-    prelude::*,
-    text::{Baseline, Text},
-};
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::*;
+use embedded_graphics::text::{Baseline, Text};
 
 /// A picture whose pixels a function sets.
 struct Pixels<F> {

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{ToneOperator, Tonemap};
 
-use super::{srgb, value_counts::finite};
+use super::srgb;
+use super::value_counts::finite;
 
 /// The format of a PNG's pixels.
 #[derive(Debug, Clone, Copy)]
@@ -42,11 +43,6 @@ impl Depth {
             Self::Sixteen => 16,
         }
     }
-}
-
-/// Returns 8-bit pixels, row-major: 4 bytes each with `transparent`, else 3.
-pub fn to_bytes(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Vec<u8> {
-    to_samples(pixels, tonemap, transparent, Depth::Eight)
 }
 
 /// Returns the bytes of the pixels, row-major: 4 channels with `transparent`, else 3. Each channel

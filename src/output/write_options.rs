@@ -1,6 +1,8 @@
 //! What the EXR and the PNG of a film hold beside its pixels, and how they are encoded.
 
-use super::{exr, legend::Legend, tonemap::Depth};
+use super::exr;
+use super::legend::Legend;
+use super::tonemap::Depth;
 use crate::scene::Tonemap;
 
 /// Options for writing a film to files.

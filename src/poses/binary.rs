@@ -1,11 +1,10 @@
 //! `cameras.bin` and `images.bin` of COLMAP. All numbers are little-endian.
 
-use std::{collections::HashMap, path::Path};
+use std::collections::HashMap;
+use std::path::Path;
 
-use super::{
-    bytes::bytes,
-    colmap_model::{Image, MODELS, Sensor},
-};
+use super::bytes::bytes;
+use super::colmap_model::{Image, MODELS, Sensor};
 use crate::error::{Error, Result};
 
 /// Bytes of a point of a picture: x, y, the id of a 3D point.

@@ -1,6 +1,7 @@
 //! The contents of a file of cameras.
 
-use std::{io::Read, path::Path};
+use std::io::Read;
+use std::path::Path;
 
 use crate::error::{Error, Result};
 

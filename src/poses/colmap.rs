@@ -1,24 +1,17 @@
 //! COLMAP models: `cameras` and `images`, as text or binary. Formats: "Output Format" in COLMAP's
 //! documentation.
 
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{
-    binary,
-    colmap_model::{Image, MODELS, Sensor},
-    pose::{Pose, Poses},
-    text,
-};
-use crate::{
-    error::{Error, Result},
-    scene::written::{
-        Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics, Matrix,
-    },
+use super::colmap_model::{Image, MODELS, Sensor};
+use super::pose::{Pose, Poses};
+use super::{binary, text};
+use crate::error::{Error, Result};
+use crate::scene::written::{
+    Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics, Matrix,
 };
 
 /// Reads a model from its folder, or from the folder of one of its files.

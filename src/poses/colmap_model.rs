@@ -1,9 +1,7 @@
 //! What the files of a COLMAP model hold.
 
-use crate::{
-    error::{Error, Result},
-    scene::did_you_mean,
-};
+use crate::error::{Error, Result};
+use crate::scene::did_you_mean;
 
 /// Camera models that OpenCV's models cover: number in binary files, name, number of parameters.
 pub(super) const MODELS: [(i32, &str, usize); 9] = [

@@ -9,10 +9,8 @@ mod pose;
 mod text;
 mod transforms;
 
-use std::{
-    collections::HashSet,
-    path::{Component, Path},
-};
+use std::collections::HashSet;
+use std::path::{Component, Path};
 
 use self::bytes::bytes;
 pub use self::pose::{Pose, Poses};
@@ -20,13 +18,9 @@ pub use self::pose::{Pose, Poses};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    error::{Error, Result},
-    scene::{
-        self, Document,
-        written::{CameraDescription, Name},
-    },
-};
+use crate::error::{Error, Result};
+use crate::scene::written::{CameraDescription, Name};
+use crate::scene::{self, Document};
 
 /// Most cameras of a list; turntables have the same limit.
 const MAX_POSES: usize = 100_000;
@@ -55,10 +49,7 @@ impl Poses {
     /// All problems of the list; cameras that a scene would refuse.
     pub fn read(path: &Path, undistort: bool) -> Result<Self> {
         let json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-        let mut poses = match json && path.is_file() {
-            true => from_json(path)?,
-            false => colmap::read(path)?,
-        };
+        let mut poses = if json && path.is_file() { from_json(path)? } else { colmap::read(path)? };
         let place = path.display().to_string();
         if poses.list.is_empty() {
             return Err(Error::invalid(place, "found no camera, expected at least one"));

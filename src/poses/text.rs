@@ -1,11 +1,11 @@
 //! `cameras.txt` and `images.txt` of COLMAP.
 
-use std::{collections::HashMap, path::Path, str::FromStr};
+use std::collections::HashMap;
+use std::path::Path;
+use std::str::FromStr;
 
-use super::{
-    bytes::bytes,
-    colmap_model::{Image, MODELS, Sensor, model},
-};
+use super::bytes::bytes;
+use super::colmap_model::{Image, MODELS, Sensor, model};
 use crate::error::{Error, Result};
 
 /// The lines of a file that are no comments: number from 1, and text. `empty`: keeps empty lines.

@@ -4,16 +4,11 @@
 use std::path::Path;
 
 use super::pose::Pose;
-use crate::{
-    error::{Error, Failures, Result},
-    scene::{
-        Document, JsonNode, NodeKind, list,
-        written::{
-            Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics,
-            Matrix,
-        },
-    },
+use crate::error::{Error, Failures, Result};
+use crate::scene::written::{
+    Axes, BrownConrady, CameraDescription, DistortionDescription, Fisheye, Intrinsics, Matrix,
 };
+use crate::scene::{Document, JsonNode, NodeKind, list};
 
 /// Values of `camera_model` that OpenCV's models cover.
 const MODELS: [&str; 7] = [

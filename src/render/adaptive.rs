@@ -12,8 +12,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::tiles::{Tile, pixels, tiles};
-use crate::accel::Accelerator;
+use super::tiles::{Tile, tiles};
 use crate::error::Result;
 use crate::film::{Dropped, Film, Planes, Window};
 use crate::integrate::{
@@ -23,7 +22,7 @@ use crate::integrate::{
 use crate::layers::LayerPlan;
 use crate::monitor::{Monitor, Phase};
 use crate::sampler::independent_seed;
-use crate::simd::{self, Isa};
+use crate::simd;
 use crate::world::World;
 
 /// Approximate largest number of probes, and the least distance between them in pixels. A probe is
@@ -82,7 +81,6 @@ type Rendered = (RayCounts, SampleCounts, Dropped);
 #[derive(Clone, Copy)]
 struct SharedSettings<'a> {
     context: RenderContext<'a>,
-    isa: Isa,
     adaptive: Adaptive,
     goal: Option<Goal>,
 }
@@ -92,18 +90,15 @@ struct SharedSettings<'a> {
 /// # Errors
 /// `Interrupted` after a signal, and errors of the disk; the film is then unfinished.
 pub fn render_adaptive(
-    world: &World,
-    accelerator: &dyn Accelerator,
-    isa: Isa,
+    context: RenderContext,
     film: &mut Film,
     plan: &LayerPlan,
     adaptive: Adaptive,
-    monitor: &Monitor,
 ) -> Result<(RayCounts, SampleCounts)> {
+    let RenderContext { world, monitor, .. } = context;
     debug_assert_eq!(world.spp, adaptive.most);
-    monitor.begin(Phase::Render, pixels(film.window));
-    let context = RenderContext { world, accelerator, monitor };
-    let mut job = SharedSettings { context, isa, adaptive, goal: None };
+    monitor.begin(Phase::Render, film.window.pixels());
+    let mut job = SharedSettings { context, adaptive, goal: None };
     let mut counts = RayCounts::default();
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
@@ -128,7 +123,7 @@ impl SharedSettings<'_> {
         film: &mut Film,
         record: impl Fn() -> R + Sync,
     ) -> (RayCounts, SampleCounts) {
-        let all = pixels(film.window);
+        let all = film.window.pixels();
         let tiles = tiles(film, self.context.world.frame_end());
         let done = match self.adaptive.time {
             Some(time) => self.in_time(time, tiles, record),
@@ -153,7 +148,7 @@ impl SharedSettings<'_> {
             while !monitor.stopped() && self.goal.is_some_and(|goal| work.passes.choose(&goal)) {
                 rays = rays + work.pass(self);
             }
-            monitor.done.fetch_add(pixels(work.tile.window), Relaxed);
+            monitor.done.fetch_add(work.tile.window.pixels(), Relaxed);
             let (taken, dropped) = work.finish(monitor);
             (rays, taken, dropped)
         };
@@ -247,9 +242,9 @@ impl SharedSettings<'_> {
     }
 
     fn pass<R: Record>(&self, passes: &mut Passes<R::Held>, record: &mut R) -> RayCounts {
-        let rays = simd::dispatch(self.isa, PassKernel { context: self.context, passes, record });
-        let all = rays.primary + rays.shadow + rays.reflection;
-        self.context.monitor.rays.fetch_add(all, Relaxed);
+        let rays =
+            simd::dispatch(self.context.isa, PassKernel { context: self.context, passes, record });
+        self.context.monitor.rays.fetch_add(rays.all(), Relaxed);
         rays
     }
 }

@@ -3,11 +3,6 @@
 use crate::film::{Film, Window};
 use crate::integrate::TILE;
 
-/// Returns the number of pixels of a window.
-pub fn pixels(w: Window) -> u64 {
-    u64::from(w.width()) * u64::from(w.height())
-}
-
 /// A tile, with the pieces of the film's rows that it covers. The tiles' pieces are disjoint, so
 /// threads can write them at the same time.
 pub struct Tile<'f> {

@@ -1,6 +1,7 @@
 //! Pictures embedded in a page.
 
-use base64::{Engine, engine::general_purpose::STANDARD};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 
 use super::svg::escape;
 

@@ -11,10 +11,8 @@ pub use crate::sampler::SamplerKind;
 
 use crate::calibration::{Calibration, Distortion, Inverse};
 
-use super::{
-    backend::Backend,
-    layers::{Layer, LightGroups},
-};
+use super::backend::Backend;
+use super::layers::{Layer, LightGroups};
 
 /// Minimum number of points of an area light that adaptive shadows always trace.
 pub const FIRST_SHADOW_POINTS: u32 = 4;

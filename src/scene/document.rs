@@ -81,10 +81,7 @@ impl Document {
             JsonPlace::Set(at) => format!("--set {}", shown(at)),
             JsonPlace::Code => self.name.clone(),
         };
-        match pointer {
-            "" => what,
-            _ => format!("{what} ({shown_pointer})"),
-        }
+        if pointer.is_empty() { what } else { format!("{what} ({shown_pointer})") }
     }
 }
 

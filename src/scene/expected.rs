@@ -5,10 +5,8 @@ use serde_json::Value;
 
 use crate::nearest::list;
 
-use super::{
-    node::{JsonNode, NodeKind},
-    schema::{resolve, tag},
-};
+use super::node::{JsonNode, NodeKind};
+use super::schema::{resolve, tag};
 
 /// Maximum number of input characters that a message repeats.
 const QUOTED_CHARS: usize = 60;

@@ -4,11 +4,9 @@ use serde_json::Value;
 
 use crate::error::{Error, Problem, Result};
 
-use super::{
-    backend::BackendFlags,
-    description::{LightDescription, SceneDescription},
-    load_scene::{self, Loaded, Source},
-};
+use super::backend::BackendFlags;
+use super::description::{LightDescription, SceneDescription};
+use super::load_scene::{self, Loaded, Source};
 
 /// Overrides in the order of their application, with the flags they come from.
 #[derive(Debug, Clone, Default)]

@@ -5,10 +5,8 @@ use std::path::Path;
 use proptest::prelude::*;
 use serde_json::Value;
 
-use super::{
-    tests::{everything, load_value},
-    *,
-};
+use super::tests::{everything, load_value};
+use super::*;
 use crate::error::Result;
 
 /// Loads a text with a folder that does not exist.

@@ -1,22 +1,20 @@
 //! Loads a scene: parses the text, applies overrides, checks the structure, checks the values.
 //! After the parsing, all problems are reported together.
 
-use std::{fs::File, io::Read, path::Path};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 
-use super::{
-    check,
-    checked::Scene,
-    description::{CameraDescription, SceneDescription},
-    document::Document,
-    problems,
-    schema::{self, schema, schema_of},
-    structure, write,
-};
+use super::checked::Scene;
+use super::description::{CameraDescription, SceneDescription};
+use super::document::Document;
+use super::schema::{self, schema, schema_of};
+use super::{check, problems, structure, write};
 
 /// Maximum size of a scene file in bytes. Meshes and images are separate files.
 const MAX_FILE_BYTES: u64 = 256 << 20;

@@ -5,11 +5,9 @@ use std::sync::Arc;
 
 use crate::error::Problem;
 
-use super::{
-    document::{Document, join, shown, tokens},
-    node::{JsonNode, JsonPlace, Member, NodeKind, list_index},
-    parse::{self, MAX_DEPTH},
-};
+use super::document::{Document, join, shown, tokens};
+use super::node::{JsonNode, JsonPlace, Member, NodeKind, list_index};
+use super::parse::{self, MAX_DEPTH};
 
 impl Document {
     /// Applies one `/json/pointer=VALUE`. VALUE is JSON; a text that is not JSON is taken as a

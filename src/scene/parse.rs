@@ -221,10 +221,7 @@ impl Parser<'_> {
         while matches!(self.peek(), Some(b'0'..=b'9')) {
             self.at += 1;
         }
-        match self.at - start {
-            0 => Err(self.unexpected("a digit")),
-            _ => Ok(()),
-        }
+        if self.at == start { Err(self.unexpected("a digit")) } else { Ok(()) }
     }
 
     fn number(&mut self) -> Parsed<String> {

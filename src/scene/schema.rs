@@ -145,10 +145,7 @@ pub(super) fn without_defaults(root: &Value, schema: &Value, value: &mut Value) 
         Value::Object(map) => {
             let properties = &schema["properties"];
             map.retain(|key, member| {
-                let of_key = match properties.get(key) {
-                    Some(of_key) => of_key,
-                    None => &schema["additionalProperties"],
-                };
+                let of_key = properties.get(key).unwrap_or(&schema["additionalProperties"]);
                 without_defaults(root, of_key, member);
                 let mut default = of_key["default"].clone();
                 without_defaults(root, of_key, &mut default);

@@ -10,13 +10,11 @@ use serde_json::Value;
 
 use crate::nearest::{did_you_mean, list};
 
-use super::{
-    document::join,
-    expected::{expected, found, quoted, words},
-    node::{JsonNode, Member, NodeKind},
-    problems::Problems,
-    schema::{resolve, tag},
-};
+use super::document::join;
+use super::expected::{expected, found, quoted, words};
+use super::node::{JsonNode, Member, NodeKind};
+use super::problems::Problems;
+use super::schema::{resolve, tag};
 
 /// Checks the whole document. Returns the pointers of values that cannot be read as their type. The
 /// meaning of all other values can still be checked.

@@ -3,10 +3,8 @@
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::{
-    description::{CameraDescription, SceneDescription},
-    schema::{of_camera, schema, without_defaults},
-};
+use super::description::{CameraDescription, SceneDescription};
+use super::schema::{of_camera, schema, without_defaults};
 
 impl SceneDescription {
     /// Returns the SHA-256 (hexadecimal) of the canonical JSON.

@@ -2,9 +2,9 @@
 
 use glam::Vec3;
 
-use super::srgb::linear_from_srgb;
 use crate::colormap::ColorMap;
 use crate::mesh::{Colors, MeshElement, Scalars};
+use crate::output::srgb;
 use crate::scene::ColorSpace;
 
 /// Number of segments of a sampled colour map. The crate's maps have 8 bits per channel.
@@ -108,7 +108,7 @@ impl StoredColors {
         };
         let color = Vec3::from(match self.space {
             ColorSpace::Linear => stored,
-            ColorSpace::Srgb => stored.map(|c| linear_from_srgb(c.into()) as f32),
+            ColorSpace::Srgb => stored.map(|c| srgb::to_linear(c.into()) as f32),
         });
         let Some(alpha) = &self.alpha else { return color };
         let maximum = match alpha {
@@ -124,7 +124,7 @@ impl StoredColors {
 impl MappedScalars {
     /// Values that `map` shows from `range[0]` to `range[1]`, which must differ.
     pub fn new(values: Scalars, map: ColorMap, range: [f64; 2], nan: Vec3) -> Self {
-        let linear = |c: u8| linear_from_srgb(f64::from(c) / 255.0) as f32;
+        let linear = |c: u8| srgb::to_linear(f64::from(c) / 255.0) as f32;
         let color = |i: usize| Vec3::from(map.srgb(i as f64 / SEGMENTS as f64).map(linear));
         let [low, high] = range;
         let scale = 1.0 / (high - low);
@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     fn linear(map: ColorMap, t: f64) -> Vec3 {
-        Vec3::from(map.srgb(t).map(|c| linear_from_srgb(f64::from(c) / 255.0) as f32))
+        Vec3::from(map.srgb(t).map(|c| srgb::to_linear(f64::from(c) / 255.0) as f32))
     }
 
     fn mapped(values: Vec<f64>, range: [f64; 2]) -> MeshColors {

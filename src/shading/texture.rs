@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::{DVec2, Vec3};
 
-use super::image_file::{self, DEFAULT_MAX_BYTES, DecodedImage, TextureSize};
+use super::image_file::{self, DecodedImage, ImageRequest, TextureSize};
 use super::mip_map::{self, Footprint, MipMap};
 use super::points::Lanes3;
 use super::texel_image::{Negative, TexelImage};
@@ -14,7 +14,7 @@ use super::tiles::Tiles;
 use crate::error::Result;
 use crate::files::Stamp;
 use crate::ray::LANES;
-use crate::scene::{ColorSpace, Filter, Wrap};
+use crate::scene::{Filter, Wrap};
 
 /// An image, and smaller copies of it where it is averaged over areas.
 #[derive(Debug, Clone)]
@@ -28,13 +28,6 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Reads an image that needs at most 4 GiB while it is decoded.
-    ///
-    /// A `color_space` of `None` is sRGB for integer images and linear for float images.
-    pub fn load(path: &Path, color_space: Option<ColorSpace>) -> Result<Self> {
-        Self::load_within(path, color_space, DEFAULT_MAX_BYTES)
-    }
-
     /// Memory that the image at `path` needs, from its header alone.
     ///
     /// # Errors
@@ -43,33 +36,22 @@ impl Texture {
         Self::size_in_tiles(path, u64::MAX)
     }
 
-    /// The same for [`Texture::load_in_tiles`].
+    /// The same for an image that is kept in tiles if it has more than `whole` texels.
     pub fn size_in_tiles(path: &Path, whole: u64) -> Result<TextureSize> {
         Ok(image_file::size(path, whole)?.1)
     }
 
-    /// Reads an image that needs at most `max_bytes` while it is decoded.
-    pub fn load_within(
-        path: &Path,
-        color_space: Option<ColorSpace>,
-        max_bytes: u64,
-    ) -> Result<Self> {
-        Self::load_in_tiles(path, color_space, max_bytes, u64::MAX)
+    /// Reads a whole image that needs at most `max_bytes` while it is decoded.
+    pub fn load_within(path: &Path, max_bytes: u64) -> Result<Self> {
+        Self::load(ImageRequest { path, color_space: None, max_bytes, whole: u64::MAX })
     }
 
-    /// [`Texture::load_within`] for an image of a surface. One of more than `whole` texels of 8
-    /// bits a channel is kept in a temporary file, if there is space on a disk. Memory is taken
-    /// only for the texels that threads looked at last.
-    pub fn load_in_tiles(
-        path: &Path,
-        color_space: Option<ColorSpace>,
-        max_bytes: u64,
-        whole: u64,
-    ) -> Result<Self> {
-        let DecodedImage { image, had_alpha, stamp } =
-            image_file::read(path, color_space, max_bytes, whole)?;
+    /// Reads an image. One that is kept in tiles lies in a temporary file, and memory is taken only
+    /// for the texels that threads looked at last.
+    pub fn load(request: ImageRequest) -> Result<Self> {
+        let DecodedImage { image, had_alpha, stamp } = image_file::read(request)?;
         let negative = image.negative();
-        Ok(Self { image, had_alpha, negative, stamp, mip_map: None, whole })
+        Ok(Self { image, had_alpha, negative, stamp, mip_map: None, whole: request.whole })
     }
 
     /// Width in texels, >= 1.
@@ -170,6 +152,8 @@ impl Texture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::ColorSpace;
+    use crate::shading::DEFAULT_MAX_BYTES;
 
     const N: Filter = Filter::Nearest;
     const B: Filter = Filter::Bilinear;
@@ -180,7 +164,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.ppm");
         std::fs::write(&path, data).unwrap();
-        Texture::load(&path, color_space).unwrap()
+        let max_bytes = DEFAULT_MAX_BYTES;
+        let request = ImageRequest { path: &path, color_space, max_bytes, whole: u64::MAX };
+        Texture::load(request).unwrap()
     }
 
     /// A linear 4 x 2 texture: grey 0 20 40 60 over 100 120 140 160, white is 200.
@@ -297,7 +283,13 @@ mod tests {
         let rgb = |x, y| image::Rgb([(hash(x, y) >> 24) as u8, (x + y) as u8, x as u8]);
         image::RgbImage::from_fn(width, height, rgb).save(&path).unwrap();
         [u64::MAX, 300].map(|whole| {
-            let mut texture = Texture::load_in_tiles(&path, None, 1 << 30, whole).unwrap();
+            let mut texture = Texture::load(ImageRequest {
+                path: &path,
+                color_space: None,
+                max_bytes: 1 << 30,
+                whole,
+            })
+            .unwrap();
             let bound = texture.max_mip_map_bytes();
             let held = texture.bytes();
             texture.make_mip_map("test").unwrap();

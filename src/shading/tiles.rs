@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::{Mutex, OnceLock};
 
 use crate::error::{Error, Result};
-use crate::{reserve, threads::lock};
+use crate::reserve;
+use crate::threads::lock;
 
 /// Width and height of a tile in texels.
 pub const SIDE: usize = 64;

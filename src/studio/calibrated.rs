@@ -2,17 +2,13 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{
-    axes::{main_axis, turn},
-    points::UsedVertices,
-    subject::Subject,
-    template::trimesh,
-};
-use crate::{
-    error::{Error, Result},
-    mesh::Mesh,
-    scene::{LightKind, Loaded, Overrides},
-};
+use super::axes::{main_axis, turn};
+use super::points::UsedVertices;
+use super::subject::Subject;
+use super::template::trimesh;
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::scene::{LightKind, Loaded, Overrides};
 
 /// Adds overrides that keep the mesh at its coordinates and move the lights instead. Lights and
 /// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights.

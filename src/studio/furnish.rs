@@ -6,22 +6,20 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::{
-    error::{Error, Problem, Result},
-    mesh::Mesh,
-    paths::{named, seen_from},
-    scene::{CheckedCamera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped},
-    world::{self, Bounds, placement, several_textures_warning},
+use crate::error::{Error, Problem, Result};
+use crate::mesh::Mesh;
+use crate::paths::{named, seen_from};
+use crate::scene::{
+    CheckedCamera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped,
 };
+use crate::world::{self, Bounds, placement, several_textures_warning};
 
-use super::{
-    axes::{main_axis, turn},
-    calibrated::keep_coordinates,
-    framing::{FieldOfView, frame, frame_turning},
-    points::UsedVertices,
-    subject::{GROUND, Subject},
-    template::{Template, trimesh},
-};
+use super::axes::{main_axis, turn};
+use super::calibrated::keep_coordinates;
+use super::framing::{FieldOfView, frame, frame_turning};
+use super::points::UsedVertices;
+use super::subject::{GROUND, Subject};
+use super::template::{Template, trimesh};
 
 /// Height of the mesh above the ground, as a fraction of the mesh's longest side. It is too small
 /// to see, but a flat mesh does not coincide with the ground plane.

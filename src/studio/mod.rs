@@ -34,16 +34,12 @@ use glam::DVec3;
 
 use subject::GROUND;
 
-use crate::{
-    error::{Error, Problem, Result},
-    mesh::{Mesh, ReadOptions},
-    monitor::Monitor,
-    scene::{
-        Loaded, Overrides, ShapeKind, Source,
-        written::{Name, ShapeCommon, ShapeDescription},
-    },
-    world::color_request,
-};
+use crate::error::{Error, Problem, Result};
+use crate::mesh::{Mesh, ReadOptions};
+use crate::monitor::Monitor;
+use crate::scene::written::{Name, ShapeCommon, ShapeDescription};
+use crate::scene::{Loaded, Overrides, ShapeKind, Source};
+use crate::world::color_request;
 
 /// Message for `--light-samples` in a scene where it changes nothing.
 pub const NO_LIGHT_SAMPLES: &str =

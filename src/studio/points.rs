@@ -5,13 +5,11 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::{
-    error::Result,
-    mesh::{self, Mesh, ReadOptions},
-    monitor::Monitor,
-    scene::begins_as_ply,
-    world::Bounds,
-};
+use crate::error::Result;
+use crate::mesh::{self, Mesh, ReadOptions};
+use crate::monitor::Monitor;
+use crate::scene::begins_as_ply;
+use crate::world::Bounds;
 
 use super::subject::Subject;
 

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{builtin::Studio, quality::Quality};
-use crate::{
-    reserve::MemoryLimit,
-    scene::written::{Crease, MeshColorDescription, SmoothDescription},
-};
+use super::builtin::Studio;
+use super::quality::Quality;
+use crate::reserve::MemoryLimit;
+use crate::scene::written::{Crease, MeshColorDescription, SmoothDescription};
 
 /// Default margin between the mesh and the picture's borders, as a fraction of width and height.
 pub const MARGIN: f64 = 0.08;

@@ -3,10 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::builtin::Studio;
-use crate::{
-    error::Result,
-    scene::{self, Loaded, ShapeKind, Source, Trimesh},
-};
+use crate::error::Result;
+use crate::scene::{self, Loaded, ShapeKind, Source, Trimesh};
 
 /// The text of a scene, and the folder of its paths.
 #[derive(Debug)]

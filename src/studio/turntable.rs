@@ -9,10 +9,8 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{
-    SceneDescription,
-    written::{Axes, CameraDescription, LightDescription, Matrix},
-};
+use crate::scene::SceneDescription;
+use crate::scene::written::{Axes, CameraDescription, LightDescription, Matrix};
 
 use super::axes::main_axis;
 
@@ -52,6 +50,7 @@ pub struct Turntable {
 
 impl Turntable {
     /// Makes a turntable of `frames` frames: the object turns, and the lights stay with the camera.
+    #[cfg(test)]
     pub fn new(frames: u32) -> Self {
         Self { frames, turn: Turning::Object, lights: LightsFollow::Camera, start_deg: 0.0 }
     }

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Problem, Result};
 use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property};
-use crate::output::{legend::Legend, srgb};
+use crate::output::legend::Legend;
+use crate::output::srgb;
 use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
 use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
 

@@ -1,26 +1,20 @@
 //! One hash of everything that decides the pixels of a picture. Of files only the contents count,
 //! not names and folders. One exception: mattes of a mesh without a name are named after its file.
 
-use std::{
-    collections::{BTreeSet, HashMap, HashSet},
-    fs::File,
-    io::BufReader,
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::{
-    error::{Error, Result},
-    files::{Stamp, changed},
-    mesh,
-    scene::{
-        CheckedMaterial, Layer, LightKind, Loaded, ShapeKind,
-        written::{
-            LightDescription, MaterialDescription, MaterialUse, Name, Output, ShapeDescription,
-        },
-    },
+use crate::error::{Error, Result};
+use crate::files::{Stamp, changed};
+use crate::mesh;
+use crate::scene::written::{
+    LightDescription, MaterialDescription, MaterialUse, Name, Output, ShapeDescription,
 };
+use crate::scene::{CheckedMaterial, Layer, LightKind, Loaded, ShapeKind};
 
 use super::sources::{self, beside};
 

@@ -28,10 +28,7 @@ pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
         return None;
     }
     let OcclusionRays { distance, samples } = scene.occlusion;
-    let hemisphere = match distance {
-        Some(distance) => Environment::within(distance),
-        None => Environment::new(geometry, None),
-    };
+    let hemisphere = distance.map_or_else(|| Environment::new(geometry, None), Environment::within);
     let area = Area::from_distant(Distant::Environment(hemisphere), samples);
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }

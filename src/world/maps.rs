@@ -9,7 +9,7 @@ use crate::scene::{MapUse, Scene};
 use crate::shading::{DEFAULT_MAX_BYTES, EnvironmentMap, Negative, Texture};
 use crate::units;
 
-use super::sources::ReadFiles;
+use super::sources::LoadLog;
 
 /// The loaded images by path.
 #[derive(Debug, Clone, Default)]
@@ -22,10 +22,10 @@ impl Maps {
     ///
     /// # Errors
     /// Lists every image that cannot be read, does not fit, or has negative texels.
-    pub fn load(
+    pub(super) fn load(
         scene: &Scene,
         budget: Option<MemoryLimit>,
-        (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
+        log: &mut LoadLog,
     ) -> Result<Self> {
         let (mut all, mut failures) = (Self::default(), Failures::default());
         let mut tried: Vec<&Path> = Vec::new();
@@ -36,8 +36,8 @@ impl Maps {
             tried.push(&spec.path);
             let left = budget.map(|budget| budget.less(all.bytes()));
             let Some(map) = failures.keep(one(spec, left)) else { continue };
-            read.0.push((spec.path.clone(), map.texture().stamp()));
-            warn(spec, &map, warnings);
+            log.read.0.push((spec.path.clone(), map.texture().stamp()));
+            warn(spec, &map, &mut log.warnings);
             all.0.push((spec.path.clone(), Arc::new(map)));
         }
         failures.check()?;
@@ -68,7 +68,7 @@ fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
         let problem = Problem::new(shown, message).help("scale the image down");
         return Err(Error::new(ErrorKind::Limit, problem));
     }
-    let texture = Texture::load_within(&spec.path, None, needed)?;
+    let texture = Texture::load_within(&spec.path, needed)?;
     if let Some(Negative { texels, first: [x, y] }) = texture.negative() {
         let message = format!(
             "found {}, the first at ({x}, {y}); expected a radiance of at least 0",

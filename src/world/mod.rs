@@ -32,6 +32,7 @@ use crate::shading::{Light, LightTree, Shapes};
 use self::gather::gather;
 use self::lights::{occlusion, recentre, visible_environments};
 use self::place::{MAX_COORDINATE, PlacedMesh};
+use self::sources::LoadLog;
 use self::textures::{MeshMaterial, TextureLimits};
 
 pub use self::bounds::Bounds;
@@ -163,16 +164,14 @@ impl World {
         monitor: &Monitor,
     ) -> Result<(Self, Vec<Problem>)> {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
-        let mut warnings = Vec::new();
-        let mut failures = Failures::default();
-        let mut read = ReadFiles::default();
+        let (mut log, mut failures) = (LoadLog::default(), Failures::default());
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, set_by_user: true });
         let budget = asked.or(options.memory_limit);
-        let maps = failures.keep(Maps::load(scene, budget, (&mut read, &mut warnings)));
+        let maps = failures.keep(Maps::load(scene, budget, &mut log));
         let maps = maps.unwrap_or_default();
         let left = budget.map(|budget| budget.less(maps.bytes()));
         let limits = TextureLimits::new(left, options.whole_texels);
-        let looks = failures.keep(textures::load(scene, limits, &mut read, &mut warnings));
+        let looks = failures.keep(textures::load(scene, limits, &mut log));
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut mesh_images = Vec::new();
@@ -183,23 +182,23 @@ impl World {
                 let mut mesh = options.mesh(spec, textured, monitor);
                 monitor.check()?;
                 if let Ok(mesh) = &mesh {
-                    read.0.push((spec.path.clone(), mesh.notes.stamp));
+                    log.read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
                 if let (Ok(mesh), false) = (&mut mesh, textured || spec.color.is_some()) {
                     mesh_images.extend(textures::mesh_images(
                         mesh,
                         index,
                         &spec.path,
-                        &mut warnings,
+                        &mut log.warnings,
                     ));
                 }
-                let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut warnings));
+                let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut log.warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };
                 own = mesh.bounds();
                 if let Some(first) = &spec.transform {
                     own = own.transformed(first);
                 } else if own.outside_view(&scene.camera) {
-                    warnings.push(Problem::new(
+                    log.warnings.push(Problem::new(
                         &spec.place,
                         format!("{} lies outside the camera's view", spec.path.display()),
                     ));
@@ -218,14 +217,13 @@ impl World {
         }
         failures.check()?;
         let mut looks = looks.unwrap_or_default();
-        let log = (&mut read, &mut warnings);
         let mesh_materials =
-            textures::load_mesh_images(mesh_images, scene, limits, &mut looks, log)?;
+            textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;
         let (textures, materials) = looks;
-        check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut warnings)?;
+        check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut log.warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
         let chosen = Origin::choose(&scene.camera, shapes.zip(bounds));
-        warnings.extend(chosen.warning());
+        log.warnings.extend(chosen.warning());
         let origin = chosen.position;
         // Meshes of instances keep an origin of their own.
         let faces =
@@ -233,7 +231,7 @@ impl World {
         let (mut resolutions, mut suspects) = (Vec::new(), Vec::new());
         if options.resolutions {
             resolutions.extend(faces().map(|mesh| mesh.resolution(origin)));
-            warnings.extend(resolutions.iter().filter_map(Resolution::warning));
+            log.warnings.extend(resolutions.iter().filter_map(Resolution::warning));
         } else {
             suspects.extend(faces().map(|mesh| mesh.collapse_suspect(origin)));
         }
@@ -247,7 +245,7 @@ impl World {
         let (geometry, shapes, shared) = gather(scene, meshes, origin)?;
         let found = without_area.iter().zip(&geometry.meshes);
         let found = found.chain(shared_without_area.iter().zip(shared.meshes()));
-        warnings.extend(
+        log.warnings.extend(
             found.flat_map(|(found, mesh)| found.iter().flat_map(|found| found.warnings(mesh))),
         );
         let mut shapes = Shapes { materials, textures, ..shapes };
@@ -263,10 +261,10 @@ impl World {
             .iter()
             .zip(&geometry.meshes)
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
-        warnings.extend(settled);
+        log.warnings.extend(settled);
         let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), chosen, scene);
-        let world = Self { resolutions, read, legend, ..world };
-        Ok((world, warnings))
+        let world = Self { resolutions, read: log.read, legend, ..world };
+        Ok((world, log.warnings))
     }
 
     /// Makes the world of a scene whose geometry, shapes and maps are loaded.

@@ -63,10 +63,7 @@ impl PlacedMesh {
         }
         let (colors, legend) = colors::take(&mut mesh, spec, textured, warnings)?;
         let used = mesh.used_vertices();
-        let in_file = match spec.fit {
-            Some(_) => bounds(&mesh, &used, |p| p),
-            None => Bounds::EMPTY,
-        };
+        let in_file = spec.fit.map_or(Bounds::EMPTY, |_| bounds(&mesh, &used, |p| p));
         let (linear, middle) = placement(spec, in_file);
         let offset = spec.center - linear * middle;
         let mut bounds = bounds(&mesh, &used, |p| linear * p + offset);

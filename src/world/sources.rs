@@ -1,15 +1,12 @@
 //! Lists the files that decide the picture of a scene.
 
-use std::{
-    fs::Metadata,
-    path::{Path, PathBuf},
-};
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
 
-use crate::{
-    files::Stamp,
-    mesh::{self, Mesh},
-    scene::{Scene, ShapeKind},
-};
+use crate::error::Problem;
+use crate::files::Stamp;
+use crate::mesh::{self, Mesh};
+use crate::scene::{Scene, ShapeKind};
 
 /// Returns all files that a scene names: meshes, textures of its materials, images of environments,
 /// and the images that the meshes themselves name, used or not. Reads the headers of the meshes.
@@ -73,6 +70,15 @@ pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
 /// Files that were read, with their stamps at that time. Pipes have no stamp.
 #[derive(Debug, Clone, Default)]
 pub struct ReadFiles(pub(super) Vec<(PathBuf, Option<Stamp>)>);
+
+/// What the load of a world reports beside the world.
+#[derive(Debug, Default)]
+pub(super) struct LoadLog {
+    /// The files that were read.
+    pub read: ReadFiles,
+    /// Warnings about the scene and its files.
+    pub warnings: Vec<Problem>,
+}
 
 impl ReadFiles {
     /// Paths of all files that were read.

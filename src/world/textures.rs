@@ -9,11 +9,12 @@ use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
 use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
 use crate::shading::{
-    DEFAULT_MAX_BYTES, Material, Negative, Texture, TextureChoice, TexturesByFace, WHOLE_TEXELS,
+    DEFAULT_MAX_BYTES, ImageRequest, Material, Negative, Texture, TextureChoice, TexturesByFace,
+    WHOLE_TEXELS,
 };
 use crate::units::plural;
 
-use super::sources::{ReadFiles, beside};
+use super::sources::{LoadLog, beside};
 
 /// Memory that textures may take.
 #[derive(Debug, Clone, Copy)]
@@ -40,11 +41,10 @@ impl TextureLimits {
 ///
 /// # Errors
 /// All images that cannot be read or do not fit.
-pub fn load(
+pub(super) fn load(
     scene: &Scene,
     limits: TextureLimits,
-    read: &mut ReadFiles,
-    warnings: &mut Vec<Problem>,
+    log: &mut LoadLog,
 ) -> Result<(Vec<Texture>, Vec<Material>)> {
     let mut left = limits;
     let mut used = vec![false; scene.materials.len()];
@@ -65,12 +65,12 @@ pub fn load(
                     let texture = one(&spec.path, spec.color_space, left);
                     let texture = failures.keep(texture)?;
                     left = left.less(texture.bytes());
-                    read.0.push((spec.path.clone(), texture.stamp()));
+                    log.read.0.push((spec.path.clone(), texture.stamp()));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
                 if let Some(slot) = slot {
-                    warn(spec, &textures[slot as usize], warnings);
+                    warn(spec, &textures[slot as usize], &mut log.warnings);
                 }
                 slot
             }
@@ -95,7 +95,7 @@ pub fn load(
 
 /// Loads one image within the memory that is left.
 fn one(path: &Path, space: Option<ColorSpace>, left: TextureLimits) -> Result<Texture> {
-    let most = match left.budget {
+    let max_bytes = match left.budget {
         Some(budget) if budget.set_by_user => budget.bytes.min(DEFAULT_MAX_BYTES),
         // The limit is the free memory of this machine. The image may fit on another machine, so
         // this error is retryable. An image above the fixed limit fails below.
@@ -108,7 +108,7 @@ fn one(path: &Path, space: Option<ColorSpace>, left: TextureLimits) -> Result<Te
         }
         _ => DEFAULT_MAX_BYTES,
     };
-    Texture::load_in_tiles(path, space, most, left.whole)
+    Texture::load(ImageRequest { path, color_space: space, max_bytes, whole: left.whole })
 }
 
 /// The images that a mesh file names, for a shape whose material has no texture.
@@ -178,12 +178,12 @@ pub fn mesh_images(
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.
 /// All textures together stay within `limits`.
-pub fn load_mesh_images(
+pub(super) fn load_mesh_images(
     mesh_images: Vec<MeshImages>,
     scene: &Scene,
     limits: TextureLimits,
     looks: &mut (Vec<Texture>, Vec<Material>),
-    (read, warnings): (&mut ReadFiles, &mut Vec<Problem>),
+    log: &mut LoadLog,
 ) -> Result<Vec<MeshMaterial>> {
     let (textures, materials) = looks;
     let mut failures = Failures::default();
@@ -204,8 +204,8 @@ pub fn load_mesh_images(
                     let texture = one(&path, None, limits.less(taken));
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
-                        warn_of_negative(&place, &path, &texture, warnings);
-                        read.0.push((path.clone(), texture.stamp()));
+                        warn_of_negative(&place, &path, &texture, &mut log.warnings);
+                        log.read.0.push((path.clone(), texture.stamp()));
                         textures.push(texture);
                         textures.len() as u32 - 1
                     })

@@ -1,22 +1,14 @@
 //! Collects the state of each input of a batch from its files and journals.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    path::PathBuf,
-};
+use std::collections::{BTreeMap, HashMap};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::{
-    batch::{
-        job::{Job, JobInput},
-        journal::{FrameRecord, JournalRecord, MeshRecord},
-    },
-    output::{
-        Outputs,
-        finished::{self, FileState},
-    },
-};
+use crate::batch::job::{Job, JobInput};
+use crate::batch::journal::{FrameRecord, JournalRecord, MeshRecord};
+use crate::output::Outputs;
+use crate::output::finished::{self, FileState};
 
 /// State of one input of a job.
 #[derive(Debug, Clone, Default)]

@@ -1,10 +1,9 @@
 //! Finds the frames that a batch has not rendered, and why.
 
-use crate::{
-    batch::{job::Job, journal},
-    error::Problem,
-    units,
-};
+use crate::batch::job::Job;
+use crate::batch::journal;
+use crate::error::Problem;
+use crate::units;
 
 use super::entry::SheetEntry;
 

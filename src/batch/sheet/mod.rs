@@ -11,17 +11,13 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::{
-    error::Result,
-    output::atomic::{PartFile, Sweep},
-    threads,
-};
+use crate::error::Result;
+use crate::output::atomic::{PartFile, Sweep};
+use crate::threads;
 
-use super::{
-    job::Job,
-    journal,
-    names::{PICTURES_PER_SHEET, sheets},
-};
+use super::job::Job;
+use super::journal;
+use super::names::{PICTURES_PER_SHEET, sheets};
 
 pub use missing::missing;
 

@@ -2,11 +2,15 @@
 
 use std::fmt::Write;
 
-use base64::{Engine, engine::general_purpose::STANDARD};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 
-use crate::{batch::job::Job, report::escape, units};
+use crate::batch::job::Job;
+use crate::report::escape;
+use crate::units;
 
-use super::{entry::SheetEntry, thumbnails::Strip};
+use super::entry::SheetEntry;
+use super::thumbnails::Strip;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");

@@ -2,18 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use embedded_graphics::mono_font::{MonoFont, ascii::FONT_6X10};
+use embedded_graphics::mono_font::MonoFont;
+use embedded_graphics::mono_font::ascii::FONT_6X10;
 use image::{ImageFormat, Rgb, RgbImage, imageops};
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    output::{atomic::PartFile, text::draw_text},
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::atomic::PartFile;
+use crate::output::text::draw_text;
 
-use super::{
-    entry::SheetEntry,
-    thumbnails::{SIDE, Strip},
-};
+use super::entry::SheetEntry;
+use super::thumbnails::{SIDE, Strip};
 
 const COLUMNS: usize = 15;
 
@@ -33,12 +31,13 @@ const GREY: Rgb<u8> = Rgb([224, 227, 231]);
 pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Result<PathBuf> {
     let sheet = draw(entries, strips);
     let mut part = PartFile::create(path)?;
-    let written = sheet.write_to(&mut std::io::BufWriter::new(part.file()), ImageFormat::Png);
-    written.map_err(|error| {
-        let problem = Problem::new(path.display().to_string(), format!("cannot write: {error}"));
-        Error::new(ErrorKind::Retry, problem)
+    part.fill_by(|file, _| {
+        let written = sheet.write_to(&mut std::io::BufWriter::new(file), ImageFormat::Png);
+        written.map_err(|error| {
+            let message = format!("cannot write: {error}");
+            Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
+        })
     })?;
-    part.sync()?;
     part.commit()
 }
 

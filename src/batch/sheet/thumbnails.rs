@@ -1,8 +1,10 @@
 //! Thumbnails of an input's frames, side by side in one image.
 
-use image::{Rgb, RgbImage, RgbaImage, codecs::jpeg::JpegEncoder, imageops};
+use image::codecs::jpeg::JpegEncoder;
+use image::{Rgb, RgbImage, RgbaImage, imageops};
 
-use crate::{batch::job::Job, output::Outputs};
+use crate::batch::job::Job;
+use crate::output::Outputs;
 
 use super::entry::SheetEntry;
 

@@ -4,10 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::cli::{
-    flags::{MessageArgs, WorkerArgs},
-    outputs::OutputFlags,
-};
+use crate::cli::flags::{MessageArgs, WorkerArgs};
 
 /// Arguments of `lightpath accuracy`.
 #[derive(Debug, Args)]
@@ -55,15 +52,4 @@ pub struct AccuracyArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
-}
-
-impl AccuracyArgs {
-    /// Returns the flags that name output files.
-    pub fn outputs(&self) -> OutputFlags<'_> {
-        OutputFlags(vec![
-            ("--json FILE", &self.json),
-            ("--html FILE", &self.html),
-            ("--markdown FILE", &self.markdown),
-        ])
-    }
 }

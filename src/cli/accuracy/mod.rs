@@ -8,16 +8,13 @@ mod table;
 
 use std::sync::Arc;
 
-use crate::{
-    error::{Error, Result},
-    lab::{
-        accuracy::{self, AccuracySettings, Case},
-        backend::{self, TestedBackend},
-    },
-    monitor::Monitor,
-    simd::Isa,
-};
+use crate::error::{Error, Result};
+use crate::lab::accuracy::{self, AccuracySettings, Case};
+use crate::lab::backend::{self, TestedBackend};
+use crate::monitor::Monitor;
+use crate::simd::Isa;
 
+use super::outputs::OutputFlags;
 use super::{machine, print, signals};
 
 use self::args::AccuracyArgs;
@@ -28,11 +25,16 @@ const FULL: u64 = 400;
 /// Runs the catalogue of hard cases, or the selected ones.
 pub fn run(args: &AccuracyArgs) -> Result<()> {
     let cases = cases(args.case.as_deref())?;
-    args.outputs().refuse_overwrites([""; 0])?;
+    let outputs = OutputFlags(vec![
+        ("--json FILE", &args.json),
+        ("--html FILE", &args.html),
+        ("--markdown FILE", &args.markdown),
+    ]);
+    outputs.refuse_overwrites([""; 0])?;
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;
     signals::watch(&monitor)?;
-    let mut outputs = args.outputs().create()?;
+    let mut outputs = outputs.create()?;
     let mut report = args.workers.pool()?.install(|| {
         print::text(&table::heading(&settings))?;
         let count = cases.len();
@@ -88,9 +90,6 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> 
         without.iter().for_each(|line| print::note(line));
         tested_backends = available;
     }
-    let times = match args.full {
-        true => FULL,
-        false => args.times.unwrap_or(1),
-    };
+    let times = if args.full { FULL } else { args.times.unwrap_or(1) };
     Ok(AccuracySettings { tested_backends, seed: args.seed, times, pictures: args.html.is_some() })
 }

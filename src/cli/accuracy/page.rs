@@ -1,10 +1,8 @@
 //! Report page of `accuracy`, with pictures of the failures.
 
-use crate::{
-    lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, WrongKind},
-    report::{Bar, BarGroup, Bars, Cell, Page, Section, picture},
-    units,
-};
+use crate::lab::accuracy::{AccuracyReport, BackendCounts, CaseResult, ColumnReport, WrongKind};
+use crate::report::{Bar, BarGroup, Bars, Cell, Page, Section, picture};
+use crate::units;
 
 use super::{markdown, table};
 

@@ -11,10 +11,7 @@ const NAME: usize = 40;
 /// backend misses the mark of the case.
 pub fn failures(entry: &BackendCounts) -> String {
     let missed = if entry.missed.is_some() { " MISSED" } else { "" };
-    match entry.rays {
-        0 => "-".into(),
-        _ => format!("{}{missed}", units::count(entry.failed)),
-    }
+    if entry.rays == 0 { "-".into() } else { format!("{}{missed}", units::count(entry.failed)) }
 }
 
 /// Formats failures per million: `0`, `9,514`, `0.3`.

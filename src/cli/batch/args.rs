@@ -1,20 +1,17 @@
 //! The flags of `lightpath batch`.
 
-use std::{ops::Range, path::PathBuf};
+use std::ops::Range;
+use std::path::PathBuf;
 
 use clap::{Arg, Args, ValueHint};
 
-use crate::{
-    cli::{
-        flags::{
-            ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, SceneArgs,
-        },
-        progress::ProgressMode,
-    },
-    output::tonemap::Depth,
-    studio::{LightsFollow, Turning},
-    units::{parse_point, parse_range, parse_rate},
+use crate::cli::flags::{
+    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, SceneArgs,
 };
+use crate::cli::progress::ProgressMode;
+use crate::output::tonemap::Depth;
+use crate::studio::{LightsFollow, Turning};
+use crate::units::{parse_point, parse_range, parse_rate};
 
 /// Arguments of `lightpath batch`.
 #[derive(Debug, Args)]

@@ -3,35 +3,26 @@
 pub mod args;
 mod progress;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::json;
 
-use crate::{
-    batch::{
-        self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Status, TurntableKeys,
-        WrittenInput, sheet,
-    },
-    error::{Error, ErrorKind, Problem, Result, printable},
-    monitor::Monitor,
-    output::{Outputs, tonemap::Depth},
-    paths,
-    scene::{
-        self, Document,
-        written::{Angles, Name, Point},
-    },
-    studio::{Appearance, Template, Turning},
-    units,
+use crate::batch::{
+    self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Status, TurntableKeys,
+    WrittenInput, sheet,
 };
+use crate::error::{Error, ErrorKind, Problem, Result, printable};
+use crate::monitor::Monitor;
+use crate::output::Outputs;
+use crate::output::tonemap::Depth;
+use crate::scene::written::{Angles, Name, Point};
+use crate::scene::{self, Document};
+use crate::studio::{Appearance, Template, Turning};
+use crate::{paths, units};
 
-use super::{
-    machine, overrides, print,
-    progress::{Progress, ProgressMode},
-    signals,
-};
+use super::progress::{Progress, ProgressMode};
+use super::{machine, overrides, print, signals};
 
 use self::args::BatchArgs;
 
@@ -279,14 +270,8 @@ fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         let written = written.as_ref();
         file.turntable = Some(TurntableKeys {
             frames: count,
-            turn: match frames.turn {
-                Some(turn) => turn,
-                None => written.map_or(Turning::Object, |t| t.turn),
-            },
-            lights: match frames.lights {
-                Some(lights) => Some(lights),
-                None => written.and_then(|t| t.lights),
-            },
+            turn: frames.turn.unwrap_or(written.map_or(Turning::Object, |t| t.turn)),
+            lights: frames.lights.or(written.and_then(|t| t.lights)),
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
         });

@@ -1,13 +1,13 @@
 //! Progress of a batch over all its frames.
 
-use std::{
-    sync::{Arc, atomic::Ordering::Relaxed},
-    time::Instant,
-};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
 
 use serde_json::json;
 
-use crate::{batch::Status, units};
+use crate::batch::Status;
+use crate::units;
 
 use crate::cli::progress::Reading;
 

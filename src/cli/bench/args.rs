@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::cli::{
-    flags::{KernelArgs, MessageArgs, SizeArgs},
-    outputs::OutputFlags,
-};
+use crate::cli::flags::{KernelArgs, MessageArgs, SizeArgs};
+use crate::cli::outputs::OutputFlags;
 
 /// Arguments of `lightpath bench`.
 #[derive(Debug, Args)]

@@ -4,33 +4,24 @@ pub mod args;
 mod page;
 pub mod table;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::{Duration, SystemTime},
-};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 
-use crate::{
-    error::{Error, ErrorKind, Failures, Problem, Result, printable},
-    lab::{
-        ab::TimingPlan,
-        backend::{self, TestedBackend},
-        bench::{BenchSettings, measure},
-        rays::RayClass,
-        result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult},
-    },
-    memory,
-    mesh::ReadOptions,
-    monitor::Monitor,
-    scene::{self, Backend, Source},
-    simd::Isa,
-    studio,
-};
+use crate::error::{Error, ErrorKind, Failures, Problem, Result, printable};
+use crate::lab::ab::TimingPlan;
+use crate::lab::backend::{self, TestedBackend};
+use crate::lab::bench::{BenchSettings, measure};
+use crate::lab::rays::RayClass;
+use crate::lab::result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult};
+use crate::mesh::ReadOptions;
+use crate::monitor::Monitor;
+use crate::scene::{self, Backend, Source};
+use crate::simd::Isa;
+use crate::{memory, studio};
 
-use super::{
-    load::{self, SceneRequest},
-    machine, overrides, print, signals,
-};
+use super::load::{self, SceneRequest};
+use super::{machine, overrides, print, signals};
 
 use self::args::BenchArgs;
 
@@ -112,16 +103,7 @@ fn measure_scene(
     // All backends get the same geometry, and some trace no instances.
     let world = job.world(monitor, true, note)?;
     let measured = measure(&world, settings, monitor, &note)?;
-    let rays = measured.rays.iter().map(|(class, count)| (class.name().to_string(), *count));
-    Ok(SceneResult {
-        rays: rays.collect(),
-        name,
-        hash: job.loaded.hash,
-        triangles: world.triangles(),
-        backends: measured.backends,
-        rows: measured.rows,
-        agreement: measured.agreement,
-    })
+    Ok(SceneResult { name, hash: job.loaded.hash, ..measured })
 }
 
 /// Checks the flags and returns the settings.

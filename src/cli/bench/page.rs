@@ -1,15 +1,16 @@
 //! Page of `bench`, with charts.
 
-use crate::{
-    lab::{
-        growth::{Growth, Quantity},
-        result::{BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind},
-    },
-    report::{Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section},
-    units,
+use crate::lab::growth::{Growth, Quantity};
+use crate::lab::result::{
+    BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind,
 };
+use crate::report::{
+    Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section,
+};
+use crate::units;
 
-use super::{super::machine, table};
+use super::super::machine;
+use super::table;
 
 /// Builds the page. `since` adds the changes against a baseline.
 pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {

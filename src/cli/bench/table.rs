@@ -2,18 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use crate::{
-    cli::print::aligned,
-    error::printable,
-    lab::{
-        growth::{Growth, Quantity},
-        result::{
-            BaselineComparison, BenchReport, Change, SceneResult, TimingEntry, TimingRow, WorkKind,
-        },
-        stats::Estimate,
-    },
-    units,
+use crate::cli::print::aligned;
+use crate::error::printable;
+use crate::lab::growth::{Growth, Quantity};
+use crate::lab::result::{
+    BaselineComparison, BenchReport, Change, SceneResult, TimingEntry, TimingRow, WorkKind,
 };
+use crate::lab::stats::Estimate;
+use crate::units;
 
 /// Formats the results of one scene.
 pub fn scene(scene: &SceneResult) -> String {

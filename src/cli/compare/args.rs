@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::{cli::flags::WorkerArgs, scene::ToneOperator};
+use crate::cli::flags::WorkerArgs;
+use crate::scene::ToneOperator;
 
 /// Arguments of `lightpath compare`.
 #[derive(Debug, Args)]

@@ -7,17 +7,15 @@ mod text;
 
 use std::path::PathBuf;
 
-use crate::{
-    error::{Error, Failures, Result},
-    lab::{
-        compare::{self, CompareSettings, Compared, Comparison, file::Picture},
-        metrics::Metric,
-    },
-    output::atomic::PartFile,
-    scene::{did_you_mean, list},
-};
+use crate::error::{Error, Failures, Result};
+use crate::lab::compare::file::Picture;
+use crate::lab::compare::{self, CompareSettings, Compared, Comparison, map};
+use crate::lab::metrics::Metric;
+use crate::output::atomic::PartFile;
+use crate::scene::{did_you_mean, list};
 
-use super::{outputs::OutputFlags, print, signals};
+use super::outputs::OutputFlags;
+use super::{print, signals};
 
 use self::args::CompareArgs;
 
@@ -38,8 +36,9 @@ pub fn run(args: &CompareArgs) -> Result<()> {
     let found = pool.install(|| compare::compare(test, reference, &settings))?;
     let failed = failed(args, &found, &limits)?;
     let shown = error_map.zip(found.layers.first());
-    let mut written: Vec<PathBuf> =
-        shown.map(|(part, layer)| write_error_map(part, layer)).transpose()?.into_iter().collect();
+    let shown =
+        shown.map(|(part, layer)| part.finish(map::error_map(&layer.test, &layer.reference)));
+    let mut written: Vec<PathBuf> = shown.transpose()?.into_iter().collect();
     outputs.write("--html", || page::page(args, &found, &failed).html())?;
     written.extend(outputs.written());
     if args.json {
@@ -170,10 +169,4 @@ fn check_outputs(args: &CompareArgs) -> Result<()> {
     }
     let outputs = OutputFlags(vec![("--out FILE.png", &args.out), ("--html FILE", &args.html)]);
     outputs.refuse_overwrites([&args.test, &args.reference])
-}
-
-/// Writes the error map of a layer to its file and returns the path.
-fn write_error_map(mut part: PartFile, layer: &Compared) -> Result<PathBuf> {
-    part.fill(&page::error_map(layer))?;
-    part.commit()
 }

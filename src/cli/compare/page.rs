@@ -1,17 +1,12 @@
 //! Report page of `compare`: pictures side by side, error maps, all numbers.
 
-use crate::{
-    lab::{
-        compare::{
-            Compared, Comparison, map,
-            mattes::{self, Matte},
-        },
-        metrics::Metric,
-    },
-    report::{Cell, ColorScale, Page, Section, picture_of_width},
-};
+use crate::lab::compare::mattes::{self, Matte};
+use crate::lab::compare::{Compared, Comparison, map};
+use crate::lab::metrics::Metric;
+use crate::report::{Cell, ColorScale, Page, Section, picture_of_width};
 
-use super::{args::CompareArgs, text};
+use super::args::CompareArgs;
+use super::text;
 
 /// Maximum number of mattes in one table.
 const MAX_MATTES: usize = 1000;
@@ -33,13 +28,6 @@ pub fn page(args: &CompareArgs, found: &Comparison, failed: &[String]) -> Page {
         intro,
         sections: sections.chain(mattes).collect(),
     }
-}
-
-/// Returns the error map of a layer as a PNG.
-pub fn error_map(layer: &Compared) -> Vec<u8> {
-    let errors = map::errors(&layer.test, &layer.reference);
-    let pixels: Vec<[u8; 3]> = errors.iter().map(|e| map::color(map::position(*e))).collect();
-    map::png(&pixels, layer.test.size[0])
 }
 
 fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
@@ -85,11 +73,15 @@ fn charts(args: &CompareArgs, layer: &Compared) -> Vec<String> {
             charts.push(picture_of_width(&map::png(pixels, width), &caption, shown));
         }
     }
-    let picture = picture_of_width(&error_map(layer), "error of each pixel", shown);
+    let picture = picture_of_width(
+        &map::error_map(&layer.test, &layer.reference),
+        "error of each pixel",
+        shown,
+    );
     charts.push(picture + &error_scale().svg());
     if let Some(flip) = &layer.flip {
-        let pixels: Vec<[u8; 3]> = flip.iter().map(|value| map::color(*value)).collect();
-        let picture = picture_of_width(&map::png(&pixels, width), "FLIP of each pixel", shown);
+        let png = map::colored(flip.iter().copied(), width);
+        let picture = picture_of_width(&png, "FLIP of each pixel", shown);
         charts.push(picture + &share_scale("FLIP").svg());
     }
     charts
@@ -142,9 +134,8 @@ fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Se
         true => format!("The {MAX_MATTES} mattes that differ most"),
         false => "Mattes".to_string(),
     };
-    let pixels: Vec<[u8; 3]> = mattes.map.iter().map(|share| map::color(*share)).collect();
-    let charts = (!pixels.is_empty()).then(|| {
-        let png = map::png(&pixels, width);
+    let charts = (!mattes.map.is_empty()).then(|| {
+        let png = map::colored(mattes.map.iter().copied(), width);
         let caption = "largest difference of one matte's coverage, by pixel";
         picture_of_width(&png, caption, shown_width(width))
             + &share_scale("share of the pixel").svg()

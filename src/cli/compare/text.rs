@@ -1,20 +1,14 @@
 //! Formats the results of `compare` as text and as JSON.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use crate::{
-    error::printable,
-    lab::{
-        compare::{Compared, Comparison, NonFinite},
-        metrics::Metric,
-    },
-    scene::ToneOperator,
-};
+use crate::error::printable;
+use crate::lab::compare::{Compared, Comparison, NonFinite};
+use crate::lab::metrics::Metric;
+use crate::scene::ToneOperator;
 
 use super::args::CompareArgs;
 

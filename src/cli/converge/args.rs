@@ -4,13 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    cli::{
-        flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs},
-        outputs::OutputFlags,
-    },
-    scene::SamplerKind,
-};
+use crate::cli::flags::{KernelArgs, MessageArgs, SetArgs, SizeArgs, WorkerArgs};
+use crate::scene::SamplerKind;
 
 /// Arguments of `lightpath converge`.
 #[derive(Debug, Args)]
@@ -82,15 +77,4 @@ pub struct ConvergeArgs {
 
     #[command(flatten)]
     pub messages: MessageArgs,
-}
-
-impl ConvergeArgs {
-    /// Returns the flags that name output files.
-    pub fn outputs(&self) -> OutputFlags<'_> {
-        OutputFlags(vec![
-            ("--json FILE", &self.json),
-            ("--csv FILE", &self.csv),
-            ("--html FILE", &self.html),
-        ])
-    }
 }

@@ -4,31 +4,26 @@ pub mod args;
 mod page;
 mod text;
 
-use std::{path::Path, sync::Arc, time::Instant};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
 
-use crate::{
-    error::{Error, Result},
-    lab::{
-        backend::TestedBackend,
-        compare::{
-            file::{FileFormat, Picture},
-            layer::{Meaning, PictureLayer},
-        },
-        converge::{
-            self, ReferencePicture, StudyGrid, StudyLimits, StudyNames, StudySettings, report,
-        },
-    },
-    monitor::Monitor,
-    output::exr_read,
-    scene::{SamplerKind, Scene},
-    simd::Isa,
-    studio,
+use crate::error::{Error, Result};
+use crate::lab::backend::TestedBackend;
+use crate::lab::compare::file::{FileFormat, Picture};
+use crate::lab::compare::layer::{Meaning, PictureLayer};
+use crate::lab::converge::{
+    self, ReferencePicture, StudyGrid, StudyLimits, StudyNames, StudySettings, report,
 };
+use crate::monitor::Monitor;
+use crate::output::exr_read;
+use crate::scene::{SamplerKind, Scene};
+use crate::simd::Isa;
+use crate::studio;
 
-use super::{
-    load::{self, SceneRequest},
-    machine, overrides, print, signals,
-};
+use super::load::{self, SceneRequest};
+use super::outputs::OutputFlags;
+use super::{machine, overrides, print, signals};
 
 use self::args::ConvergeArgs;
 
@@ -46,13 +41,18 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     overrides::add_sets(&mut request.overrides, &args.overrides.set);
     let mut job = load::load(request, &monitor)?;
     let inputs = job.inputs(&args.input).into_iter().chain(args.reference.clone());
-    args.outputs().refuse_overwrites(inputs)?;
+    let outputs = OutputFlags(vec![
+        ("--json FILE", &args.json),
+        ("--csv FILE", &args.csv),
+        ("--html FILE", &args.html),
+    ]);
+    outputs.refuse_overwrites(inputs)?;
     let scene = &job.loaded.scene;
     let tested_backends = tested_backends(args, scene, isa)?;
     let grid = grid(args, scene, tested_backends.len())?;
     let given = args.reference.as_deref().map(|path| read_reference(path, scene)).transpose()?;
     signals::watch(&monitor)?;
-    let mut outputs = args.outputs().create()?;
+    let mut outputs = outputs.create()?;
     let note = |text: &str| args.messages.note(text);
     if let Some(seed) = args.reference.as_deref().and_then(seed_of) {
         limits.seed = args.seed.unwrap_or(seed.wrapping_add(1));

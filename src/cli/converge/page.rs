@@ -1,20 +1,15 @@
 //! Report page of `converge`: results, charts, pictures side by side, all numbers.
 
-use crate::{
-    lab::{
-        compare::{
-            layer::{Meaning, PictureLayer},
-            map,
-        },
-        converge::{Crop, PointResult, Study, StudyReport},
-    },
-    output::tonemap::Curve,
-    report::{Cell, ChartLine, LineChart, Page, Section, picture_of_width},
-    scene::{ToneOperator, Tonemap},
-    units::capital,
-};
+use crate::lab::compare::layer::{Meaning, PictureLayer};
+use crate::lab::compare::map;
+use crate::lab::converge::{Crop, PointResult, Study, StudyReport};
+use crate::output::tonemap::Curve;
+use crate::report::{Cell, ChartLine, LineChart, Page, Section, picture_of_width};
+use crate::scene::{ToneOperator, Tonemap};
+use crate::units::capital;
 
-use crate::cli::{compare::page as compare_page, machine};
+use crate::cli::compare::page as compare_page;
+use crate::cli::machine;
 
 use super::text;
 
@@ -155,9 +150,7 @@ fn pictures(report: &StudyReport, study: &Study) -> Option<Section> {
             text::error(point.relmse.value)
         );
         charts.push(picture(values, &caption));
-        let errors = map::errors(&layer(values, crop), &layer(&exact, crop));
-        let colors: Vec<_> = errors.iter().map(|e| map::color(map::position(*e))).collect();
-        let png = map::png(&colors, crop.size[0]);
+        let png = map::error_map(&layer(values, crop), &layer(&exact, crop));
         maps.push(picture_of_width(&png, &format!("error of {}", point.name()), shown));
     }
     charts.push(picture(&exact, "the reference"));

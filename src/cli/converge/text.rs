@@ -3,10 +3,8 @@
 use std::fmt::Write;
 
 use crate::error::printable;
-use crate::lab::{
-    converge::{MeanWithError, PointResult, Series, StudyReport},
-    metrics::Metric,
-};
+use crate::lab::converge::{MeanWithError, PointResult, Series, StudyReport};
+use crate::lab::metrics::Metric;
 use crate::units::plural;
 
 use crate::cli::print::aligned;
@@ -69,7 +67,8 @@ pub fn findings(report: &StudyReport) -> Vec<String> {
             "no slope of {name}: fewer than three of its comparable points have an error clearly above the reference's own"
         ));
     }
-    if let Some(ratio) = ratio_near(report, 64) {
+    let near_64 = report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(64));
+    if let Some(ratio) = near_64 {
         let error = ratio.rmse.standard_error.map_or(String::new(), |e| format!(" \u{b1} {e:.2}"));
         findings.push(format!(
             "at {} samples a pixel RMSE(random) is {:.2}{error} times RMSE(sobol)",
@@ -101,14 +100,6 @@ pub fn reached(report: &StudyReport, most: usize) -> Vec<String> {
         format!("to reach relmse {:.0e}: {setting}, {time} s{others}", reached.relmse)
     });
     lines.collect()
-}
-
-/// Returns the error ratio of the samplers at the number of samples closest to `samples`.
-pub fn ratio_near(
-    report: &StudyReport,
-    samples: u64,
-) -> Option<&crate::lab::converge::SamplerRatio> {
-    report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(samples))
 }
 
 /// Returns series whose slopes can be compared because they keep the same parameter fixed.

@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    cli::flags::{KernelArgs, SetArgs, SizeArgs, WorkerArgs},
-    scene::written::AcceleratorName,
-};
+use crate::cli::flags::{KernelArgs, SetArgs, SizeArgs, WorkerArgs};
+use crate::scene::written::AcceleratorName;
 
 /// Arguments of `lightpath crosscheck`.
 #[derive(Debug, Args)]

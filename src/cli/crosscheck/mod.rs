@@ -3,37 +3,32 @@
 pub mod args;
 mod text;
 
-use std::{path::Path, sync::Arc};
+use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::{
-    accel::{
-        Accelerator, BuildOptions, Visits, brute::Brute, bvh::Bvh, coursework::Coursework,
-        lane::LaneRay,
-    },
-    error::{Error, ErrorKind, Result, printable},
-    lab::{
-        answer::Answer,
-        backend::{BuiltBackend, TestedBackend},
-        crosscheck::{CrossCheck, Finding, TreeReport, check_rays, compare_pictures},
-        verdict::{Verdict, judge},
-    },
-    monitor::Monitor,
-    scene::{self, Backend, Scene, Source, Visible, written},
-    simd::Isa,
-    world::{LoadOptions, World},
-};
+use crate::accel::brute::Brute;
+use crate::accel::bvh::Bvh;
+use crate::accel::coursework::Coursework;
+use crate::accel::lane::LaneRay;
+use crate::accel::{Accelerator, BuildOptions, Visits};
+use crate::error::{Error, ErrorKind, Result, printable};
+use crate::lab::answer::Answer;
+use crate::lab::backend::{BuiltBackend, TestedBackend};
+use crate::lab::crosscheck::{CrossCheck, Finding, TreeReport, check_rays, compare_pictures};
+use crate::lab::verdict::{Verdict, judge};
+use crate::monitor::Monitor;
+use crate::scene::{self, Backend, Scene, Source, Visible, written};
+use crate::simd::Isa;
+use crate::world::{LoadOptions, World};
 
-use super::{
-    load::{self, SceneRequest},
-    outputs::OutputFlags,
-    overrides, print,
-    progress::{Progress, ProgressMode},
-    render::progress as render_progress,
-    signals,
-};
+use super::load::{self, SceneRequest};
+use super::outputs::OutputFlags;
+use super::progress::{Progress, ProgressMode};
+use super::render::progress as render_progress;
+use super::{overrides, print, signals};
 
 use self::args::CrosscheckArgs;
 
@@ -193,7 +188,7 @@ fn check(
     let mut report = check_rays(&check, monitor)?;
     report.tree = built.bvh.as_ref().map(|bvh| TreeReport::from(bvh.validate()));
     if !args.no_picture {
-        report.pictures = compare_pictures(&world, &built.oracle, &built_backends, isa, monitor)?;
+        report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
     if let Some(path) = &args.save {

@@ -2,11 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::lab::{
-    answer::Answer,
-    crosscheck::{CrosscheckReport, Finding, TreeReport, VerdictCounts},
-    verdict::{MAX_NEAR, Verdict},
-};
+use crate::lab::answer::Answer;
+use crate::lab::crosscheck::{CrosscheckReport, Finding, TreeReport, VerdictCounts};
+use crate::lab::verdict::{MAX_NEAR, Verdict};
 
 use crate::units;
 

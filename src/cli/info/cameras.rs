@@ -7,22 +7,21 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::{
-    accel::{self, BuildOptions},
-    error::{Error, Result},
-    film::{ReservedFilm, Window},
-    geometry::doubles,
-    layers::{FaceCounts, LayerPlan},
-    monitor::Monitor,
-    poses::Poses,
-    render,
-    scene::{Backend, CheckedCamera, Loaded, Overrides, Projection},
-    studio::{self, Appearance, Studio, Subject, Template},
-    units,
-    world::{LoadOptions, World},
-};
+use crate::accel::{self, BuildOptions};
+use crate::error::{Error, Result};
+use crate::film::{ReservedFilm, Window};
+use crate::geometry::doubles;
+use crate::layers::{FaceCounts, LayerPlan};
+use crate::monitor::Monitor;
+use crate::poses::Poses;
+use crate::render::{RenderContext, render_layers};
+use crate::scene::{Backend, CheckedCamera, Loaded, Overrides, Projection};
+use crate::studio::{self, Appearance, Studio, Subject, Template};
+use crate::units;
+use crate::world::{LoadOptions, World};
 
-use super::{args::InfoArgs, facts::Facts};
+use super::args::InfoArgs;
+use super::facts::Facts;
 
 /// Maximum number of cameras that the text lists; JSON lists all.
 const LISTED: usize = 12;
@@ -80,8 +79,9 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
         let (width, height) = (scene.camera.width, scene.camera.height);
         let window = Window::full(width, height);
         let mut film = ReservedFilm::new([width, height], window, Vec::new())?.film();
-        let accelerator = accelerator.as_ref();
-        render::render_layers(&world, accelerator, backend.isa(), &mut film, &plan, &monitor)?;
+        let (accelerator, isa) = (accelerator.as_ref(), backend.isa());
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        render_layers(context, &mut film, &plan, None)?;
         let mut coverage =
             Coverage { image: pose.image.clone(), size: [width, height], faces: 0, area: 0.0 };
         for (primitive, ..) in counts.seen() {

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::{error::printable, units, world::Detail};
+use crate::error::printable;
+use crate::units;
+use crate::world::Detail;
 
 /// Formats the resolution of a mesh in single precision as one line; `of` follows the first word.
 pub fn resolution_line(detail: &Detail, of: &str) -> String {

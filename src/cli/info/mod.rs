@@ -9,35 +9,31 @@ mod cameras;
 mod facts;
 mod scene;
 
-use std::{
-    fs::File,
-    io::{ErrorKind, Read},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::Path;
 
-use ::exr::meta::{MetaData, attribute::AttributeValue, header::Header};
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::AttributeValue;
+use ::exr::meta::header::Header;
 use serde_json::{Map, Value, json};
 
-use crate::{
-    accel::memory_footprint,
-    error::{Error, Problem, Result},
-    film::Window,
-    memory::{self, Prediction},
-    mesh,
-    monitor::Monitor,
-    output::{exr::text::decode, exr_check::exr_error},
-    scene::{Backend, Overrides},
-    studio::{self, Appearance, Studio, Subject, Template, UsedVertices},
-    units,
-    world::{Bounds, Detail},
-};
+use crate::accel::memory_footprint;
+use crate::error::{Error, Problem, Result};
+use crate::film::Window;
+use crate::memory::{self, Prediction};
+use crate::monitor::Monitor;
+use crate::output::exr::text::decode;
+use crate::output::exr_check::exr_error;
+use crate::scene::{Backend, Overrides};
+use crate::studio::{self, Appearance, Studio, Subject, Template, UsedVertices};
+use crate::world::{Bounds, Detail};
+use crate::{mesh, units};
 
 use super::print;
 
-use self::{
-    args::InfoArgs,
-    facts::{Facts, resolution_line},
-};
+use self::args::InfoArgs;
+use self::facts::{Facts, resolution_line};
 
 /// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {
@@ -56,10 +52,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
             }
         }
     }
-    match kind {
-        None => Ok(()),
-        Some(kind) => Err(Error { kind, problems }),
-    }
+    kind.map_or(Ok(()), |kind| Err(Error { kind, problems }))
 }
 
 fn error_json(path: &Path, error: &Error) -> Value {
@@ -155,10 +148,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     facts.add("bounds", json!([low.to_array(), high.to_array()]), line);
     resolution(&mesh, Bounds { min: low, max: high }, facts);
     drop(mesh);
-    match &args.cameras {
-        Some(list) => cameras::describe(path, list, args, facts),
-        None => Ok(()),
-    }
+    args.cameras.as_ref().map_or(Ok(()), |list| cameras::describe(path, list, args, facts))
 }
 
 /// Reads the header of a mesh, or of a cloud of points. The second value is true for a cloud.

@@ -5,22 +5,17 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::{
-    accel::memory_footprint,
-    cli::print,
-    error::{Problem, Result},
-    film::Window,
-    memory,
-    monitor::Monitor,
-    scene::{self, Backend, LightKind, Scene, ShapeKind, Source},
-    units,
-    world::{Detail, LoadOptions, World},
-};
+use crate::accel::memory_footprint;
+use crate::cli::print;
+use crate::error::{Problem, Result};
+use crate::film::Window;
+use crate::monitor::Monitor;
+use crate::scene::{self, Backend, LightKind, Scene, ShapeKind, Source};
+use crate::world::{Detail, LoadOptions, World};
+use crate::{memory, units};
 
-use super::{
-    args::InfoArgs,
-    facts::{Facts, resolution_line},
-};
+use super::args::InfoArgs;
+use super::facts::{Facts, resolution_line};
 
 /// Checks a scene and adds its contents to `facts`. Prints its warnings.
 pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {

@@ -4,23 +4,21 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    cli::{
-        flags::{
-            ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, PrefixArgs,
-            SceneArgs,
-        },
-        progress::ProgressMode,
-    },
-    error::Result,
-    integrate::Relative,
-    output::{exr::Sequence, tonemap::Depth},
-    picture::Storage,
-    studio::Subject,
-    units::parse_rate,
+use crate::cli::flags::{
+    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, PrefixArgs,
+    SceneArgs,
 };
+use crate::cli::progress::ProgressMode;
+use crate::error::Result;
+use crate::integrate::Relative;
+use crate::output::exr::Sequence;
+use crate::output::tonemap::Depth;
+use crate::picture::Storage;
+use crate::studio::Subject;
+use crate::units::parse_rate;
 
-use super::{dataset::DatasetArgs, plate::OverArgs};
+use super::dataset::DatasetArgs;
+use super::plate::OverArgs;
 
 /// Arguments of `lightpath render`.
 #[derive(Debug, Args)]

@@ -1,22 +1,19 @@
 //! Files for data sets: the faces that the camera sees, and ids as pictures.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    error::{Error, Result},
-    film::{Film, Window},
-    layers::{FaceCounts, LayerPlan},
-    memory,
-    output::{atomic::PartFile, png},
-    paths,
-    scene::{Layer, Scene},
-    shading::Owner,
-    world::World,
-};
+use crate::error::{Error, Result};
+use crate::film::{Film, Window};
+use crate::layers::{FaceCounts, LayerPlan};
+use crate::output::atomic::PartFile;
+use crate::output::png;
+use crate::scene::{Layer, Scene};
+use crate::shading::Owner;
+use crate::world::World;
+use crate::{memory, paths};
 
 /// Flags for data sets.
 #[derive(Debug, Args)]
@@ -64,7 +61,8 @@ impl DatasetArgs {
             let message = format!("found {count} shapes, expected at most {}", u16::MAX);
             return Err(Error::invalid("--png-ids", message));
         }
-        let ids = self.png_ids.then(|| ID_ENDINGS.map(|end| paths::with_ending(prefix, end)));
+        let ids = ID_ENDINGS.iter().filter(|_| self.png_ids);
+        let ids = ids.map(|end| paths::with_ending(prefix, end)).collect();
         Ok(DatasetPaths { faces: self.visible_faces.clone(), ids })
     }
 }
@@ -73,19 +71,20 @@ impl DatasetArgs {
 #[derive(Debug, Clone)]
 pub struct DatasetPaths {
     faces: Option<PathBuf>,
-    ids: Option<[PathBuf; 2]>,
+    /// The instances and the semantic classes, or none.
+    ids: Vec<PathBuf>,
 }
 
 /// Part files for data sets, while they are written.
 pub struct DatasetFiles {
     faces: Option<PartFile>,
-    ids: Option<[PartFile; 2]>,
+    ids: Vec<PartFile>,
 }
 
 impl DatasetPaths {
     /// Returns the paths of all files.
     pub fn all(&self) -> impl Iterator<Item = &PathBuf> {
-        self.faces.iter().chain(self.ids.iter().flatten())
+        self.faces.iter().chain(&self.ids)
     }
 
     /// Creates all part files.
@@ -94,12 +93,7 @@ impl DatasetPaths {
     /// As for [`PartFile::create`].
     pub fn create(&self) -> Result<DatasetFiles> {
         let faces = self.faces.as_deref().map(PartFile::create).transpose()?;
-        let ids = match &self.ids {
-            Some([instance, semantic]) => {
-                Some([PartFile::create(instance)?, PartFile::create(semantic)?])
-            }
-            None => None,
-        };
+        let ids = self.ids.iter().map(|path| PartFile::create(path)).collect::<Result<_>>()?;
         Ok(DatasetFiles { faces, ids })
     }
 
@@ -129,14 +123,11 @@ impl DatasetFiles {
     ) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
         if let (Some(mut part), Some(counts)) = (self.faces, &plan.faces) {
-            let bytes = visible_faces(counts, world);
-            let path = part.target().to_owned();
-            part.file().write_all(&bytes).map_err(|error| Error::io(&path, "write", &error))?;
-            part.sync()?;
+            part.fill(&visible_faces(counts, world))?;
             written.push(add(part));
         }
-        let objects = film.planes.index("objectid.id");
-        if let (Some(parts), Some(channel)) = (self.ids, objects) {
+        let objects = film.planes.index("objectid.id").filter(|_| !self.ids.is_empty());
+        if let Some(channel) = objects {
             let semantic: Vec<u16> = scene.shapes.iter().map(|shape| shape.semantic).collect();
             let object = |pixel: usize| film.planes.uint(channel, pixel);
             let class = |object: u32| match object.checked_sub(1) {
@@ -146,10 +137,8 @@ impl DatasetFiles {
             let pixels = 0..film.pixels.len();
             let instance: Vec<u16> = pixels.clone().map(|pixel| object(pixel) as u16).collect();
             let semantic: Vec<u16> = pixels.map(|pixel| class(object(pixel))).collect();
-            for (mut part, values) in parts.into_iter().zip([instance, semantic]) {
-                let path = part.target().to_owned();
-                png::write_ids(film, &values, part.file(), &path)?;
-                part.sync()?;
+            for (mut part, values) in self.ids.into_iter().zip([instance, semantic]) {
+                part.fill_by(|file, path| png::write_ids(film, &values, file, path))?;
                 written.push(add(part));
             }
         }

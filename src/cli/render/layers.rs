@@ -2,18 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Error, Result},
-    film::Film,
-    layers::PixelLayout,
-    output::{
-        atomic::PartFile,
-        exr, png, preview as pictures,
-        tonemap::{Depth, PixelFormat},
-    },
-    paths,
-    scene::{Layer, Scene},
-};
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::layers::PixelLayout;
+use crate::output::atomic::PartFile;
+use crate::output::tonemap::{Depth, PixelFormat};
+use crate::output::{exr, png, preview as pictures};
+use crate::paths;
+use crate::scene::{Layer, Scene};
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///
@@ -108,11 +104,9 @@ pub fn write_previews(
     mut add: impl FnMut(PartFile) -> PathBuf,
 ) -> Result<Vec<PathBuf>> {
     let write = |(name, mut part): (String, PartFile)| {
-        let path = part.target().to_owned();
         let bytes = pictures::bytes(film, &name).unwrap_or_default();
         let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };
-        png::encode(film, &bytes, color, None, part.file(), &path)?;
-        part.sync()?;
+        part.fill_by(|file, path| png::encode(film, &bytes, color, None, file, path))?;
         Ok(add(part))
     };
     previews.into_iter().map(write).collect()

@@ -11,38 +11,33 @@ pub mod progress;
 mod sampling;
 mod stats;
 
-use std::{path::PathBuf, sync::Arc, time::Instant};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
 use serde_json::json;
 
-use crate::{
-    accel::{self, Accelerator, BuildInfo, BuildOptions},
-    error::{Problem, Result},
-    film::{Film, ReservedFilm},
-    layers::LayerPlan,
-    memory::{self, Budget},
-    mesh::Mesh,
-    monitor::Monitor,
-    output::{ValueCounts, atomic::PartFile},
-    picture::{self, PictureHeader},
-    render::{self as renderer, RayCounts, SampleCounts},
-    world::{ContentHashes, LoadOptions, World, fingerprint},
-};
+use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
+use crate::error::{Problem, Result};
+use crate::film::{Film, ReservedFilm};
+use crate::layers::LayerPlan;
+use crate::memory::{self, Budget};
+use crate::mesh::Mesh;
+use crate::monitor::Monitor;
+use crate::output::ValueCounts;
+use crate::output::atomic::PartFile;
+use crate::picture::{self, PictureHeader};
+use crate::render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers};
+use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 
-use super::{
-    load::{self, SceneJob},
-    machine,
-    outputs::{self, TextOutputs},
-    print,
-    progress::Progress,
-    signals, version,
-};
+use super::load::{self, SceneJob};
+use super::outputs::{self, TextOutputs};
+use super::progress::Progress;
+use super::{machine, print, signals, version};
 
-use self::{
-    args::{RenderArgs, ReportArgs},
-    options::RenderOptions,
-    stats::{MemoryStats, RayStats, Seconds, Stats},
-};
+use self::args::{RenderArgs, ReportArgs};
+use self::options::RenderOptions;
+use self::stats::{MemoryStats, RayStats, Seconds, Stats};
 
 /// Flags that name output files.
 const OUTPUT_FLAGS: &str = "-o PREFIX, --stats FILE, --write-scene FILE";
@@ -177,12 +172,7 @@ impl RenderRun<'_> {
         stats.triangles = world.triangles();
         stats.memory.mesh_bytes = world.mesh_bytes();
         stats.memory.texture_bytes = world.texture_bytes();
-        stats.rays = RayStats {
-            primary: counts.primary,
-            shadow: counts.shadow,
-            reflection: counts.reflection,
-            false_hits: accelerator.false_hits(),
-        };
+        stats.rays = RayStats { counts, false_hits: accelerator.false_hits() };
         stats.samples = taken;
         stats.seconds = Seconds {
             load: loaded,
@@ -205,17 +195,12 @@ impl RenderRun<'_> {
         plan: &LayerPlan,
     ) -> Result<(RayCounts, Option<SampleCounts>)> {
         let (isa, monitor) = (self.job.loaded.scene.backend.isa(), self.monitor);
+        let context = RenderContext { world, accelerator, isa, monitor };
         if let Some(adaptive) = self.options.adaptive {
-            let (counts, taken) =
-                renderer::render_adaptive(world, accelerator, isa, film, plan, adaptive, monitor)?;
+            let (counts, taken) = render_adaptive(context, film, plan, adaptive)?;
             return Ok((counts, Some(taken)));
         }
-        let counts = match &self.options.part.raw {
-            None => renderer::render_layers(world, accelerator, isa, film, plan, monitor)?,
-            Some(raw) => {
-                renderer::render_samples(world, accelerator, isa, film, plan, raw, monitor)?
-            }
-        };
+        let counts = render_layers(context, film, plan, self.options.part.raw.as_ref())?;
         Ok((counts, None))
     }
 
@@ -256,14 +241,14 @@ impl RenderRun<'_> {
         let behind = options.plate.as_ref().map(|plate| plate.pixels(film.window));
         let says = PictureHeader {
             more: &more,
-            info,
+            backend_version: &info.version,
             scene_hash: hash,
             spp: Some(&spp),
             over: behind.as_deref(),
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             legend: world.legend.as_ref(),
-            fingerprint: None,
+            ..PictureHeader::default()
         };
         let RenderFiles { mut picture, previews, dataset, mut texts } = files;
         let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;

@@ -3,27 +3,24 @@
 
 use std::path::PathBuf;
 
-use crate::{
-    cli::{
-        load::{SceneJob, SceneRequest},
-        outputs::OutputFlags,
-        overrides,
-        progress::ProgressMode,
-    },
-    error::{Error, Problem, Result},
-    layers::LayerPlan,
-    memory::{self, Budget},
-    output::exr::Sequence,
-    paths,
-    picture::{self, Storage},
-    render::Adaptive,
-    scene::Overrides,
-    studio,
-};
+use crate::cli::load::{SceneJob, SceneRequest};
+use crate::cli::outputs::OutputFlags;
+use crate::cli::overrides;
+use crate::cli::progress::ProgressMode;
+use crate::error::{Error, Problem, Result};
+use crate::layers::LayerPlan;
+use crate::memory::{self, Budget};
+use crate::output::exr::Sequence;
+use crate::picture::{self, Storage};
+use crate::render::Adaptive;
+use crate::scene::Overrides;
+use crate::{paths, studio};
 
-use super::{
-    args::RenderArgs, dataset::DatasetPaths, layers, part::PicturePart, plate::PlateImage, sampling,
-};
+use super::args::RenderArgs;
+use super::dataset::DatasetPaths;
+use super::part::PicturePart;
+use super::plate::PlateImage;
+use super::{layers, sampling};
 
 /// Converts the arguments to a request for [`crate::cli::load::load`].
 ///

@@ -2,17 +2,15 @@
 
 use std::ops::Range;
 
-use crate::{
-    accel::BuildInfo,
-    camera::check_overscan,
-    error::{Error, ErrorKind, Problem, Result},
-    film::{Channel, Window},
-    integrate::{Pattern, TILE},
-    layers::{LayerPlan, PartialSumsLayout, PixelLayout},
-    merge::{PartDescription, PictureFormat, part},
-    picture::Storage,
-    scene::{Backend, MAX_PIXELS, Scene},
-};
+use crate::accel::BuildInfo;
+use crate::camera::check_overscan;
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::{Channel, Window};
+use crate::integrate::{Pattern, TILE};
+use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
+use crate::merge::{PartDescription, PictureFormat, part};
+use crate::picture::Storage;
+use crate::scene::{Backend, MAX_PIXELS, Scene};
 
 use super::args::RenderArgs;
 
@@ -210,7 +208,7 @@ fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     let [x0, y0] = [overscan - pixels; 2];
     let [x1, y1] = [width, height].map(|side| overscan + side + pixels);
     let window = Window { x0, y0, x1, y1 };
-    if u64::from(window.width()) * u64::from(window.height()) > MAX_PIXELS {
+    if window.pixels() > MAX_PIXELS {
         let [w, h] = [window.width(), window.height()];
         let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
         let message = format!("{message}, expected at most {MAX_PIXELS} pixels");

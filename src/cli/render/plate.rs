@@ -4,12 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 
-use crate::{
-    error::{Error, Result},
-    film::Window,
-    scene::{Filter, Scene, Wrap},
-    shading::{DEFAULT_MAX_BYTES, Texture},
-};
+use crate::error::{Error, Result};
+use crate::film::Window;
+use crate::scene::{Filter, Scene, Wrap};
+use crate::shading::{DEFAULT_MAX_BYTES, Texture};
 
 /// The flag `--over`.
 #[derive(Debug, Args)]
@@ -30,10 +28,9 @@ impl OverArgs {
     /// An image whose header cannot be read.
     pub fn bytes(&self, window: Window) -> Result<u64> {
         let Some(path) = &self.over else { return Ok(0) };
-        let pixels = u64::from(window.width()) * u64::from(window.height());
         // The plate's pixels in the window, and the pixels of the composite.
         let composite =
-            pixels.saturating_mul((size_of::<[f32; 3]>() + size_of::<[f32; 4]>()) as u64);
+            window.pixels().saturating_mul((size_of::<[f32; 3]>() + size_of::<[f32; 4]>()) as u64);
         Ok(Texture::size(path)?.decoding.saturating_add(composite))
     }
 
@@ -49,7 +46,7 @@ impl OverArgs {
             return Err(Error::invalid("--over", message).help(help));
         }
         let limit = max_memory.unwrap_or(DEFAULT_MAX_BYTES);
-        let image = Texture::load_within(path, None, limit)?;
+        let image = Texture::load_within(path, limit)?;
         let (found, frame) =
             ([image.width(), image.height()], [scene.camera.width, scene.camera.height]);
         if found != frame {

@@ -1,16 +1,13 @@
 //! Progress of one render, phase by phase.
 
-use std::{
-    sync::{Arc, atomic::Ordering::Relaxed},
-    time::Instant,
-};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
 
 use serde_json::json;
 
-use crate::{
-    monitor::{Monitor, Phase},
-    units,
-};
+use crate::monitor::{Monitor, Phase};
+use crate::units;
 
 use crate::cli::progress::Reading;
 

@@ -2,14 +2,12 @@
 
 use std::time::Duration;
 
-use crate::{
-    error::{Error, Problem, Result},
-    film::Window,
-    integrate::{MIN_PASS_SAMPLES, Relative},
-    layers::LayerPlan,
-    render::Adaptive,
-    scene::Scene,
-};
+use crate::error::{Error, Problem, Result};
+use crate::film::Window;
+use crate::integrate::{MIN_PASS_SAMPLES, Relative};
+use crate::layers::LayerPlan;
+use crate::render::Adaptive;
+use crate::scene::Scene;
 
 use super::args::SamplingArgs;
 
@@ -77,8 +75,7 @@ pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> 
 
 /// Returns the bytes that adaptive sampling keeps in addition to the film.
 pub fn bytes(adaptive: &Adaptive, scene: &Scene, window: Window) -> u64 {
-    let each = adaptive.bytes_per_pixel(LayerPlan::new(scene).layout.channels.len());
-    u64::from(window.width()) * u64::from(window.height()) * each
+    window.pixels() * adaptive.bytes_per_pixel(LayerPlan::new(scene).layout.channels.len())
 }
 
 /// Returns the EXR attributes that describe adaptive sampling.

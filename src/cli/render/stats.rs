@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::{render::SampleCounts, units};
+use crate::render::{RayCounts, SampleCounts};
+use crate::units;
 
 /// Content of the `--stats` file, described in docs/guide/cli.md.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -47,14 +48,11 @@ pub struct Seconds {
 }
 
 /// Numbers of rays by class.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct RayStats {
-    /// Rays that start at the camera.
-    pub primary: u64,
-    /// Rays towards a light.
-    pub shadow: u64,
-    /// Rays that a mirror reflects.
-    pub reflection: u64,
+    /// Rays that were traced.
+    #[serde(flatten)]
+    pub counts: RayCounts,
     /// Hits that the backend's f32 test reported and the f64 test rejected.
     pub false_hits: u64,
 }
@@ -77,8 +75,8 @@ impl Stats {
     /// Formats a summary of a few lines for the terminal.
     pub fn summary(&self) -> String {
         let s = &self.seconds;
-        let all = self.rays.primary + self.rays.shadow + self.rays.reflection;
-        let rate = all as f64 / s.render.max(1e-9) / 1e6;
+        let RayStats { counts, false_hits } = self.rays;
+        let rate = counts.all() as f64 / s.render.max(1e-9) / 1e6;
         format!(
             "{} triangles, {} ({}), {} threads\n\
              load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
@@ -100,10 +98,10 @@ impl Stats {
                 ),
                 None => String::new(),
             },
-            units::count(self.rays.primary),
-            units::count(self.rays.shadow),
-            units::count(self.rays.reflection),
-            match self.rays.false_hits {
+            units::count(counts.primary),
+            units::count(counts.shadow),
+            units::count(counts.reflection),
+            match false_hits {
                 0 => String::new(),
                 n => format!("; {} false hits discarded", units::count(n)),
             },

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::backends::CaseBackends;
 use super::counts::{CaseCounts, WrongKind};
-use super::judge::{AimedPacket, Judge};
+use super::judge::{AimedPacket, judge_packet};
 use super::picture;
 use super::report::{BackendCounts, CaseResult, FailurePicture};
 use super::settings::AccuracySettings;
@@ -211,7 +211,7 @@ impl CaseRun<'_> {
         self.check_packets(geometry, amount.packets * times, |run, built, index| {
             let aimed = aim(&mut run.random(index));
             let known = index % amount.oracle_stride == 0;
-            Judge { built }.packet(&aimed, index, known, index % slow == 0)
+            judge_packet(built, &aimed, index, known, index % slow == 0)
         })
     }
 

@@ -7,11 +7,10 @@ use glam::DVec3;
 use super::backends::CaseBackends;
 use super::counts::{CaseCounts, WrongKind, kind_of, ulp};
 use crate::accel::Accelerator;
-use crate::accel::brute::Brute;
 use crate::accel::lane::{LaneHit, LaneRay, lanes};
 use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
 use crate::lab::answer::Answer;
-use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR, TestedBackend};
+use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR};
 use crate::lab::query::trace;
 use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane};
@@ -71,45 +70,35 @@ impl AimedPacket {
     }
 }
 
-/// Traces packets with all tested backends and judges the answers.
-pub struct Judge<'a> {
-    /// The backends and the oracle, built over one geometry.
-    pub built: &'a CaseBackends<'a>,
-}
-
-impl Judge<'_> {
-    /// Traces and judges one packet. Returns the counts of each backend.
-    ///
-    /// Answers are compared with the oracle's. Unless `known`, [`Expect::Closed`] is judged without
-    /// it. If `slow`, slow backends trace the packet too.
-    pub fn packet(
-        &self,
-        aimed: &AimedPacket,
-        index: u64,
-        known: bool,
-        slow: bool,
-    ) -> Vec<CaseCounts> {
-        let oracle = &self.built.oracle;
-        let active = aimed.rays.possible(&Mask::ALL);
-        let exact = known || !matches!(aimed.expect, Expect::Closed(_));
-        let mut truths: [Option<LaneHit>; LANES] = [None; LANES];
-        for i in lanes(&active).filter(|_| exact) {
-            truths[i] = oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
-        }
-        let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
-        // One packet in four is an occlusion query.
-        let shadow = index % 4 == 3;
-        self.built.counts(slow, |BuiltBackend { tested, accelerator }, counts| {
-            let one = One { aimed, active, truths: exact.then_some(&truths), tested, oracle };
-            let geometry = self.built.geometry;
-            if matches!(aimed.expect, Expect::Crossings) {
-                return one.crossings(accelerator, geometry, counts);
-            }
-            for (nth, way) in tested.coherences(packets).into_iter().enumerate() {
-                one.answers(accelerator, shadow, way, nth == 0, geometry, counts);
-            }
-        })
+/// Traces and judges one packet. Returns the counts of each backend.
+///
+/// Answers are compared with the oracle's. Unless `known`, [`Expect::Closed`] is judged without
+/// it. If `slow`, slow backends trace the packet too.
+pub fn judge_packet(
+    built: &CaseBackends,
+    aimed: &AimedPacket,
+    index: u64,
+    known: bool,
+    slow: bool,
+) -> Vec<CaseCounts> {
+    let active = aimed.rays.possible(&Mask::ALL);
+    let exact = known || !matches!(aimed.expect, Expect::Closed(_));
+    let mut truths: [Option<LaneHit>; LANES] = [None; LANES];
+    for i in lanes(&active).filter(|_| exact) {
+        truths[i] = built.oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
     }
+    let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
+    // One packet in four is an occlusion query.
+    let shadow = index % 4 == 3;
+    built.counts(slow, |backend, counts| {
+        let one = One { aimed, active, truths: exact.then_some(&truths), built, backend };
+        if matches!(aimed.expect, Expect::Crossings) {
+            return one.crossings(counts);
+        }
+        for (nth, way) in backend.tested.coherences(packets).into_iter().enumerate() {
+            one.answers(shadow, way, nth == 0, counts);
+        }
+    })
 }
 
 /// One packet traced with one backend.
@@ -117,32 +106,23 @@ struct One<'a> {
     aimed: &'a AimedPacket,
     active: Mask,
     truths: Option<&'a [Option<LaneHit>; LANES]>,
-    tested: &'a TestedBackend,
-    oracle: &'a Brute<'a>,
+    built: &'a CaseBackends<'a>,
+    backend: BuiltBackend<'a>,
 }
 
 impl One<'_> {
-    fn answers(
-        &self,
-        accelerator: &dyn Accelerator,
-        shadow: bool,
-        way: Coherence,
-        measure: bool,
-        geometry: &Geometry,
-        counts: &mut CaseCounts,
-    ) {
+    fn answers(&self, shadow: bool, way: Coherence, measure: bool, counts: &mut CaseCounts) {
         let mut packet = RayPacket { rays: self.aimed.rays.clone(), ..RayPacket::EMPTY };
-        counts.nanoseconds +=
-            trace(accelerator, &self.active, &mut packet, shadow, way).as_nanos() as u64;
+        let time = trace(self.backend.accelerator, &self.active, &mut packet, shadow, way);
+        counts.nanoseconds += time.as_nanos() as u64;
         for i in 0..LANES {
             counts.rays += 1;
-            let kind = self.judge(i, &packet, shadow, counts);
-            if let Some(kind) = kind {
+            if let Some(kind) = self.judge(i, &packet, shadow, counts) {
                 counts.fail(kind, self.aimed.goals[i]);
             }
         }
         if let Some(truths) = self.truths.filter(|_| measure && !shadow) {
-            measure_hits(geometry, &self.active, &packet, truths, counts);
+            measure_hits(self.built.geometry, &self.active, &packet, truths, counts);
         }
     }
 
@@ -185,7 +165,8 @@ impl One<'_> {
             };
         }
         let ray = LaneRay::of(&self.aimed.rays, i);
-        let verdict = judge(self.oracle, &ray, exact, answer, self.tested.error_factor());
+        let verdict =
+            judge(&self.built.oracle, &ray, exact, answer, self.backend.tested.error_factor());
         if matches!((self.aimed.expect, verdict), (Expect::Lowest, Verdict::Tie)) {
             return Some(WrongKind::Tie);
         }
@@ -197,20 +178,16 @@ impl One<'_> {
     ///
     /// Only clear lines are judged: no edge lies within the error bound, and no two crossings are
     /// too close to separate.
-    fn crossings(
-        &self,
-        accelerator: &dyn Accelerator,
-        geometry: &Geometry,
-        counts: &mut CaseCounts,
-    ) {
+    fn crossings(&self, counts: &mut CaseCounts) {
         for i in lanes(&self.active) {
             let ray = LaneRay::of(&self.aimed.rays, i);
             if !self.clear(&ray) {
                 continue;
             }
-            let expected = self.oracle.all_hits(&ray).len();
+            let expected = self.built.oracle.all_hits(&ray).len();
             let started = Instant::now();
-            let found = crossings(accelerator, geometry, &self.aimed.rays, i);
+            let found =
+                crossings(self.backend.accelerator, self.built.geometry, &self.aimed.rays, i);
             counts.nanoseconds += started.elapsed().as_nanos() as u64;
             counts.rays += 1;
             if found != expected || found % 2 != 0 {
@@ -222,7 +199,7 @@ impl One<'_> {
     /// Returns whether the line is clear: see [`One::crossings`].
     fn clear(&self, ray: &LaneRay) -> bool {
         // A line that is clear of edges within the largest bound is clear for every backend.
-        let Some(mut near) = self.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
+        let Some(mut near) = self.built.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
             return false;
         };
         near.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -271,7 +248,7 @@ fn size(geometry: &Geometry, hit: &LaneHit) -> f64 {
 }
 
 /// Measures the errors of t, refined point and weights of hits on the right primitive.
-pub fn measure_hits(
+fn measure_hits(
     geometry: &Geometry,
     active: &Mask,
     packet: &RayPacket,

@@ -91,10 +91,7 @@ impl Room {
 fn at_edges(random: &mut Random, from: DVec3, edges: &[[DVec3; 2]]) -> RayPacket {
     towards(|| {
         let [a, b] = edges[random.below(edges.len() as u32) as usize];
-        let goal = match random.below(4) {
-            0 => a,
-            _ => a.lerp(b, random.unit()),
-        };
+        let goal = if random.below(4) == 0 { a } else { a.lerp(b, random.unit()) };
         let beside = match random.below(3) {
             0 => DVec3::ZERO,
             _ => random.direction() * (b - a).length() * 10f64.powf(random.within(-9.0, -3.0)),

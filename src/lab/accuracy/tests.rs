@@ -4,11 +4,12 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
+use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind};
-use super::judge::{AimedPacket, Expect, Judge};
+use super::judge::{AimedPacket, Expect, judge_packet};
 use super::meshes::{corners, icosphere, inside, scene};
-use super::{AccuracySettings, backends::CaseBackends, catalogue};
+use super::{AccuracySettings, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{BackendFault, Faulty};
@@ -28,7 +29,6 @@ fn counts(fault: BackendFault, closed: bool) -> CaseCounts {
     let faulty: Box<dyn Accelerator> = Box::new(Faulty(&within, fault));
     let tested = std::slice::from_ref(&backend);
     let built = CaseBackends { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
-    let judge = Judge { built: &built };
     let mut sum = CaseCounts::default();
     for index in 0..64 {
         let mut random = Random::new(1, index);
@@ -45,7 +45,7 @@ fn counts(fault: BackendFault, closed: bool) -> CaseCounts {
         if fault == BackendFault::WritesLane7 {
             aimed.rays.dir[1][7] = f32::NAN;
         }
-        sum.add(&judge.packet(&aimed, index, !closed, true)[0]);
+        sum.add(&judge_packet(&built, &aimed, index, !closed, true)[0]);
     }
     sum
 }

@@ -13,26 +13,21 @@
 //! Refused: deep data, subsampled channels, two layers of one name, EXRs and PNGs with more than
 //! 4 GiB of pixels.
 
-use std::{
-    collections::BTreeMap,
-    fs::File,
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
 
-use exr::{
-    image::{
-        AnyChannel, AnyChannels, FlatSamples, Layer as Part,
-        read::{image::ReadLayers, layers::ReadChannels, read},
-    },
-    meta::{MetaData, attribute::AttributeValue},
-};
+use exr::image::read::image::ReadLayers;
+use exr::image::read::layers::ReadChannels;
+use exr::image::read::read;
+use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer as Part};
+use exr::meta::MetaData;
+use exr::meta::attribute::AttributeValue;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::output::{
-    exr::text::decode,
-    exr_check::{self, exr_error},
-};
+use crate::output::exr::text::decode;
+use crate::output::exr_check::{self, exr_error};
 
 use super::layer::{Meaning, PictureLayer, fits};
 use super::mattes::{Names, read_names};

@@ -3,29 +3,21 @@
 use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::lab::named::named;
 
 /// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
 
-/// Meaning of the values of a layer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Meaning {
-    /// Linear light, R G B with BT.709 primaries.
-    Light,
-    /// Other quantities with a meaningful difference, such as depth.
-    Data,
-    /// Identifiers, which are only equal or not.
-    Ids,
-}
-
-impl Meaning {
-    /// Name of the meaning in JSON and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Light => "light",
-            Self::Data => "data",
-            Self::Ids => "ids",
-        }
+named! {
+    /// Meaning of the values of a layer.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub enum Meaning {
+        /// Linear light, R G B with BT.709 primaries.
+        Light = "light",
+        /// Other quantities with a meaningful difference, such as depth.
+        Data = "data",
+        /// Identifiers, which are only equal or not.
+        Ids = "ids",
     }
 }
 

@@ -22,10 +22,7 @@ pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
 /// - Data: the length of d over the root mean square length of all r.
 /// - Ids: 1 if they differ, else 0.
 pub fn errors(test: &PictureLayer, reference: &PictureLayer) -> Vec<f64> {
-    let channels = match test.meaning {
-        Meaning::Light => 3,
-        _ => test.channels.len(),
-    };
+    let channels = if test.meaning == Meaning::Light { 3 } else { test.channels.len() };
     let pixels = test.values.chunks_exact(channels).zip(reference.values.chunks_exact(channels));
     let square = |v: f32| f64::from(v) * f64::from(v);
     let finite = reference.values.iter().filter(|v| v.is_finite());
@@ -66,6 +63,16 @@ pub fn color(position: f64) -> [u8; 3] {
     }
     let c = colorous::MAGMA.eval_continuous(position.clamp(0.0, 1.0));
     [c.r, c.g, c.b]
+}
+
+/// Returns the map of the errors of a layer's pixels as a PNG.
+pub fn error_map(test: &PictureLayer, reference: &PictureLayer) -> Vec<u8> {
+    colored(errors(test, reference).into_iter().map(position), test.size[0])
+}
+
+/// Returns a PNG of positions on the colour scale, row by row.
+pub fn colored(positions: impl Iterator<Item = f64>, width: usize) -> Vec<u8> {
+    png(&positions.map(color).collect::<Vec<_>>(), width)
 }
 
 /// Encodes 8-bit pixels as a PNG file.

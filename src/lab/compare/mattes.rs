@@ -1,6 +1,8 @@
 //! Compares the cryptomattes of two files by name: the pixels that each matte covers.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
 
 use super::compared::Compared;
 use super::layer::PictureLayer;

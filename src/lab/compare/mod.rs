@@ -8,11 +8,9 @@ pub mod map;
 pub mod mattes;
 mod png;
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    output::tonemap,
-    scene::{ToneOperator, Tonemap},
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::tonemap;
+use crate::scene::{ToneOperator, Tonemap};
 
 pub use compared::{Compared, NonFinite};
 

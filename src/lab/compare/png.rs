@@ -3,14 +3,14 @@
 //! A `gAMA` chunk defines the curve. Values are sRGB without that chunk, with an `sRGB` chunk, or
 //! if gamma is 1 / 2.2.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformations};
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    shading::linear_from_srgb,
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::output::srgb;
 
 use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
 
@@ -87,10 +87,7 @@ impl Curve {
             (None, Some(gamma)) if gamma.into_value() > 0.0 => {
                 let gamma = f64::from(gamma.into_value());
                 // A gamma of 1 / 2.2 is a common approximation of sRGB.
-                match (gamma - 1.0 / 2.2).abs() < 1e-3 {
-                    true => Self::Srgb,
-                    false => Self::Power(1.0 / gamma),
-                }
+                if (gamma - 1.0 / 2.2).abs() < 1e-3 { Self::Srgb } else { Self::Power(1.0 / gamma) }
             }
             _ => Self::Srgb,
         }
@@ -98,7 +95,7 @@ impl Curve {
 
     fn linear(self, value: f64) -> f64 {
         match self {
-            Self::Srgb => linear_from_srgb(value),
+            Self::Srgb => srgb::to_linear(value),
             Self::Power(1.0) => value,
             Self::Power(power) => value.powf(power),
         }

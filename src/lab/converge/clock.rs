@@ -1,10 +1,8 @@
 //! The clock of a study. It does not count the time in which the process is stopped: Ctrl-Z,
 //! `SIGSTOP`, a machine that sleeps.
 
-use std::{
-    sync::{Mutex, PoisonError},
-    time::{Duration, Instant},
-};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Smallest gap between two ticks that counts as a stop. The watcher ticks every 20 ms.
 const STOPPED: Duration = Duration::from_secs(1);

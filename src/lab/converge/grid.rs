@@ -4,7 +4,7 @@
 use crate::scene::SamplerKind;
 
 /// One way to render the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Setting {
     /// Index of the backend.
     pub backend: usize,

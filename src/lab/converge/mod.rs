@@ -153,8 +153,7 @@ fn work(
             let place = describe(&job, &settings.tested_backends[setting.backend].name);
             return Err(Error::new(ErrorKind::Check, Problem::new(place, message)));
         }
-        let rays = counts.primary + counts.shadow + counts.reflection;
-        study.take(&job, &values, rays, seconds);
+        study.take(&job, &values, counts.all(), seconds);
     }
     Ok(study)
 }

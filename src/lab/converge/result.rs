@@ -198,10 +198,7 @@ pub fn report(
     let cost = |p: &PointResult| [p.median_s, p.relmse.value];
     let costs: Vec<[f64; 2]> = points.iter().map(cost).collect();
     let floor = study.reference.as_ref().and_then(|reference| reference.floor);
-    let (file, half) = match subject.reference {
-        Some((file, half)) => (Some(file), half),
-        None => (None, false),
-    };
+    let (file, half) = subject.reference.unzip();
     StudyReport {
         version: VERSION,
         machine: subject.machine,
@@ -213,7 +210,7 @@ pub fn report(
         seconds,
         reference: ReferenceResult {
             file,
-            half,
+            half: half.unwrap_or_default(),
             spp: study.pass.map(|pass| pass.spp),
             light_samples: study.pass.and_then(|pass| pass.light_samples),
             passes: study.pass.map(|_| study.passes.count),

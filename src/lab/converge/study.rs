@@ -50,7 +50,7 @@ pub struct StudyRender {
 }
 
 /// Results of one setting.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct StudyPoint {
     /// The setting that was rendered.
     pub setting: Setting,
@@ -106,14 +106,7 @@ impl Study {
         width: usize,
         reference: Option<ReferencePicture>,
     ) -> Self {
-        let point = |setting| StudyPoint {
-            setting,
-            seconds: Vec::new(),
-            rays: 0,
-            errors: Vec::new(),
-            crop: Vec::new(),
-            left_out: false,
-        };
+        let point = |setting| StudyPoint { setting, ..StudyPoint::default() };
         Self {
             points: grid.settings().into_iter().map(point).collect(),
             cost: vec![0.0; grid.backend_count],
@@ -145,11 +138,8 @@ impl Study {
                         true => self.grid.scaled(backend, factor.min(256.0)),
                         false => cheapest,
                     };
-                    return (left > 0.0).then_some(StudyRender {
-                        setting,
-                        seed,
-                        purpose: Purpose::Probe,
-                    });
+                    let purpose = Purpose::Probe;
+                    return (left > 0.0).then_some(StudyRender { setting, seed, purpose });
                 }
                 Stage::Reference => {
                     let setting = match (&self.reference, self.pass) {
@@ -169,11 +159,8 @@ impl Study {
                     }
                     self.pass = Some(setting);
                     let seed = seed.wrapping_sub(1 + i64::from(count));
-                    return (left > 0.0).then_some(StudyRender {
-                        setting,
-                        seed,
-                        purpose: Purpose::Reference,
-                    });
+                    let purpose = Purpose::Reference;
+                    return (left > 0.0).then_some(StudyRender { setting, seed, purpose });
                 }
                 Stage::Grid(round, place) => {
                     if round >= self.limits.repeats {

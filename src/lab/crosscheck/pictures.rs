@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::check::CrossCheck;
 use crate::accel::brute::Brute;
 use crate::accel::lane::{LaneRay, lanes};
 use crate::accel::{Accelerator, BuildInfo};
@@ -22,7 +23,6 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::render::render;
 use crate::simd::{self, Isa};
-use crate::world::World;
 
 /// Largest relative difference of a channel for pixels that count as the same.
 const SAME: f32 = 1e-5;
@@ -88,19 +88,20 @@ impl PictureReport {
 /// # Errors
 /// `Interrupted` after a signal; the errors of [`Film::new`].
 pub fn compare_pictures(
-    world: &World,
-    oracle: &Brute,
-    built_backends: &[BuiltBackend],
+    check: &CrossCheck,
     isa: Isa,
     monitor: &Monitor,
 ) -> Result<Vec<PictureReport>> {
+    let CrossCheck { world, oracle, built_backends, .. } = *check;
     let [width, height] = world.frame;
+    let pixel = |i: usize| [i as u32 % width, i as u32 / width];
     let picture = |built: &BuiltBackend| -> Result<Film> {
         let mut film = Film::new(world.frame, Window::full(width, height))?;
         render(world, built.accelerator, isa, &mut film, monitor)?;
         Ok(film)
     };
     let Some((first, others)) = built_backends.split_first() else { return Ok(Vec::new()) };
+    let context = RenderContext { world, accelerator: first.accelerator, isa, monitor };
     let reference = picture(first)?;
     let mut reports = Vec::new();
     for other in others {
@@ -113,14 +114,13 @@ pub fn compare_pictures(
             .par_iter()
             .filter(|_| !monitor.stopped())
             .map(|&i| {
-                let pixel = [i as u32 % width, i as u32 / width];
-                explain(world, oracle, [first, other], isa, pixel, monitor)
+                let (built_backends, reason) = ([*first, *other], Mutex::default());
+                explain(context, Witness { oracle, built_backends, reason }, pixel(i))
             })
             .collect();
         monitor.check()?;
         let count = |is: fn(&Reason) -> bool| reasons.iter().filter(|r| is(r)).count() as u64;
         let unexplained = reasons.iter().position(|r| *r == Reason::default());
-        let pixel = |i: usize| [i as u32 % width, i as u32 / width];
         reports.push(PictureReport {
             backends: [&first.tested.name, &other.tested.name].map(String::clone),
             pixels: film.pixels.len() as u64,
@@ -148,22 +148,13 @@ struct Reason {
     wrong: [bool; 2],
 }
 
-/// Renders one pixel again and judges the rays for which the two backends differ.
-fn explain(
-    world: &World,
-    oracle: &Brute,
-    [first, other]: [&BuiltBackend; 2],
-    isa: Isa,
-    [x, y]: [u32; 2],
-    monitor: &Monitor,
-) -> Reason {
-    let reason = Mutex::new(Reason::default());
-    let witness = Witness { oracle, built_backends: [*first, *other], reason };
+/// Renders one pixel again and judges the rays for which the two backends of `witness` differ.
+fn explain(context: RenderContext, witness: Witness, [x, y]: [u32; 2]) -> Reason {
     let mut pixel = [[0.0; 4]];
     let mut rows = [&mut pixel[..]];
-    let context = RenderContext { world, accelerator: &witness, monitor };
+    let context = RenderContext { accelerator: &witness, ..context };
     let window = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
-    simd::dispatch(isa, TileKernel::beauty(context, window, &mut rows));
+    simd::dispatch(context.isa, TileKernel::beauty(context, window, &mut rows));
     witness.reason.into_inner().unwrap_or_default()
 }
 

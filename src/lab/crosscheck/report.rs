@@ -47,7 +47,7 @@ impl VerdictCounts {
 }
 
 /// All verdicts on one backend.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct BackendReport {
     /// Name of the backend.
     pub backend: String,
@@ -229,7 +229,7 @@ fn saved(case: &QueryPacket) -> Vec<SavedRay> {
 }
 
 /// All results of a check.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct CrosscheckReport {
     /// Seed of all random rays.
     pub seed: i64,
@@ -261,22 +261,16 @@ impl CrosscheckReport {
                 version,
                 isa,
                 bound: built.tested.error_factor(),
-                sources: Vec::new(),
-                total: VerdictCounts::default(),
                 must_be_right: built.tested.must_be_right(),
-                allowed: Vec::new(),
+                ..BackendReport::default()
             }
         });
         Self {
             seed: check.seed,
-            rays: 0,
             primitives: check.world.geometry.count(),
             backends: backends.collect(),
-            tree: None,
             plain_loop: check.coursework.map(|_| PlainLoop::default()),
-            findings: Vec::new(),
-            pictures: Vec::new(),
-            kept: BTreeMap::new(),
+            ..Self::default()
         }
     }
 

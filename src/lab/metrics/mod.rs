@@ -16,7 +16,7 @@ pub use errors::ValueErrors;
 pub use ssim::ssim;
 
 use crate::lab::named::named;
-use crate::shading::linear_from_srgb;
+use crate::output::srgb;
 
 named! {
     /// A measure of how far a picture is from a reference.
@@ -151,7 +151,7 @@ impl MetricValues {
         let linear = |pixels: &[[u8; 3]]| -> Vec<[f32; 3]> {
             pixels
                 .iter()
-                .map(|p| p.map(|byte| linear_from_srgb(f64::from(byte) / 255.0) as f32))
+                .map(|p| p.map(|byte| srgb::to_linear(f64::from(byte) / 255.0) as f32))
                 .collect()
         };
         let map = flip::ldr(&linear(test), &linear(reference), width);

@@ -153,8 +153,9 @@ fn goes_round(edges: impl Iterator<Item = [DVec2; 2]>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::BuildOptions;
     use crate::accel::brute::Brute;
-    use crate::accel::{BuildOptions, lane::LaneRay};
+    use crate::accel::lane::LaneRay;
     use crate::geometry::{Geometry, NONE, TriangleMesh};
     use crate::monitor::Monitor;
 

@@ -1,25 +1,18 @@
 //! Makes the header of a part for the `exr` crate.
 
-use exr::{
-    compression::Compression as Method,
-    math::Vec2,
-    meta::{
-        BlockDescription,
-        attribute::{
-            AttributeValue, ChannelDescription, Chromaticities, IntegerBounds, LineOrder,
-            SampleType, Text,
-        },
-        header::{Header, ImageAttributes, LayerAttributes},
-    },
+use exr::compression::Compression as Method;
+use exr::math::Vec2;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, Chromaticities, IntegerBounds, LineOrder, SampleType, Text,
 };
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 
 use crate::film::{ChannelKind, Film};
 
-use super::{
-    options::{Compression, Options},
-    parts::{ExrPart, FIRST},
-    text,
-};
+use super::options::{Compression, Options};
+use super::parts::{ExrPart, FIRST};
+use super::text;
 
 /// Primaries and white point D65 of Rec. ITU-R BT.709, with the values of OpenEXR's default.
 const BT709: Chromaticities = Chromaticities {

@@ -20,37 +20,27 @@ mod sorted;
 pub mod text;
 mod zip;
 
-use std::{
-    io::{BufWriter, Read, Seek, SeekFrom, Write},
-    path::Path,
-};
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::Path;
 
-use exr::{
-    block::{
-        BlockIndex, UncompressedBlock,
-        chunk::{Chunk, CompressedBlock, CompressedScanLineBlock},
-        writer::ChunksWriter,
-    },
-    error::{Error as ExrError, Result as ExrResult},
-    meta::header::Header,
-};
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
+use exr::block::writer::ChunksWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::error::{Error as ExrError, Result as ExrResult};
+use exr::meta::header::Header;
 
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    film::Film,
-    simd::{Isa, dispatch},
-};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::film::Film;
+use crate::simd::{Isa, dispatch};
 
 pub use self::options::{CameraMatrices, Compression, Options, Sequence};
 pub use self::parts::layer_of;
 pub use self::sorted::read_sorted;
 
-use self::{
-    parts::ExrPart,
-    rows::Fill,
-    sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES},
-    zip::Zip,
-};
+use self::parts::ExrPart;
+use self::rows::Fill;
+use self::sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES};
+use self::zip::Zip;
 
 /// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, an infinity the
 /// largest half of the same sign, and half channels are clamped: see [`super::ValueCounts`].

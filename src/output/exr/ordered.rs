@@ -1,12 +1,9 @@
 //! Produces items on all threads and consumes them in order.
 
-use std::{
-    collections::BTreeMap,
-    sync::{
-        Condvar, Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering::Relaxed},
-    },
-};
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Condvar, Mutex, PoisonError};
 
 use crate::threads::lock;
 

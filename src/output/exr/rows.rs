@@ -2,13 +2,12 @@
 
 use std::ops::Range;
 
-use half::{f16, slice::HalfFloatSliceExt};
+use half::f16;
+use half::slice::HalfFloatSliceExt;
 
-use crate::{
-    film::{ChannelKind, Film},
-    output::value_counts::{HALF_MAX, finite},
-    simd::Kernel,
-};
+use crate::film::{ChannelKind, Film};
+use crate::output::value_counts::{HALF_MAX, finite};
+use crate::simd::Kernel;
 
 use super::parts::{ChannelSource, ValueSource};
 

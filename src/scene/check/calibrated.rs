@@ -6,14 +6,13 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
-use crate::scene::{
-    checked::Projection,
-    description::{Axes, DistortionDescription, Intrinsics, Matrix},
-    node::JsonPlace,
-};
+use crate::scene::checked::Projection;
+use crate::scene::description::{Axes, DistortionDescription, Intrinsics, Matrix};
+use crate::scene::node::JsonPlace;
 
 use super::affine::{Refusal, split};
-use super::{camera::CameraPose, context::Check};
+use super::camera::CameraPose;
+use super::context::Check;
 
 /// Maximum entry of R R^T - 1 up to which a matrix R counts as a rotation. Matrices with rounded
 /// digits pass; the nearest rotation is used.

@@ -3,10 +3,8 @@
 
 use glam::DVec3;
 
-use crate::scene::{
-    checked::{CheckedCamera, CheckedLens, Projection},
-    description::{Aim, CameraDescription, Direction, Interval, Panorama, Point},
-};
+use crate::scene::checked::{CheckedCamera, CheckedLens, Projection};
+use crate::scene::description::{Aim, CameraDescription, Direction, Interval, Panorama, Point};
 
 use super::context::Check;
 

@@ -1,10 +1,14 @@
 //! The state that all checks share.
 
-use std::{collections::BTreeSet, path::Path};
+use std::collections::BTreeSet;
+use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use crate::scene::{description::Name, document::Document, node::NodeKind, problems::Problems};
+use crate::scene::description::Name;
+use crate::scene::document::Document;
+use crate::scene::node::NodeKind;
+use crate::scene::problems::Problems;
 
 /// Maximum length of a name in characters. Layer names in EXR headers hold 255 bytes, including
 /// prefixes and suffixes; they have one byte per character.

@@ -1,10 +1,8 @@
 //! Checks that the files that a scene names exist. The readers of the files check their contents.
 
-use std::{
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use crate::nearest::did_you_mean;
 

@@ -1,11 +1,9 @@
 //! Checks the layers: their names must be known, and the names of light groups must differ if a
 //! layer uses them.
 
-use crate::scene::{
-    checked::{CheckedLight, CheckedShape, MeshColor, Scene, ShapeKind},
-    description::Name,
-    layers::{Layer, LightGroups},
-};
+use crate::scene::checked::{CheckedLight, CheckedShape, MeshColor, Scene, ShapeKind};
+use crate::scene::description::Name;
+use crate::scene::layers::{Layer, LightGroups};
 
 use super::context::Check;
 

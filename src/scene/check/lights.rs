@@ -4,14 +4,13 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::scene::{
-    checked::{CheckedLight, LightKind, MapUse},
-    description::{
-        AreaLight, Color, Emission, EnvironmentDescription, LightDescription, Name, Sky,
-    },
+use crate::scene::checked::{CheckedLight, LightKind, MapUse};
+use crate::scene::description::{
+    AreaLight, Color, Emission, EnvironmentDescription, LightDescription, Name, Sky,
 };
 
-use super::{context::Check, geometry::is_flat};
+use super::context::Check;
+use super::geometry::is_flat;
 
 impl Check<'_, '_> {
     /// Checks `/scene/lightsources` and makes the checked lights.

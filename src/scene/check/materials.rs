@@ -3,13 +3,11 @@
 use std::collections::BTreeMap;
 
 use crate::nearest::{did_you_mean, list};
-use crate::scene::{
-    checked::{CheckedMaterial, TextureUse},
-    description::{MaterialDescription, MaterialUse},
-    document::join,
-    expected::quoted,
-    node::NodeKind,
-};
+use crate::scene::checked::{CheckedMaterial, TextureUse};
+use crate::scene::description::{MaterialDescription, MaterialUse};
+use crate::scene::document::join;
+use crate::scene::expected::quoted;
+use crate::scene::node::NodeKind;
 
 use super::context::Check;
 

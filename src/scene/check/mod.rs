@@ -24,11 +24,9 @@ use std::path::Path;
 use glam::Vec3;
 
 use self::context::Check;
-use super::{
-    checked::{OcclusionRays, Scene, Tonemap},
-    description::{LightDescription, SceneDescription, Transfer},
-    problems::Problems,
-};
+use super::checked::{OcclusionRays, Scene, Tonemap};
+use super::description::{LightDescription, SceneDescription, Transfer};
+use super::problems::Problems;
 
 /// Checks the meaning of `problems.document`. `broken` holds the pointers with structural errors.
 /// Paths are relative to `folder`. Returns `None` if there is any error.

@@ -2,21 +2,19 @@
 
 use glam::{DAffine3, DVec3};
 
-use crate::scene::{
-    checked::{CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh},
-    description::{
-        MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, StoredColor,
-        TriMeshDescription,
-    },
-    node::NodeKind,
+use crate::scene::checked::{
+    CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh,
 };
+use crate::scene::description::{
+    MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, StoredColor,
+    TriMeshDescription,
+};
+use crate::scene::node::NodeKind;
 
-use super::{
-    affine::affine,
-    context::Check,
-    geometry::{QuadFault, is_flat, quad_fault},
-    materials::Materials,
-};
+use super::affine::affine;
+use super::context::Check;
+use super::geometry::{QuadFault, is_flat, quad_fault};
+use super::materials::Materials;
 
 impl Check<'_, '_> {
     /// Checks `/scene/shapes` and makes the checked shapes.

@@ -4,23 +4,18 @@
 //! is allocated only for the pixels in the file, because a small file can declare a picture of any
 //! size.
 
-use std::{
-    fs::File,
-    io::{BufReader, Seek},
-    ops::Range,
-    path::Path,
-};
+use std::fs::File;
+use std::io::{BufReader, Seek};
+use std::ops::Range;
+use std::path::Path;
 
-use exr::{
-    meta::{MetaData, header::Header},
-    prelude::{ReadChannels, ReadLayers, read},
-};
+use exr::meta::MetaData;
+use exr::meta::header::Header;
+use exr::prelude::{ReadChannels, ReadLayers, read};
 
-use crate::{
-    error::{Error, Result},
-    output::exr_check::{self, exr_error},
-    reserve,
-};
+use crate::error::{Error, Result};
+use crate::output::exr_check::{self, exr_error};
+use crate::reserve;
 
 /// Position and size of picture and data window, from the header.
 #[derive(Debug, Clone)]

@@ -1,28 +1,23 @@
 //! Headers of image files: format detection by content, memory limits, and error messages.
 
-use std::{
-    fs::File,
-    io::{self, BufRead, BufReader, Seek},
-    path::Path,
-};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Seek};
+use std::path::Path;
 
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::ExrLayout;
 use super::{jpeg_rows, jpeg_segments, pnm};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::files::Stamp;
 use crate::shading::{mip_map, tiles};
-use crate::{
-    error::{Error, ErrorKind, Problem, Result},
-    files::Stamp,
-};
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
 
 /// Offset of the byte of a PNG that is not 0 if the image is interlaced.
 const PNG_INTERLACING: usize = 28;
 
-/// Limit of [`Texture::load`](crate::shading::Texture::load) on the memory of one texture while it
-/// is decoded: 4 GiB.
+/// Limit on the memory of one texture while it is decoded, where the user sets none: 4 GiB.
 pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
 
 /// Most texels of a surface's image that is held in memory whole: 8192 x 8192.

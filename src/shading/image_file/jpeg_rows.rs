@@ -8,8 +8,10 @@ use image::error::{
     DecodingError, LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind,
 };
 use image::{ImageError, ImageFormat};
-use zune_core::{colorspace::ColorSpace, options::DecoderOptions};
-use zune_jpeg::{JpegDecoder, errors::DecodeErrors};
+use zune_core::colorspace::ColorSpace;
+use zune_core::options::DecoderOptions;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
 
 use super::file_pages::{FilePages, Release};
 use super::header::{explain, name, open};

@@ -29,11 +29,11 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat};
 
-use super::srgb::linear_from_srgb;
 use super::texel_image::TexelImage;
 use super::tiles::{TileWriter, Tiles};
 use crate::error::{Error, Result};
 use crate::files::Stamp;
+use crate::output::srgb;
 use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::ExrLayout;
@@ -69,32 +69,33 @@ pub fn size(path: &Path, whole: u64) -> Result<((u32, u32), TextureSize)> {
     Ok((opened.source.dimensions(), size))
 }
 
-/// Reads an image that needs at most `max_bytes` while it is decoded. One of more than `whole`
-/// texels of 8 bits a channel is kept in tiles, if there is space on a disk.
-///
-/// A `color_space` of `None` is sRGB for integer images and linear for float images.
-pub fn read(
-    path: &Path,
-    color_space: Option<ColorSpace>,
-    max_bytes: u64,
-    whole: u64,
-) -> Result<DecodedImage> {
+/// An image that is to be read, and its limits.
+#[derive(Debug, Clone, Copy)]
+pub struct ImageRequest<'a> {
+    /// The image file.
+    pub path: &'a Path,
+    /// `None` is sRGB for integer images and linear for float images.
+    pub color_space: Option<ColorSpace>,
+    /// Largest number of bytes that the image may need while it is decoded.
+    pub max_bytes: u64,
+    /// An image of more texels of 8 bits a channel is kept in tiles, if there is space on a disk.
+    pub whole: u64,
+}
+
+/// Reads an image.
+pub fn read(request: ImageRequest) -> Result<DecodedImage> {
+    let ImageRequest { path, max_bytes, whole, .. } = request;
     let opened = source(path, max_bytes)?;
     if opened.is_for_tiles(whole) {
-        return read_in_tiles(path, opened, color_space, max_bytes, whole);
+        return read_in_tiles(request, opened);
     }
     let needed = check_size(path, &opened, max_bytes)?;
-    read_whole(path, opened, color_space, needed)
+    read_whole(request, opened, needed)
 }
 
 /// [`read`] for an image of many texels.
-fn read_in_tiles(
-    path: &Path,
-    opened: Opened,
-    color_space: Option<ColorSpace>,
-    max_bytes: u64,
-    whole: u64,
-) -> Result<DecodedImage> {
+fn read_in_tiles(request: ImageRequest, opened: Opened) -> Result<DecodedImage> {
+    let ImageRequest { path, max_bytes, whole, .. } = request;
     // A small file can declare an image that fills a disk.
     check_size(path, &opened, max_bytes.max(DEFAULT_MAX_BYTES))?;
     let needed = TextureSize::in_tiles(&opened, whole).decoding;
@@ -102,8 +103,7 @@ fn read_in_tiles(
     reserve::probe(needed, &name(path))?;
     let opened = match opened.source {
         ImageSource::Image(format, decoder, _) if opened.by_rows => {
-            let decoded = read_by_rows(path, format, decoder, color_space, max_bytes)?;
-            match decoded {
+            match read_by_rows(request, format, decoder)? {
                 Some(decoded) => return Ok(decoded),
                 None => source(path, max_bytes)?,
             }
@@ -112,7 +112,7 @@ fn read_in_tiles(
     };
     let tiles = Tiles::new(opened.source.dimensions(), 3);
     let needed = check_size(path, &opened, max_bytes)?;
-    let decoded = read_whole(path, opened, color_space, needed)?;
+    let decoded = read_whole(request, opened, needed)?;
     let Some(tiles) = tiles else { return Ok(decoded) };
     let image = decoded.image.into_tiles(TileWriter::new(tiles, &name(path))?)?;
     Ok(DecodedImage { image, ..decoded })
@@ -122,12 +122,11 @@ fn read_in_tiles(
 /// `header` is the decoder of the header. One of a JPEG has the whole file in memory, so that it is
 /// dropped first.
 fn read_by_rows(
-    path: &Path,
+    request: ImageRequest,
     format: ImageFormat,
     header: Box<dyn ImageDecoder>,
-    color_space: Option<ColorSpace>,
-    max_bytes: u64,
 ) -> Result<Option<DecodedImage>> {
+    let ImageRequest { path, color_space, max_bytes, .. } = request;
     let (size, bytes) = (header.dimensions(), header.total_bytes());
     let had_alpha = header.color_type().has_alpha();
     drop(header);
@@ -144,13 +143,9 @@ fn read_by_rows(
 }
 
 /// Reads an image into memory. Decoding takes `needed` bytes.
-fn read_whole(
-    path: &Path,
-    Opened { source, stamp, .. }: Opened,
-    color_space: Option<ColorSpace>,
-    needed: u64,
-) -> Result<DecodedImage> {
-    let (had_alpha, image) = match source {
+fn read_whole(request: ImageRequest, opened: Opened, needed: u64) -> Result<DecodedImage> {
+    let ImageRequest { path, color_space, .. } = request;
+    let (had_alpha, image) = match opened.source {
         ImageSource::Exr(layout, mut file) => {
             let floats = layout.read(&mut file, path)?;
             (layout.has_alpha, decode_exr(layout, floats, color_space))
@@ -181,7 +176,7 @@ fn read_whole(
             format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
         ));
     }
-    Ok(DecodedImage { image, had_alpha, stamp })
+    Ok(DecodedImage { image, had_alpha, stamp: opened.stamp })
 }
 
 /// Drops alpha, expands grey to RGB and makes values linear. `white` is the divisor of integers, if
@@ -228,7 +223,7 @@ fn decode(
 /// The linear value of a stored value.
 fn linear(stored: f64, color_space: ColorSpace) -> f32 {
     match color_space {
-        ColorSpace::Srgb => linear_from_srgb(stored) as f32,
+        ColorSpace::Srgb => srgb::to_linear(stored) as f32,
         ColorSpace::Linear => stored as f32,
     }
 }
@@ -246,7 +241,7 @@ fn decode_exr(
     color_space: Option<ColorSpace>,
 ) -> TexelImage {
     if color_space == Some(ColorSpace::Srgb) {
-        floats.iter_mut().for_each(|v| *v = linear_from_srgb(f64::from(*v)) as f32);
+        floats.iter_mut().for_each(|v| *v = srgb::to_linear(f64::from(*v)) as f32);
     }
     let ExrLayout { size, columns, rows, .. } = layout;
     TexelImage::from_part(size.into(), columns, rows, floats)

@@ -15,12 +15,12 @@ const C: Wrap = Wrap::Clamp;
 
 /// Reads an image into memory.
 fn read(path: &Path, space: Option<ColorSpace>, max_bytes: u64) -> Result<DecodedImage> {
-    super::read(path, space, max_bytes, u64::MAX)
+    super::read(ImageRequest { path, color_space: space, max_bytes, whole: u64::MAX })
 }
 
 /// Reads an image into tiles.
 fn read_tiles(path: &Path, max_bytes: u64) -> Result<DecodedImage> {
-    super::read(path, None, max_bytes, 0)
+    super::read(ImageRequest { path, color_space: None, max_bytes, whole: 0 })
 }
 
 /// Writes one file into a new folder.
@@ -63,7 +63,7 @@ fn bilinear(decoded: &DecodedImage, u: f64, v: f64, wrap: [Wrap; 2]) -> Vec3 {
 #[test]
 fn integers_are_srgb_and_decoded_before_filtering() {
     let t = load("t.ppm", b"P6 2 1 255\n\x00\x80\xff\xff\x80\xff");
-    let half = linear_from_srgb(128.0 / 255.0) as f32;
+    let half = srgb::to_linear(128.0 / 255.0) as f32;
     assert!((half - 0.215_860_5).abs() < 1e-6);
     let middle = bilinear(&t, 0.5, 0.5, [C; 2]);
     assert_eq!(middle, Vec3::new(0.5, half, 1.0));
@@ -83,7 +83,7 @@ fn sixteen_bits_are_kept() {
     let rgb = nearest(&t, 0.5, 0.5);
     assert_eq!(rgb, Vec3::new(1.0, 32768.0, 65535.0) / 65535.0);
     let t = load("t.ppm", b"P6 1 1 65535\n\x80\x00\x00\x00\xff\xff");
-    let half = linear_from_srgb(32768.0 / 65535.0) as f32;
+    let half = srgb::to_linear(32768.0 / 65535.0) as f32;
     assert_eq!(nearest(&t, 0.0, 0.0), Vec3::new(half, 0.0, 1.0));
 }
 
@@ -123,7 +123,7 @@ fn samples_of_any_maxval_are_exact() {
                     let exact = f64::from(sample) / f64::from(white);
                     let exact = match space {
                         ColorSpace::Linear => exact,
-                        ColorSpace::Srgb => linear_from_srgb(exact),
+                        ColorSpace::Srgb => srgb::to_linear(exact),
                     };
                     let u = (f64::from(sample) + 0.5) / count as f64;
                     let found = nearest(&texture, u, 0.5);
@@ -235,7 +235,7 @@ fn an_exr_texture_is_its_display_window() {
         let image = Image { attributes: ImageAttributes::new(window), ..Image::from_layer(layer) };
         let (_folder, path) = file("w.exr", b"");
         image.write().to_file(&path).unwrap();
-        let texture = super::read(&path, None, DEFAULT_MAX_BYTES, u64::MAX).unwrap();
+        let texture = self::read(&path, None, DEFAULT_MAX_BYTES).unwrap();
         assert_eq!(texture.image.size(), (6, 5));
         let mut has = 0;
         for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {

@@ -10,7 +10,7 @@ use lightpath::{
     film::{Film, ReservedFilm, Window},
     layers::LayerPlan,
     monitor::Monitor,
-    render,
+    render::{RenderContext, render_layers},
     scene::{self, Backend, Scene, Source},
     simd::Isa,
     world::{LoadOptions, World},
@@ -218,7 +218,9 @@ fn rendered(
     let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
     let mut film = blank.unwrap().film();
     let isa = Isa::detect();
-    render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
+    let accelerator = &*accelerator;
+    let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+    render_layers(context, &mut film, &plan, None).unwrap();
     (film, scene)
 }
 

@@ -8,7 +8,7 @@ use lightpath::{
     film::{ReservedFilm, Window},
     layers::{LayerPlan, MISS_DEPTH},
     monitor::Monitor,
-    render,
+    render::{RenderContext, render_layers},
     scene::{self, Source},
     simd::Isa,
     world::{LoadOptions, World},
@@ -44,7 +44,9 @@ on_both! {
             let window = Window::full(60, 40);
             let blank = ReservedFilm::new([60, 40], window, plan.layout.channels.clone());
             let (mut film, isa) = (blank.unwrap().film(), Isa::detect());
-            render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
+            let accelerator = &*accelerator;
+            let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+            render_layers(context, &mut film, &plan, None).unwrap();
             let value = |name: &str, pixel: usize| {
                 f64::from(film.planes.float(film.planes.index(name).unwrap(), pixel))
             };

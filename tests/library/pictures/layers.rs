@@ -9,7 +9,7 @@ use lightpath::{
     film::{Film, ReservedFilm, Window},
     layers::{LayerPlan, MISS_DEPTH},
     monitor::Monitor,
-    render,
+    render::{RenderContext, render_layers},
     scene::{self, Backend, Scene, Source},
     simd::Isa,
     world::{LoadOptions, World},
@@ -87,7 +87,9 @@ fn with_overscan(
         let window = window.unwrap_or(Window::full(width, height));
         let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
         let mut film = blank.unwrap().film();
-        render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
+        let accelerator = &*accelerator;
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        render_layers(context, &mut film, &plan, None).unwrap();
         Rendered { film, plan }
     })
 }

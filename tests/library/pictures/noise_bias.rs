@@ -9,7 +9,7 @@ use lightpath::{
     integrate::Relative,
     layers::LayerPlan,
     monitor::Monitor,
-    render::{self, Adaptive},
+    render::{self, Adaptive, RenderContext},
     scene::{self, Source},
     simd::Isa,
     world::{LoadOptions, World},
@@ -135,15 +135,8 @@ fn adaptive(
         .clone()
         .map(|seed| {
             world.seed = seed;
-            let done = render::render_adaptive(
-                world,
-                accelerator,
-                isa,
-                &mut film,
-                &plan,
-                adaptive,
-                &monitor,
-            );
+            let context = RenderContext { world, accelerator, isa, monitor: &monitor };
+            let done = render::render_adaptive(context, &mut film, &plan, adaptive);
             samples += done.unwrap().1.mean;
             level(&film)
         })

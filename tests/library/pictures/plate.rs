@@ -8,7 +8,7 @@ use lightpath::{
     film::{Film, ReservedFilm, Window},
     layers::{LayerPlan, MISS_DEPTH},
     monitor::Monitor,
-    render::{self, RayCounts},
+    render::{RayCounts, RenderContext, render_layers},
     scene::{self, Backend, Source, written::AcceleratorName},
     simd::Isa,
     world::{LoadOptions, World},
@@ -43,8 +43,9 @@ impl Picture {
         let window = Window::full(width, height);
         let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
         let (mut film, isa) = (blank.unwrap().film(), Isa::detect());
-        let counts =
-            render::render_layers(&world, &*accelerator, isa, &mut film, &plan, &monitor).unwrap();
+        let accelerator = &*accelerator;
+        let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
+        let counts = render_layers(context, &mut film, &plan, None).unwrap();
         Self { film, counts }
     }
 

@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage};
 use lightpath::film::{Film, ReservedFilm, Window};
 use lightpath::layers::LayerPlan;
 use lightpath::monitor::Monitor;
-use lightpath::render;
+use lightpath::render::{RenderContext, render_layers};
 use lightpath::scene::{self, Backend, Source};
 use lightpath::simd::Isa;
 use lightpath::world::{LoadOptions, World};
@@ -58,7 +58,8 @@ fn render(world: &World, plan: &LayerPlan, backend: Backend) -> Film {
     let window = Window::full(WIDTH, HEIGHT);
     let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone());
     let mut film = blank.unwrap().film();
-    render::render_layers(world, &*accelerator, isa, &mut film, plan, &monitor).unwrap();
+    let context = RenderContext { world, accelerator: &*accelerator, isa, monitor: &monitor };
+    render_layers(context, &mut film, plan, None).unwrap();
     film
 }
 

@@ -51,10 +51,7 @@ impl Spaces {
 
 fn lab_curve(t: f64) -> f64 {
     let delta: f64 = 6.0 / 29.0;
-    match t > delta.powi(3) {
-        true => t.cbrt(),
-        false => t / (3.0 * delta * delta) + 4.0 / 29.0,
-    }
+    if t > delta.powi(3) { t.cbrt() } else { t / (3.0 * delta * delta) + 4.0 / 29.0 }
 }
 
 /// HyAB distance of two colours, for large differences (Abasi, Amani Tehran, Fairchild 2020).
