@@ -20,11 +20,14 @@ type FaceBatch = [[Option<u64>; 3]; LANES];
 pub(super) struct FoundHit {
     /// Index of the ray.
     pub ray: usize,
+    /// Index of the mesh.
     pub mesh: u32,
     /// Face in the mesh.
     pub face: u32,
-    /// The values of t, u, v are kept where the ray runs in the plane of the triangle.
+    /// The caller's ray parameter. It and `uv` are kept where the ray runs in the plane of the
+    /// triangle.
     pub t: f64,
+    /// Weights of the second and third corner.
     pub uv: [f64; 2],
 }
 
@@ -66,10 +69,11 @@ impl RayScene {
         mut store: impl FnMut(&[FoundHit], &Refined),
     ) {
         // The vertices of a batch are prefetched while the batch before is computed.
-        let mut next = self.faces(&found[..found.len().min(LANES)]);
-        for (batch, hits) in found.chunks(LANES).enumerate() {
+        let mut batches = found.chunks(LANES).peekable();
+        let mut next = self.faces(batches.peek().copied().unwrap_or_default());
+        while let Some(hits) = batches.next() {
             let faces = next;
-            next = self.faces(found.chunks(LANES).nth(batch + 1).unwrap_or(&[]));
+            next = self.faces(batches.peek().copied().unwrap_or_default());
             let mut corners = [[[1.0; LANES]; 3]; 3];
             for (i, (hit, face)) in hits.iter().zip(faces).enumerate() {
                 let positions = arrays::positions(self.meshes[hit.mesh as usize].as_ref(), face);

@@ -41,7 +41,7 @@ impl Rounded {
 
 /// Rounds the rays of a batch to f32.
 pub(super) struct Rounding<'a> {
-    pub rays: &'a RayBatch<'a>,
+    rays: &'a RayBatch<'a>,
     /// Longest side of the box of all triangles.
     size: f32,
     /// Origin of the coordinates of the tree.

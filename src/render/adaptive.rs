@@ -152,6 +152,7 @@ impl SharedSettings<'_> {
             let (taken, dropped) = work.finish(monitor);
             (rays, taken, dropped)
         };
+        // One at a time: see `render_with`.
         tiles.into_par_iter().with_max_len(1).map(render).reduce_with(join)
     }
 
@@ -179,6 +180,7 @@ impl SharedSettings<'_> {
                 monitor.set_done(total.min((part * total as f64) as u64));
                 rays
             };
+            // One at a time: see `render_with`.
             let sum = all
                 .par_iter_mut()
                 .with_max_len(1)
