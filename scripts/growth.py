@@ -5,8 +5,8 @@ usage: growth.py [--program target/release/lightpath] [--rounds 3] [--embree-up-
 
 Each mesh is rendered alone under a point light, 1024 x 1024, 1 sample, by each backend in turns (A B B A). The
 tables have the medians. Meshes of more than 50 million triangles are rendered once, and those of more than
---embree-up-to by `bvh` alone. Closed meshes of any size: scripts/make_torus.py. Prints an entry for
-docs/notebook/scaling.md. --charts writes scale-time.svg and scale-memory.svg; it needs matplotlib.
+--embree-up-to by `bvh` alone. Closed meshes of any size: scripts/make_torus.py. Prints the table of an entry
+in docs/notebook/scaling.md. --charts writes scale-time.svg and scale-memory.svg; it needs matplotlib.
 """
 import argparse
 import json
@@ -42,7 +42,7 @@ def render(program, path, backend, folder):
 
 
 def measure(args, folder):
-    """Returns a list of (triangles, {backend: row}), a row being medians of seconds, and bytes a triangle."""
+    """Returns a list of (triangles, {backend: row}), a row being what `summary` returns."""
     rows = []
     for path in args.meshes:
         runs = {"bvh": [render(args.program, path, "bvh", folder)]}
@@ -61,11 +61,11 @@ def measure(args, folder):
 
 
 def summary(runs, triangles):
+    """Returns the median seconds of each phase, the accelerator's bytes a triangle, and the process's peak in bytes."""
     row = {phase: statistics.median(run["seconds"][phase] for run in runs) for phase in PHASES}
     memory = runs[0]["memory"]
     row["held"] = memory["accelerator_bytes"] / triangles
     row["build peak"] = memory["accelerator_peak_bytes"] / triangles
-    row["mesh"] = memory["mesh_bytes"] / triangles
     row["peak"] = max(run["memory"]["peak_bytes"] for run in runs)
     return row
 
@@ -78,11 +78,11 @@ def exponent(points):
 
 
 def table(rows):
-    print("| triangles | backend | load | build | render | write | all | held, B/triangle | build's peak | process, GiB |")
+    print("| triangles | backend | load, s | build | render | write | all | held, B/triangle | build's peak | process, GiB |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for triangles, backends in rows:
         for backend, row in backends.items():
-            seconds = " | ".join(f"{row[phase]:.3g} s" for phase in PHASES)
+            seconds = " | ".join(f"{row[phase]:.3g}" for phase in PHASES)
             print(f"| {triangles:,} | {backend} | {seconds} | {row['held']:.1f} | {row['build peak']:.1f} "
                   f"| {row['peak'] / 2**30:.2f} |")
     for backend in ("bvh", "embree"):
