@@ -129,7 +129,8 @@ impl Node {
 pub struct Block {
     /// x, y, z of the vertices.
     pub vertices: [[f32; WIDTH]; 3],
-    /// For each triangle, its primitive index minus `base`. See [`Indices::of`].
+    /// For each triangle, its primitive index minus `base`, or its lower 16 bits. See
+    /// [`Indices::of`].
     pub offsets: [u16; WIDTH],
     /// Vertex indices of the first, second and third corner of each triangle, of 4 bits: slots 0 to
     /// 7 in the low bits of the bytes, slots 8 to 15 in the high bits.
@@ -188,8 +189,8 @@ impl Block {
 /// Finds the scene-wide primitive indices of the triangles in leaves.
 #[derive(Debug, Clone, Copy)]
 pub struct Indices<'a> {
-    /// The primitive indices of leaves with the bit [`WIDE`].
-    pub wide: &'a [[u32; WIDTH]],
+    /// The upper 16 bits of the primitive indices of leaves with the bit [`WIDE`].
+    pub wide: &'a [[u16; WIDTH]],
     /// Added to all indices: that of the first triangle of an instance, else 0.
     pub first: u32,
 }
@@ -199,11 +200,11 @@ impl Indices<'_> {
     #[inline(always)]
     pub fn of(self, block: &Block, i: usize) -> u32 {
         let i = i % WIDTH;
-        let own = match block.base & WIDE {
-            0 => block.base + u32::from(block.offsets[i]),
-            _ => self.wide[(block.base & !WIDE) as usize][i],
+        let base = match block.base & WIDE {
+            0 => block.base,
+            _ => u32::from(self.wide[(block.base & !WIDE) as usize][i]) << 16,
         };
-        self.first + own
+        self.first + base + u32::from(block.offsets[i])
     }
 }
 

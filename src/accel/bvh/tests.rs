@@ -81,7 +81,7 @@ fn bits(tree: &Tree) -> Vec<u64> {
         bits.extend(block.corners.as_flattened().iter().map(|&corner| u64::from(corner)));
         bits.push(block.present.into());
     }
-    bits.extend(tree.wide.iter().flatten().map(|&index| u64::from(index)));
+    bits.extend(tree.wide.iter().flatten().map(|&bits| u64::from(bits)));
     bits.extend(tree.spheres.iter().flat_map(|leaf| leaf.0.map(u64::from)));
     bits
 }

@@ -4,12 +4,12 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use super::super::bounds::Bounds3;
-use super::super::node::{SPHERES, WIDTH};
+use super::super::node::WIDTH;
 use super::binary_node::{BinaryNode, Leaf, Slot};
 use super::block;
 use super::cells::{Sorted, Top, TopNode};
-use super::groups::instance_of;
-use super::reference::Reference;
+use super::reference::{PrimitiveId, Reference};
+use super::room::{Nodes, Room};
 use super::sah::{self, Bins};
 use super::split::{Set, centroids_of, split, split_at, split_serial};
 use crate::error::Result;
@@ -28,12 +28,15 @@ const MIN_PARALLEL: usize = 4096;
 /// that no subtree uses.
 pub struct BinaryTree {
     pub slots: Vec<Slot>,
+    /// The primitives of the leaves: the bits of a [`Group`](super::reference::Group) for each. A subtree of n references
+    /// gets 2 n of them, because both primitives of a pair need one.
+    pub primitives: Vec<u32>,
     /// Number of nodes. There are more slots than nodes.
     pub len: usize,
     leaves: usize,
 }
 
-/// Builds the tree. Reorders the references so that each leaf has a contiguous range of them.
+/// Builds the tree. Reorders the references.
 ///
 /// # Errors
 /// If there is too little memory for the nodes.
@@ -44,16 +47,18 @@ pub fn build(
     monitor: &Monitor,
 ) -> Result<BinaryTree> {
     if references.is_empty() {
-        return Ok(BinaryTree { slots: Vec::new(), len: 0, leaves: 0 });
+        return Ok(BinaryTree { slots: Vec::new(), primitives: Vec::new(), len: 0, leaves: 0 });
     }
     let total = references.len() as u64;
     let done = AtomicU64::new(0);
     let builder = Builder { geometry, isa, monitor, total, done: &done };
     let mut slots = reserve::filled([0.0; 8], 2 * references.len() - 1, "bvh")?;
-    let set = Set { references, centroids: Bounds3::EMPTY, first: 0, depth: 0 };
-    let len = builder.top(top, (0, 0), set, &mut slots);
+    let mut primitives = reserve::filled(0, 2 * references.len(), "bvh")?;
+    let set = Set { references, centroids: Bounds3::EMPTY, depth: 0 };
+    let room = Room { slots: &mut slots, primitives: &mut primitives, first: 0 };
+    let len = builder.top(top, (0, 0), set, room);
     // A binary tree has one more leaf than inner nodes.
-    Ok(BinaryTree { slots, len, leaves: len.div_ceil(2) })
+    Ok(BinaryTree { slots, primitives, len, leaves: len.div_ceil(2) })
 }
 
 /// Sets the index of each leaf among the leaves of its kind, in depth-first order. Returns all
@@ -74,7 +79,7 @@ pub fn number_leaves(tree: &mut BinaryTree) -> Result<Vec<Leaf>> {
                 place += 1;
                 continue;
             }
-            let leaf = node.references();
+            let leaf = node.primitives();
             let next = &mut next[usize::from(leaf.spheres)];
             tree.slots[place][7] = f32::from_bits(*next);
             *next += 1;
@@ -97,81 +102,79 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds the subtree of a node of `top` over its n references, in the first 2 n - 1 slots. The
-    /// centroids of `set` are not set. The node is given by its index and the index of its first
-    /// cell. Returns the number of nodes.
-    fn top(self, top: &Top, (node, cell): (usize, usize), set: Set, slots: &mut [Slot]) -> usize {
+    /// Builds the subtree of a node of `top`. The centroids of `set` are not set. The node is given
+    /// by its index and the index of its first cell. Returns the number of nodes.
+    fn top(self, top: &Top, (node, cell): (usize, usize), set: Set, room: Room) -> usize {
         let Some(&TopNode { right, .. }) = top.nodes.get(node).filter(|node| node.right > 0) else {
             let centroids = centroids_of(set.references);
-            return self.subtree(Set { centroids, ..set }, slots);
+            return self.subtree(Set { centroids, ..set }, room);
         };
         let middle = cell + top.nodes[node + 1].cells;
         let count = top.starts[middle] - top.starts[cell];
         let (left, behind) = split_at(set, count, [Bounds3::EMPTY; 2]);
-        let (root, below) = slots.split_at_mut(1);
-        let (below_left, below_right) = below.split_at_mut(2 * count - 1);
-        let (a, b) = rayon::join(
-            || self.top(top, (node + 1, cell), left, below_left),
-            || self.top(top, (right, middle), behind, below_right),
-        );
-        finish(root, below_left, below_right, 2 * count);
-        1 + a + b
+        room.fill(
+            count,
+            |room| self.top(top, (node + 1, cell), left, room),
+            |room| self.top(top, (right, middle), behind, room),
+        )
     }
 
-    /// Builds the tree over a set of n references in the first 2 n - 1 slots. Returns its number of
-    /// nodes.
-    fn subtree(self, set: Set, slots: &mut [Slot]) -> usize {
+    /// Builds the tree over a set of references. Returns its number of nodes.
+    fn subtree(self, set: Set, room: Room) -> usize {
         let n = set.references.len();
         if self.monitor.stopped() {
             // The caller of the build discards this result.
-            BinaryNode::leaf(Bounds3::EMPTY, set.first, 0, false).write(&mut slots[0]);
+            BinaryNode::leaf(Bounds3::EMPTY, room.first, 0, false).write(&mut room.slots[0]);
             return 1;
         }
         if n < MIN_PARALLEL {
-            let bins = &mut Bins::EMPTY.clone();
-            let out = &mut Nodes { slots, len: 0 };
-            simd::dispatch(self.isa, Serial { builder: self, set, bins, out });
+            let out = &mut Nodes::new(room);
+            self.task(set, out);
             let done = self.done.fetch_add(n as u64, Relaxed) + n as u64;
             self.monitor.set_done(done * 900 / self.total);
-            return out.len;
+            return out.len();
         }
         let (left, right) = split(self.isa, set);
-        let behind = 2 * left.references.len();
-        let (root, below) = slots.split_at_mut(1);
-        let (below_left, below_right) = below.split_at_mut(behind - 1);
-        let (a, b) =
-            rayon::join(|| self.subtree(left, below_left), || self.subtree(right, below_right));
-        finish(root, below_left, below_right, behind);
-        1 + a + b
+        let count = left.references.len();
+        room.fill(count, |room| self.subtree(left, room), |room| self.subtree(right, room))
+    }
+
+    /// Builds the tree over a set on one thread, with pairs split up: leaves get fuller, because the
+    /// triangles of a pair need not lie in the same leaf. If there is no room for that, with pairs.
+    fn task(self, set: Set, out: &mut Nodes) {
+        let bins = &mut Bins::EMPTY.clone();
+        if set.references.iter().any(|reference| reference.group().len() > 1) {
+            let references = &*set.references;
+            let mut singles =
+                simd::dispatch(self.isa, SplitPairs { geometry: self.geometry, references });
+            let centroids = centroids_of(&singles);
+            let set = Set { references: &mut singles, centroids, depth: set.depth };
+            self.recurse(set, bins, out);
+            if !out.is_full() {
+                return;
+            }
+            out.clear();
+        }
+        self.recurse(set, bins, out);
     }
 
     #[inline(always)]
     fn serial(self, set: Set, bins: &mut Bins, out: &mut Nodes) {
         if let Some(spheres) = leaf_kind(self.geometry, set.references) {
-            let mut bounds = Bounds3::EMPTY;
-            for reference in &*set.references {
-                bounds = bounds.union(reference.bounds);
-            }
-            let node = BinaryNode::leaf(bounds, set.first, set.references.len(), spheres);
-            node.write(&mut out.slots[out.len]);
-            out.len += 1;
+            out.add_leaf(set.references, spheres);
             return;
         }
         if set.references.len() <= 2 * WIDTH {
             // The two parts may be leaves, and `block::fits` will read their indices.
-            let places = set.references.iter().flat_map(|r| r.group().places(self.geometry));
-            block::prefetch_indices(self.geometry, places);
+            block::prefetch_indices(self.geometry, places(self.geometry, set.references));
         }
-        let node = out.len;
-        out.len += 1;
+        let Some(node) = out.add_inner() else { return };
         let stride = sah::stride(set.references.len());
         let (left, right) = split_serial(set, bins, stride);
         self.recurse(left, bins, out);
-        let behind = out.len;
+        let behind = out.len();
         self.recurse(right, bins, out);
-        let (before, rest) = out.slots.split_at_mut(behind);
-        let (root, below_left) = before[node..].split_at_mut(1);
-        finish(root, below_left, rest, behind - node);
+        out.finish(node, behind);
     }
 
     fn recurse(self, set: Set, bins: &mut Bins, out: &mut Nodes) {
@@ -179,10 +182,38 @@ impl Builder<'_> {
     }
 }
 
-/// Slots. The first `len` hold nodes.
-struct Nodes<'r> {
-    slots: &'r mut [Slot],
-    len: usize,
+/// Iterates over the places of all primitives of references.
+#[inline(always)]
+fn places(
+    geometry: &Geometry,
+    references: &[Reference],
+) -> impl Iterator<Item = PrimitiveId> + Clone {
+    references.iter().flat_map(|reference| reference.group().places(geometry))
+}
+
+/// Returns references to the single primitives of references.
+struct SplitPairs<'a> {
+    geometry: &'a Geometry,
+    references: &'a [Reference],
+}
+
+impl Kernel for SplitPairs<'_> {
+    type Output = Vec<Reference>;
+    #[inline(always)]
+    fn run(self) -> Vec<Reference> {
+        let Self { geometry, references } = self;
+        let mut singles = Vec::with_capacity(2 * references.len());
+        for (i, reference) in references.iter().enumerate() {
+            // Vertices 8 references ahead, and their indices before that.
+            let [near, far] = [8, 16].map(|ahead| references.get(i + ahead..=i + ahead));
+            block::prefetch_indices(geometry, places(geometry, far.unwrap_or_default()));
+            block::prefetch_vertices(geometry, places(geometry, near.unwrap_or_default()));
+            for member in reference.group().members() {
+                singles.push(Reference::to(member, geometry));
+            }
+        }
+        singles
+    }
 }
 
 struct Serial<'a, 'r, 's> {
@@ -200,15 +231,7 @@ impl Kernel for Serial<'_, '_, '_> {
     }
 }
 
-/// Writes the node above two subtrees. The root of each is in its first slot. The right subtree is
-/// `behind` slots behind the new node.
-#[inline(always)]
-fn finish(root: &mut [Slot], left: &[Slot], right: &[Slot], behind: usize) {
-    let [left, right] = [left, right].map(|slots| BinaryNode::read(&slots[0]));
-    BinaryNode::inner(left.bounds().union(*right.bounds()), behind).write(&mut root[0]);
-}
-
-/// Returns the kind of leaf into which references fit: `Some(true)` for spheres or an instance,
+/// Returns the kind of leaf into which references fit: `Some(true)` for spheres or one instance,
 /// `Some(false)` for triangles, `None` if they do not fit.
 #[inline(always)]
 fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
@@ -218,12 +241,63 @@ fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     let first_sphere = geometry.bases()[geometry.spheres_id() as usize];
     let spheres = references.iter().filter(|r| r.group().first() >= first_sphere).count();
     let fit = match spheres {
-        0 => block::fits(geometry, references.iter().flat_map(|r| r.group().places(geometry))),
-        // An instance is a leaf of its own: the box of the leaf decides which rays enter it.
-        n => {
-            let instances = references.iter().filter_map(|r| instance_of(geometry, r.group()));
-            n == references.len() && n <= SPHERES && (n == 1 || instances.count() == 0)
-        }
+        0 => block::fits(geometry, places(geometry, references)),
+        n => n == references.len(),
     };
     fit.then_some(spheres > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::reference::Group;
+    use super::*;
+    use crate::geometry::TriangleMesh;
+
+    /// Builds the tree over `pairs` pairs of triangles in the given number of slots. Returns the
+    /// nodes and the primitives, or `None` if the slots do not suffice.
+    fn task(pairs: u32, slots: usize, split_up: bool) -> Option<(usize, Vec<u32>)> {
+        // Triangle i lies at 32^i. So each split takes the farthest triangle away.
+        let at = |i: u32, k: u32| [32.0_f32.powi(i as i32) * (1.0 + 0.1 * k as f32), k as f32, 0.0];
+        let vertices = (0..2 * pairs).flat_map(|i| (0..3).map(move |k| at(i, k))).collect();
+        let triangles = (0..2 * pairs).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = TriangleMesh::new(vertices, triangles, false);
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
+        let (monitor, done) = (Monitor::default(), AtomicU64::new(0));
+        let builder = Builder {
+            geometry: &geometry,
+            isa: Isa::Portable,
+            monitor: &monitor,
+            total: u64::from(pairs),
+            done: &done,
+        };
+        let groups: Vec<Group> = match split_up {
+            true => (0..2 * pairs).map(Group::one).collect(),
+            false => (0..pairs).map(|i| Group::pair(2 * i)).collect(),
+        };
+        let mut references: Vec<_> =
+            groups.iter().map(|&group| Reference::to(group, &geometry)).collect();
+        let centroids = centroids_of(&references);
+        let (mut slots, mut primitives) = (vec![[0.0; 8]; slots], vec![0; 2 * pairs as usize]);
+        let room = Room { slots: &mut slots, primitives: &mut primitives, first: 0 };
+        let mut out = Nodes::new(room);
+        builder.task(Set { references: &mut references, centroids, depth: 0 }, &mut out);
+        let (full, len) = (out.is_full(), out.len());
+        primitives.sort_unstable();
+        (!full).then_some((len, primitives))
+    }
+
+    #[test]
+    fn pairs_are_split_up_if_there_is_room() {
+        let all = Vec::from_iter(0..24);
+        let (split_up, primitives) = task(12, 47, true).expect("2 n - 1 slots suffice");
+        assert!(split_up > 23, "{split_up}: the pairs would find room");
+        assert_eq!(primitives, all);
+        assert_eq!(task(12, 47, false), Some((split_up, all.clone())));
+        let (as_pairs, primitives) = task(12, 23, false).expect("2 n - 1 slots suffice");
+        assert!(as_pairs <= 23);
+        assert_eq!(primitives, all);
+        assert_eq!(task(12, 23, true), None);
+    }
 }

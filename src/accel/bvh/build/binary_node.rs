@@ -8,8 +8,8 @@ pub type Slot = [f32; 8];
 /// A node of the binary tree. The left child is in the next slot.
 ///
 /// Lane 3 of an inner node's box holds 2 x the distance to the slot of the right child. Lane 3 of a
-/// leaf's box holds 1 + 2 x the number of its references, + 64 for spheres. Lane 7 of a leaf's box
-/// holds the index of its first reference, and later the leaf's index among the leaves of its kind.
+/// leaf's box holds 1 + 2 x the number of its primitives, + 64 for spheres. Lane 7 of a leaf's box
+/// holds the index of its first primitive, and later the leaf's index among the leaves of its kind.
 /// Lane 7 of an inner node's box holds the number of wide nodes in its subtree if it becomes a wide
 /// node.
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +26,8 @@ impl BinaryNode {
         Self(bounds)
     }
 
-    /// A leaf of the `count` <= 16 references from index `first` on.
+    /// A leaf of the `count` <= 16 primitives from index `first` of
+    /// [`BinaryTree::primitives`](super::binary::BinaryTree) on.
     pub fn leaf(mut bounds: Bounds3, first: u32, count: usize, spheres: bool) -> Self {
         let kind = if spheres { OF_SPHERES } else { 0 };
         bounds.0[3] = f32::from_bits(1 + 2 * count as u32 + kind);
@@ -77,14 +78,14 @@ impl BinaryNode {
         self.0.0[3].to_bits() & OF_SPHERES != 0
     }
 
-    /// The references of a leaf whose index among the leaves is not set yet.
-    pub fn references(&self) -> Leaf {
+    /// The primitives of a leaf whose index among the leaves is not set yet.
+    pub fn primitives(&self) -> Leaf {
         let count = (self.0.0[3].to_bits() / 2 % 32) as u8;
         Leaf { first: self.0.0[7].to_bits(), count, spheres: self.is_of_spheres() }
     }
 }
 
-/// The references of a leaf.
+/// The primitives of a leaf.
 #[derive(Debug, Clone, Copy)]
 pub struct Leaf {
     first: u32,
@@ -94,7 +95,7 @@ pub struct Leaf {
 }
 
 impl Leaf {
-    /// Returns the range of its references.
+    /// Returns the range of its primitives.
     pub fn range(&self) -> std::ops::Range<usize> {
         let first = self.first as usize;
         first..first + usize::from(self.count)

@@ -46,7 +46,7 @@ impl LocalVertices {
             let corners = mesh.triangles()[prim as usize];
             for k in 0..3 {
                 let name = u64::from(geom) << 32 | u64::from(corners[k]);
-                let hash = (corners[k].wrapping_mul(0x9e37_79b1) >> 26) as usize % HASH_SLOTS;
+                let hash = hash(corners[k]);
                 let slot = self.slots[hash];
                 slots[k] = if self.names[usize::from(slot) % WIDTH] == name {
                     slot
@@ -102,7 +102,7 @@ pub fn prefetch_indices(geometry: &Geometry, places: impl Iterator<Item = Primit
 
 /// Prefetches the vertices. Their indices should be in the cache.
 #[inline(always)]
-fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId>) {
+pub fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId>) {
     for place in places {
         if let Some(mesh) = geometry.meshes.get(place.geom as usize) {
             for corner in mesh.triangles()[place.prim as usize] {
@@ -115,6 +115,9 @@ fn prefetch_vertices(geometry: &Geometry, places: impl Iterator<Item = Primitive
 /// Whether up to 16 triangles fit into one leaf: they have at most 16 vertices.
 #[inline(always)]
 pub fn fits(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId> + Clone) -> bool {
+    if name_few_vertices(geometry, places.clone()) {
+        return true;
+    }
     prefetch_vertices(geometry, places.clone());
     let mut vertices = LocalVertices::EMPTY;
     for place in places {
@@ -125,50 +128,88 @@ pub fn fits(geometry: &Geometry, places: impl Iterator<Item = PrimitiveId> + Clo
     true
 }
 
+/// Whether triangles of one mesh have at most 16 different vertex indices. Reads no vertices.
+#[inline(always)]
+fn name_few_vertices(
+    geometry: &Geometry,
+    places: impl Iterator<Item = PrimitiveId> + Clone,
+) -> bool {
+    let Some(PrimitiveId { geom, .. }) = places.clone().next() else { return true };
+    let Some(mesh) = geometry.meshes.get(geom as usize) else { return false };
+    // A hash table with linear probing. No vertex has the index of an empty slot.
+    let mut names = [u32::MAX; HASH_SLOTS];
+    let mut count = 0;
+    for place in places {
+        if place.geom != geom {
+            return false;
+        }
+        for corner in mesh.triangles()[place.prim as usize] {
+            let mut slot = hash(corner);
+            while names[slot] != corner {
+                if names[slot] == u32::MAX {
+                    names[slot] = corner;
+                    count += 1;
+                    break;
+                }
+                slot = (slot + 1) % HASH_SLOTS;
+            }
+        }
+        if count > WIDTH {
+            return false;
+        }
+    }
+    true
+}
+
+/// Returns the slot of a vertex index.
+#[inline(always)]
+fn hash(corner: u32) -> usize {
+    (corner.wrapping_mul(0x9e37_79b1) >> 26) as usize % HASH_SLOTS
+}
+
 /// Returns the lowest and the highest primitive index of a leaf.
 #[inline(always)]
-fn index_range(triangles: &[Group]) -> [u32; 2] {
+fn index_range(triangles: &[u32]) -> [u32; 2] {
     let (mut low, mut high) = (u32::MAX, 0);
-    for group in triangles {
-        low = low.min(group.first());
-        high = high.max(group.first() + group.len() - 1);
+    for &bits in triangles {
+        let index = Group::from_bits(bits).first();
+        (low, high) = (low.min(index), high.max(index));
     }
     [low, high]
 }
 
 /// Whether the primitive indices of a leaf are too far apart for [`Block::offsets`].
 #[inline(always)]
-pub fn is_wide(triangles: &[Group]) -> bool {
+pub fn is_wide(triangles: &[u32]) -> bool {
     let [low, high] = index_range(triangles);
     high - low > u32::from(u16::MAX)
 }
 
-/// Returns the primitive indices of a leaf; 0 in unused slots.
-pub fn indices(geometry: &Geometry, triangles: &[Group]) -> [u32; WIDTH] {
-    let mut indices = [0; WIDTH];
-    let places = triangles.iter().flat_map(|group| group.places(geometry));
-    for (index, place) in indices.iter_mut().zip(places) {
-        *index = place.index;
+/// Returns the upper 16 bits of the primitive indices of a leaf; 0 in unused slots.
+pub fn high_bits(triangles: &[u32]) -> [u16; WIDTH] {
+    let mut high = [0; WIDTH];
+    for (high, &bits) in high.iter_mut().zip(triangles) {
+        *high = (Group::from_bits(bits).first() >> 16) as u16;
     }
-    indices
+    high
 }
 
 /// Makes the leaf of triangles that [`fits`] accepts, except for [`Block::base`] of a wide leaf.
 /// Unused vertices repeat the last one.
 pub struct MakeBlock<'a> {
     pub geometry: &'a Geometry,
-    /// The triangles of the leaf.
-    pub triangles: &'a [Group],
+    /// The triangles of the leaf, as in
+    /// [`BinaryTree::primitives`](super::binary::BinaryTree::primitives).
+    pub triangles: &'a [u32],
     /// The triangles of the next two leaves, for prefetching.
-    pub next: [&'a [Group]; 2],
+    pub next: [&'a [u32]; 2],
 }
 
 impl Kernel for MakeBlock<'_> {
     type Output = Block;
     #[inline(always)]
     fn run(self) -> Block {
-        let [near, far] =
-            self.next.map(|groups| groups.iter().flat_map(|group| group.places(self.geometry)));
+        let [near, far] = self.next.map(|triangles| places(self.geometry, triangles));
         prefetch_indices(self.geometry, far);
         prefetch_vertices(self.geometry, near);
         block(self.geometry, self.triangles)
@@ -176,17 +217,22 @@ impl Kernel for MakeBlock<'_> {
 }
 
 #[inline(always)]
-fn block(geometry: &Geometry, triangles: &[Group]) -> Block {
+fn places(geometry: &Geometry, triangles: &[u32]) -> impl Iterator<Item = PrimitiveId> {
+    triangles.iter().flat_map(|&bits| Group::from_bits(bits).places(geometry))
+}
+
+#[inline(always)]
+fn block(geometry: &Geometry, triangles: &[u32]) -> Block {
     let mut vertices = LocalVertices::EMPTY;
-    let mut block = Block { base: index_range(triangles)[0], ..Block::EMPTY };
-    let places = triangles.iter().flat_map(|group| group.places(geometry));
-    for (i, place) in places.take(WIDTH).enumerate() {
+    // A wide leaf holds the lower 16 bits of the indices.
+    let base = if is_wide(triangles) { 0 } else { index_range(triangles)[0] };
+    let mut block = Block { base, ..Block::EMPTY };
+    for (i, place) in places(geometry, triangles).take(WIDTH).enumerate() {
         let Some(corners) = vertices.triangle(geometry, place) else { continue };
         for k in 0..3 {
             block.set_corner(k, i, corners[k]);
         }
         block.second_halves |= u16::from(place.second_half) << i;
-        // Meaningless in a wide leaf.
         block.offsets[i] = (place.index - block.base) as u16;
         block.present |= 1 << i;
     }

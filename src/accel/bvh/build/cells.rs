@@ -189,7 +189,7 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let mut nodes = Vec::new();
     if found.is_some() {
         let centroids = centroids_of(&cells);
-        let set = Set { references: &mut cells, centroids, first: 0, depth: 0 };
+        let set = Set { references: &mut cells, centroids, depth: 0 };
         split_cells(isa, set, &mut nodes);
     }
     let starts = assign_starts(&mut chunks, &cells);

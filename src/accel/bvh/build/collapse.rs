@@ -20,8 +20,9 @@ pub struct Tree {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
     pub spheres: Vec<SphereLeaf>,
-    /// Primitive indices of the leaves in which they are far apart: see [`Indices`].
-    pub wide: Vec<[u32; WIDTH]>,
+    /// Upper 16 bits of the primitive indices of the leaves in which they are far apart: see
+    /// [`Indices`].
+    pub wide: Vec<[u16; WIDTH]>,
     /// The trees of the meshes of instances: see [`Geometry::shared`](crate::geometry::Geometry).
     pub shared: Vec<Tree>,
     /// Box of the whole scene.

@@ -11,15 +11,9 @@ use crate::geometry::{Geometry, GeometryKind, TriangleMesh, Unseen};
 const MAX_AREA: f64 = 1.25;
 
 /// Returns the number of primitives that the tree sorts. An instance counts as one. Its index is
-/// the number of primitives before it: see [`instance_of`].
+/// the number of primitives before it.
 pub fn sorted_count(geometry: &Geometry) -> u64 {
     u64::from(geometry.own_count()) + geometry.instances.len() as u64
-}
-
-/// Returns the index of the instance that a group of the tree stands for, if it stands for one.
-#[inline(always)]
-pub fn instance_of(geometry: &Geometry, group: Group) -> Option<usize> {
-    group.first().checked_sub(geometry.own_count()).map(|index| index as usize)
 }
 
 /// Returns the number of references that would be built without pairs: one per triangle, sphere and

@@ -8,16 +8,19 @@ mod cells;
 mod collapse;
 mod groups;
 mod reference;
+mod room;
 mod sah;
 mod split;
 
 pub use self::collapse::Tree;
 
+use std::mem;
+
 use rayon::prelude::*;
 
 use self::binary_node::{BinaryNode, Leaf, Slot};
 use self::block::MakeBlock;
-use self::reference::Reference;
+use self::reference::{Group, Reference};
 use super::bounds::Bounds3;
 use super::node::{Block, SphereLeaf, WIDE, WIDTH};
 use crate::accel::accelerator::over_limit;
@@ -60,16 +63,13 @@ pub fn build(
     let mut sorted = cells::sort(geometry, unseen, isa)?;
     monitor.check()?;
     let mut binary = binary::build(geometry, &mut sorted, isa, monitor)?;
-    let references = sorted.references;
-    let boxes = size_of_val(&references[..]) as u64;
     monitor.check()?;
-    let mut ids = Vec::new();
-    reserve::exact(&mut ids, references.len(), "bvh")?;
-    references.par_iter().map(Reference::group).collect_into_vec(&mut ids);
-    let sorted = size_of_val(&ids[..]) as u64;
-    let splitting = boxes + sorted + (binary.len * size_of::<Slot>()) as u64;
+    let boxes = size_of_val(&sorted.references[..]) as u64;
     // The boxes have moved into the nodes.
-    drop(references);
+    drop(sorted);
+    let ids = mem::take(&mut binary.primitives);
+    let sorted = (count * size_of::<Group>()) as u64;
+    let splitting = boxes + sorted + (binary.len * size_of::<Slot>()) as u64;
     let leaves = binary::number_leaves(&mut binary)?;
     let sorted = sorted + size_of_val(&leaves[..]) as u64;
     let mut tree = collapse::collapse(&mut binary)?;
@@ -91,7 +91,7 @@ pub fn build(
     let ids_of = |i: usize| triangles.get(i).map_or(&[][..], |leaf| &ids[leaf.range()]);
     let wide = (0..triangles.len()).into_par_iter().filter(|&i| block::is_wide(ids_of(i)));
     let wide: Vec<usize> = wide.collect();
-    let filling = filling + (wide.len() * (size_of::<usize>() + size_of::<[u32; WIDTH]>())) as u64;
+    let filling = filling + (wide.len() * (size_of::<usize>() + size_of::<[u16; WIDTH]>())) as u64;
     let mut peak = within(splitting.max(collapsing).max(filling))?;
     reserve::exact(&mut tree.blocks, triangles.len(), "bvh")?;
     let block = |i: usize| {
@@ -100,16 +100,16 @@ pub fn build(
     };
     (0..triangles.len()).into_par_iter().map(block).collect_into_vec(&mut tree.blocks);
     reserve::exact(&mut tree.wide, wide.len(), "bvh")?;
-    let indices = wide.par_iter().map(|&i| block::indices(geometry, ids_of(i)));
-    indices.collect_into_vec(&mut tree.wide);
+    let high_bits = wide.par_iter().map(|&i| block::high_bits(ids_of(i)));
+    high_bits.collect_into_vec(&mut tree.wide);
     for (base, &i) in (0..).zip(&wide) {
         tree.blocks[i].base = base | WIDE;
     }
     reserve::exact(&mut tree.spheres, spheres.len(), "bvh")?;
     tree.spheres.extend(spheres.iter().map(|leaf| {
         let mut prims = [NONE; super::node::SPHERES];
-        for (prim, id) in prims.iter_mut().zip(&ids[leaf.range()]) {
-            *prim = id.first() - geometry.bases()[geometry.spheres_id() as usize];
+        for (prim, &id) in prims.iter_mut().zip(&ids[leaf.range()]) {
+            *prim = Group::from_bits(id).first() - geometry.bases()[geometry.spheres_id() as usize];
         }
         SphereLeaf(prims)
     }));

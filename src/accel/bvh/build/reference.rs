@@ -1,6 +1,7 @@
 //! References: the boxes that the builder sorts.
 
 use super::super::bounds::Bounds3;
+use super::super::node::{SPHERES, WIDTH};
 use crate::geometry::{Geometry, quad_halves};
 
 const SECOND_HALF: u32 = 1 << 31;
@@ -50,6 +51,12 @@ impl Group {
     #[inline(always)]
     pub fn len(self) -> u32 {
         1 + u32::from(self.0 & PAIR != 0)
+    }
+
+    /// Iterates over the primitives, each a group of its own.
+    #[inline(always)]
+    pub fn members(self) -> impl Iterator<Item = Self> {
+        (0..self.len()).map(move |k| Self((self.0 & !PAIR) + k))
     }
 
     /// Iterates over the primitives and their places in the geometry.
@@ -142,10 +149,19 @@ impl Reference {
         Self { bounds }
     }
 
-    /// A reference to a group of primitives. Its weight is their number.
+    /// A reference to a group of primitives. Its weight is the number of sixteenths of a leaf that
+    /// they take: 1 for a triangle, 4 for a sphere, 16 for an instance.
     #[inline(always)]
     pub fn to(group: Group, geometry: &Geometry) -> Self {
-        Self::new(group.bounds(geometry), group, group.len())
+        let spheres = geometry.bases()[geometry.spheres_id() as usize];
+        let weight = if group.first() < spheres {
+            group.len() as usize
+        } else if group.first() < geometry.own_count() {
+            WIDTH / SPHERES
+        } else {
+            WIDTH
+        };
+        Self::new(group.bounds(geometry), group, weight as u32)
     }
 
     #[inline(always)]
@@ -153,7 +169,7 @@ impl Reference {
         Group::from_bits(self.bounds.0[3].to_bits())
     }
 
-    /// Number of primitives; for a cell of the grid, number of groups.
+    /// Sixteenths of a leaf: see [`Reference::to`]. For a cell of the grid, number of groups.
     #[inline(always)]
     pub fn weight(&self) -> u32 {
         self.bounds.0[7].to_bits()

@@ -1,11 +1,12 @@
 //! Finds the best split of a set of primitive references: the surface area heuristic over bins of
 //! centroids (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 //!
-//! A [`Reference`] is a bounding box with a weight, such as the number of its primitives. Centroids
+//! A [`Reference`] is a bounding box with a weight: the part of a leaf that it takes. Centroids
 //! are doubled, lower + upper corner, because no comparison needs the division by 2. [`Bounds3`]
 //! stores the upper corner negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
 
 use super::super::bounds::Bounds3;
+use super::super::node::WIDTH;
 use super::reference::Reference;
 
 /// Number of bins along each axis.
@@ -92,6 +93,14 @@ fn bin(center2: f32, origin: f32, scale: f32) -> u32 {
     bits.min(BINS as u32 - 1)
 }
 
+/// Returns a weight rounded up to whole leaves if it exceeds one leaf. All triangles of a leaf are
+/// tested at once, so a full leaf costs no more than any other.
+#[inline(always)]
+fn whole_leaves(weight: u32) -> f64 {
+    let leaf = WIDTH as u32;
+    f64::from(if weight <= leaf { weight } else { weight.next_multiple_of(leaf) })
+}
+
 /// Returns the stride for [`Bins::add`] in a set of `len` references to primitives.
 #[inline(always)]
 pub fn stride(len: usize) -> usize {
@@ -128,8 +137,8 @@ impl Bins {
         self
     }
 
-    /// Returns the split with the smallest SAH cost: half the surface area times the weight, summed
-    /// over both sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable
+    /// Returns the split with the smallest SAH cost: half the surface area times the weight in whole
+    /// leaves, summed over both sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable
     /// extent: all centroids coincide, or f32 cannot hold the scale. One side of the split may be
     /// empty.
     #[inline(always)]
@@ -140,7 +149,7 @@ impl Bins {
             for axis in 0..3 {
                 right[axis] = right[axis].union(self.bounds[bin][axis]);
                 n[axis] += self.weights[bin][axis];
-                right_cost[bin][axis] = right[axis].half_area() * f64::from(n[axis]);
+                right_cost[bin][axis] = right[axis].half_area() * whole_leaves(n[axis]);
             }
         }
         let mut min_cost = [f64::INFINITY; 3];
@@ -150,7 +159,7 @@ impl Bins {
             for axis in 0..3 {
                 left[axis] = left[axis].union(self.bounds[bin - 1][axis]);
                 n[axis] += self.weights[bin - 1][axis];
-                let cost = left[axis].half_area() * f64::from(n[axis]) + right_cost[bin][axis];
+                let cost = left[axis].half_area() * whole_leaves(n[axis]) + right_cost[bin][axis];
                 let better = cost < min_cost[axis];
                 min_cost[axis] = if better { cost } else { min_cost[axis] };
                 at[axis] = if better { bin as u32 } else { at[axis] };

@@ -20,8 +20,6 @@ pub struct Set<'r> {
     pub references: &'r mut [Reference],
     /// Box of the doubled centroids; empty until it is needed in the top of the tree.
     pub centroids: Bounds3,
-    /// Index of the first reference among all references.
-    pub first: u32,
     /// Level of the node; 0 for the root.
     pub depth: usize,
 }
@@ -110,11 +108,11 @@ fn split_by_bins<'r>(set: Set<'r>, grid: &Grid, bins: &Bins) -> (Set<'r>, Set<'r
 /// Splits a set behind its first `middle` references. `centroids` are the boxes of both parts.
 #[inline(always)]
 pub fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, Set) {
-    let Set { references, first, depth, .. } = set;
+    let Set { references, depth, .. } = set;
     let (a, b) = references.split_at_mut(middle);
     (
-        Set { references: a, centroids: left, first, depth: depth + 1 },
-        Set { references: b, centroids: right, first: first + middle as u32, depth: depth + 1 },
+        Set { references: a, centroids: left, depth: depth + 1 },
+        Set { references: b, centroids: right, depth: depth + 1 },
     )
 }
 
