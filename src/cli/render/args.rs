@@ -58,11 +58,11 @@ pub struct RenderArgs {
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
     /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
-    /// 0.02; every pixel gets at least --spp samples, and at least 16
+    /// 0.02. Every pixel gets at least --spp samples, or 16 if that is more
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 
-    /// What the error is relative to [default: pixel]
+    /// What TARGET is relative to: the pixel or the whole picture [default: pixel]
     #[arg(long, value_name = "OF", requires = "noise")]
     pub noise_of: Option<Relative>,
 
@@ -200,7 +200,7 @@ pub struct ReportArgs {
     next_help_heading = "Parts (`lightpath merge` joins them to the same bytes as one render)"
 )]
 pub struct SplitArgs {
-    /// Render only part I of N, from 1: a band of rows of the frame or the --crop
+    /// Render only part I (1 to N) of N: a band of rows of the frame or the --crop
     #[arg(long, value_name = "I/N", value_parser = parse_tile)]
     pub tile: Option<[u32; 2]>,
 

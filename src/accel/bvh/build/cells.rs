@@ -23,8 +23,7 @@ const BITS: u32 = 5;
 /// Number of cells of the grid.
 const CELLS: usize = 1 << (3 * BITS);
 
-/// Fewer primitives are neither sorted into cells nor paired. Their build is short, and rays are 2
-/// to 3 % faster through a tree without pairs.
+/// Fewer primitives are neither sorted into cells nor paired: their build is short.
 const MIN_PRIMITIVES: u32 = 1 << 18;
 
 /// A set of cells is split if it has at least this many references.
