@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use super::super::bounds::Bounds3;
-use super::super::node::WIDTH;
+use super::super::node::{SPHERES, WIDTH};
 use super::binary_node::{BinaryNode, Leaf, Slot};
 use super::block;
 use super::cells::{Sorted, Top, TopNode};
@@ -28,8 +28,8 @@ const MIN_PARALLEL: usize = 4096;
 /// that no subtree uses.
 pub struct BinaryTree {
     pub slots: Vec<Slot>,
-    /// The primitives of the leaves: the bits of a [`Group`](super::reference::Group) for each. A subtree of n references
-    /// gets 2 n of them, because both primitives of a pair need one.
+    /// The primitives of the leaves, each as the bits of a [`Group`](super::reference::Group). A
+    /// subtree of n references gets 2 n places, because a pair may need two.
     pub primitives: Vec<u32>,
     /// Number of nodes. There are more slots than nodes.
     pub len: usize,
@@ -139,15 +139,14 @@ impl Builder<'_> {
         room.fill(count, |room| self.subtree(left, room), |room| self.subtree(right, room))
     }
 
-    /// Builds the tree over a set on one thread, with pairs split up: leaves get fuller, because the
-    /// triangles of a pair need not lie in the same leaf. If there is no room for that, with pairs.
+    /// Builds the tree over a set on one thread, with pairs split up: leaves get fuller, because
+    /// the triangles of a pair need not lie in the same leaf. Keeps the pairs if there is no room.
     fn task(self, set: Set, out: &mut Nodes) {
         let bins = &mut Bins::EMPTY.clone();
         if set.references.iter().any(|reference| reference.group().len() > 1) {
             let references = &*set.references;
-            let mut singles =
+            let (mut singles, centroids) =
                 simd::dispatch(self.isa, SplitPairs { geometry: self.geometry, references });
-            let centroids = centroids_of(&singles);
             let set = Set { references: &mut singles, centroids, depth: set.depth };
             self.recurse(set, bins, out);
             if !out.is_full() {
@@ -191,28 +190,32 @@ fn places(
     references.iter().flat_map(|reference| reference.group().places(geometry))
 }
 
-/// Returns references to the single primitives of references.
+/// Returns references to the single primitives of references, and the box of their doubled
+/// centroids.
 struct SplitPairs<'a> {
     geometry: &'a Geometry,
     references: &'a [Reference],
 }
 
 impl Kernel for SplitPairs<'_> {
-    type Output = Vec<Reference>;
+    type Output = (Vec<Reference>, Bounds3);
     #[inline(always)]
-    fn run(self) -> Vec<Reference> {
+    fn run(self) -> Self::Output {
         let Self { geometry, references } = self;
         let mut singles = Vec::with_capacity(2 * references.len());
+        let mut centroids = Bounds3::EMPTY;
         for (i, reference) in references.iter().enumerate() {
             // Vertices 8 references ahead, and their indices before that.
             let [near, far] = [8, 16].map(|ahead| references.get(i + ahead..=i + ahead));
             block::prefetch_indices(geometry, places(geometry, far.unwrap_or_default()));
             block::prefetch_vertices(geometry, places(geometry, near.unwrap_or_default()));
             for member in reference.group().members() {
-                singles.push(Reference::to(member, geometry));
+                let single = Reference::to(member, geometry);
+                centroids = centroids.union(single.bounds.center2_point());
+                singles.push(single);
             }
         }
-        singles
+        (singles, centroids)
     }
 }
 
@@ -242,7 +245,7 @@ fn leaf_kind(geometry: &Geometry, references: &[Reference]) -> Option<bool> {
     let spheres = references.iter().filter(|r| r.group().first() >= first_sphere).count();
     let fit = match spheres {
         0 => block::fits(geometry, places(geometry, references)),
-        n => n == references.len(),
+        n => n == references.len() && n <= SPHERES,
     };
     fit.then_some(spheres > 0)
 }

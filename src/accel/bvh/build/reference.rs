@@ -1,7 +1,7 @@
 //! References: the boxes that the builder sorts.
 
 use super::super::bounds::Bounds3;
-use super::super::node::{SPHERES, WIDTH};
+use super::super::node::WIDTH;
 use crate::geometry::{Geometry, quad_halves};
 
 const SECOND_HALF: u32 = 1 << 31;
@@ -149,19 +149,13 @@ impl Reference {
         Self { bounds }
     }
 
-    /// A reference to a group of primitives. Its weight is the number of sixteenths of a leaf that
-    /// they take: 1 for a triangle, 4 for a sphere, 16 for an instance.
+    /// A reference to a group of primitives. Its weight is their number. An instance is a leaf of
+    /// its own and weighs as much as a full one.
     #[inline(always)]
     pub fn to(group: Group, geometry: &Geometry) -> Self {
-        let spheres = geometry.bases()[geometry.spheres_id() as usize];
-        let weight = if group.first() < spheres {
-            group.len() as usize
-        } else if group.first() < geometry.own_count() {
-            WIDTH / SPHERES
-        } else {
-            WIDTH
-        };
-        Self::new(group.bounds(geometry), group, weight as u32)
+        let is_instance = group.first() >= geometry.own_count();
+        let weight = if is_instance { WIDTH as u32 } else { group.len() };
+        Self::new(group.bounds(geometry), group, weight)
     }
 
     #[inline(always)]
@@ -169,7 +163,7 @@ impl Reference {
         Group::from_bits(self.bounds.0[3].to_bits())
     }
 
-    /// Sixteenths of a leaf: see [`Reference::to`]. For a cell of the grid, number of groups.
+    /// See [`Reference::to`]. For a cell of the grid, the number of groups.
     #[inline(always)]
     pub fn weight(&self) -> u32 {
         self.bounds.0[7].to_bits()

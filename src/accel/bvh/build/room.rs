@@ -84,7 +84,8 @@ impl<'r> Nodes<'r> {
         leaf.write(&mut self.room.slots[node]);
     }
 
-    /// Adds an inner node, which [`Nodes::finish`] writes. Returns its slot; `None` if all are taken.
+    /// Adds an inner node, which [`Nodes::finish`] writes. Returns its slot, `None` if all are
+    /// taken.
     #[inline(always)]
     pub fn add_inner(&mut self) -> Option<usize> {
         self.full |= self.len >= self.room.slots.len();

@@ -1,7 +1,7 @@
 //! Finds the best split of a set of primitive references: the surface area heuristic over bins of
 //! centroids (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 //!
-//! A [`Reference`] is a bounding box with a weight: the part of a leaf that it takes. Centroids
+//! A [`Reference`] is a bounding box with a weight, such as the number of its primitives. Centroids
 //! are doubled, lower + upper corner, because no comparison needs the division by 2. [`Bounds3`]
 //! stores the upper corner negated, so `b[i] - b[i + 4]` is the doubled centroid along axis i.
 
@@ -137,10 +137,10 @@ impl Bins {
         self
     }
 
-    /// Returns the split with the smallest SAH cost: half the surface area times the weight in whole
-    /// leaves, summed over both sides. Of equal costs, the lowest axis and bin win. `None` if no axis has a usable
-    /// extent: all centroids coincide, or f32 cannot hold the scale. One side of the split may be
-    /// empty.
+    /// Returns the split with the smallest SAH cost: half the surface area times the weight in
+    /// whole leaves, summed over both sides. Of equal costs, the lowest axis and bin win. `None` if
+    /// no axis has a usable extent: all centroids coincide, or f32 cannot hold the scale. One side
+    /// of the split may be empty.
     #[inline(always)]
     pub fn best(&self, grid: &Grid) -> Option<Split> {
         let mut right_cost = [[0.0; 3]; BINS];
