@@ -1,7 +1,8 @@
 //! The limit of `--max-memory`, and what it leaves for each part of a render.
 
+use super::limits::smaller_backend;
 use super::{BASE_BYTES, Prediction, over_limit, predict_words};
-use crate::accel::memory_footprint;
+use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::Result;
 use crate::film::Window;
 use crate::reserve::MemoryLimit;
@@ -30,7 +31,10 @@ impl Budget {
     ) -> Result<Self> {
         let prediction = predict_words(scene, window, words)?.with_film_bytes(other_bytes);
         prediction.check(limit)?;
-        Self::new(limit, prediction.with(&memory_footprint(scene.backend, threads)?))
+        let own = prediction.clone().with(&memory_footprint(scene.backend, threads)?);
+        let smaller = prediction.with(&MemoryFootprint::BVH).peak_bytes;
+        Self::new(limit, own)
+            .map_err(|error| error.maybe_help(smaller_backend(scene.backend, smaller, limit)))
     }
 
     /// Checks that a prediction fits into the limit.

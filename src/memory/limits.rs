@@ -2,10 +2,11 @@
 
 use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a_kill, kib};
 use super::freed::release_freed;
-use crate::accel::memory_footprint;
+use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::Result;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
+use crate::units;
 
 /// Returns the largest resident set of this process so far, in bytes.
 pub fn peak_bytes() -> u64 {
@@ -55,7 +56,18 @@ pub fn ensure_build_fits(
         release_freed();
     }
     let Some(limit) = short() else { return Ok(()) };
-    let footprint = memory_footprint(backend, threads)?;
-    let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
-    limit.check(footprint.peak_bytes(primitives).max(built), "the accelerator and the film")
+    let needed = |footprint: &MemoryFootprint| {
+        let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
+        footprint.peak_bytes(primitives).max(built)
+    };
+    let smaller = smaller_backend(backend, needed(&MemoryFootprint::BVH), limit.bytes);
+    limit
+        .check(needed(&memory_footprint(backend, threads)?), "the accelerator and the film")
+        .map_err(|error| error.maybe_help(smaller))
+}
+
+/// Returns advice to use `bvh`, which needs `bytes`, if they are within `limit`.
+pub(super) fn smaller_backend(backend: Backend, bytes: u64, limit: u64) -> Option<String> {
+    let fits = !matches!(backend, Backend::Bvh(_)) && bytes <= limit;
+    fits.then(|| format!("`--backend bvh` needs {}", units::bytes_rounded_up(bytes)))
 }

@@ -85,6 +85,25 @@ on_both! {
     }
 }
 
+/// A limit that Embree exceeds and `bvh` does not.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn a_backend_that_fits_is_named() {
+    let scratch = Scratch::new();
+    fs::write(scratch.path("sheet.ply"), shuffled_sheet(320)).unwrap();
+    let render = |backend: &str, limit: &str| {
+        let args = ["render", "sheet.ply", "-o", "x", "--size", "8x6", "--max-memory", limit];
+        scratch.run(&[&args[..], &["--backend", backend]].concat())
+    };
+    let done = render("embree", "60M");
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    let needed = done.stderr().split("help: `--backend bvh` needs ").nth(1).map(str::to_string);
+    let needed = needed.unwrap_or_else(|| panic!("{}", done.stderr()));
+    render("bvh", needed.trim()).good();
+    let help = render("embree", "20M").stderr();
+    assert!(help.contains("help: render a --crop, or a smaller mesh"), "{help}");
+}
+
 #[cfg(target_os = "linux")]
 on_both! {
     /// At its end, a build gives back much of its memory, which makes room for the film. Counts the
