@@ -167,7 +167,7 @@ impl Builder<'_> {
             // The two parts may be leaves, and `block::fits` will read their indices.
             block::prefetch_indices(self.geometry, places(self.geometry, set.references));
         }
-        let Some(node) = out.add_inner() else { return };
+        let Some(node) = out.add_node() else { return };
         let stride = sah::stride(set.references.len());
         let (left, right) = split_serial(set, bins, stride);
         self.recurse(left, bins, out);

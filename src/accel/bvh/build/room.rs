@@ -69,7 +69,7 @@ impl<'r> Nodes<'r> {
     /// Adds a leaf of `references`.
     #[inline(always)]
     pub fn add_leaf(&mut self, references: &[Reference], spheres: bool) {
-        let Some(node) = self.add_inner() else { return };
+        let Some(node) = self.add_node() else { return };
         let mut bounds = Bounds3::EMPTY;
         let first = self.primitives;
         for reference in references {
@@ -84,10 +84,10 @@ impl<'r> Nodes<'r> {
         leaf.write(&mut self.room.slots[node]);
     }
 
-    /// Adds an inner node, which [`Nodes::finish`] writes. Returns its slot, `None` if all are
-    /// taken.
+    /// Takes the next slot for a node. [`Nodes::finish`] writes it if the node is an inner one.
+    /// `None` if all are taken.
     #[inline(always)]
-    pub fn add_inner(&mut self) -> Option<usize> {
+    pub fn add_node(&mut self) -> Option<usize> {
         self.full |= self.len >= self.room.slots.len();
         if self.full {
             return None;
