@@ -45,8 +45,9 @@ TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
 ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
 # Required ratios lightpath / Mitsuba: bar, goal.
-BARS = {'wall 1': (0.4, 0.2), 'wall 16': (0.5, 0.25), 'wall 64': (0.6, 0.35),
-        'independent': (0.15, 0.05), 'multijitter': (0.6, 0.35), 'sky': (0.5, 0.25)}
+BARS = {'wall 1': (0.3, 0.2), 'wall 16': (0.4, 0.25), 'wall 64': (0.45, 0.3),
+        'independent 1': (0.2, 0.05), 'independent 4': (0.2, 0.05), 'independent 16': (0.12, 0.05), 'independent 64': (0.1, 0.05)}
+SAMPLER_BARS = {'multijitter': (0.5, 0.3), 'sky': (0.5, 0.25)}
 
 
 def for_mitsuba(d, size, sampler, bsdf_samples=0):
@@ -262,7 +263,7 @@ class Bench:
                       f"({c['size']} x {c['size']}), ratio of the means {c['mean_ratio']:.5f}."]
 
         def verdict(key, ratio):
-            bar, goal = BARS[key]
+            bar, goal = BARS.get(key) or SAMPLER_BARS[key.split()[0]]
             return f"{bar}, goal {goal}: {'goal met' if ratio <= goal else 'met' if ratio <= bar else 'MISSED'}"
         if 'wall' in self.state:
             size = self.state['wall_size']
@@ -287,7 +288,7 @@ class Bench:
                         ours = self.ours_at(rmse, series)
                         cells.append('| |' if ours is None else f'{ours:.3f} s | {ours / seconds:.2f} |')
                         ratios += [] if ours is None else [ours / seconds]
-                    said = verdict('sky' if self.args.sky else which, min(ratios)) if ratios else 'beyond what was measured'
+                    said = verdict('sky' if self.args.sky else f'{which} {spp}', min(ratios)) if ratios else 'beyond what was measured'
                     lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | ' + ' '.join(cells) + f' {said} |')
         text = '\n'.join(lines) + '\n'
         if self.args.into:
