@@ -54,3 +54,29 @@ pub fn slabs_meet(first: DVec3, second: DVec3, [mut near, mut far]: [f64; 2]) ->
     }
     near <= far
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_lies_around_its_sphere_and_has_its_middle() {
+        let center = DVec3::new(1.0, 2.0, 3.0);
+        let around = Box3::of_sphere(center, 0.5);
+        assert_eq!((around.min, around.max), (center - 0.5, center + 0.5));
+        assert_eq!(around.center(), center);
+    }
+
+    #[test]
+    fn slabs_meet_only_where_all_three_overlap() {
+        let (first, second) = (DVec3::new(1.0, 4.0, 3.0), DVec3::new(5.0, 2.0, 4.5));
+        // The ray is in all slabs from 3 to 4.
+        let meet = |near, far| {
+            let ends = [near, far];
+            assert_eq!(slabs_meet(first, second, ends), slabs_meet(second, first, ends));
+            slabs_meet(first, second, ends)
+        };
+        assert!(meet(0.0, 9.0) && meet(0.0, 3.0) && meet(4.0, 9.0));
+        assert!(!meet(0.0, 2.9) && !meet(4.1, 9.0));
+    }
+}

@@ -162,3 +162,96 @@ fn one_by_one(
     }
     spheres
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::placement::{Instance, Placement};
+    use super::super::sphere::Sphere;
+    use super::*;
+    use crate::ray::NONE;
+    use glam::{DMat3, DVec3};
+
+    /// Two meshes, two quads, two spheres and an instance. All vertices differ.
+    fn geometry() -> Geometry {
+        let mut next = 0.0;
+        let mut vertices = |count| {
+            let mut vertex = || [(); 3].map(|()| (next += 1.0, next).1);
+            (0..count).map(|_| vertex()).collect::<Vec<[f32; 3]>>()
+        };
+        let mut mesh = |triangles: u32| {
+            let indices = (0..triangles).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            TriangleMesh::new(vertices(3 * triangles), indices, false)
+        };
+        let (meshes, shared) = (vec![mesh(3), mesh(LANES as u32)], mesh(LANES as u32));
+        let quads = [vertices(4), vertices(4)].map(|quad| [quad[0], quad[1], quad[2], quad[3]]);
+        let spheres = vec![Sphere { center: DVec3::ZERO, radius: 1.0 }; 2];
+        let shared = Geometry::new(DVec3::ZERO, vec![shared], vec![], vec![]).unwrap();
+        let placement = Placement::new(DMat3::IDENTITY * 2.0, DVec3::new(1.0, 3.0, 5.0));
+        let instance = Instance::new(0, placement, [DVec3::ZERO, DVec3::ONE]);
+        let all = Geometry::new(DVec3::ZERO, meshes, quads.to_vec(), spheres).unwrap();
+        all.with_instances(vec![shared], vec![instance]).unwrap()
+    }
+
+    /// A packet that hits the primitives `prim` of the geometries `geom`, by lane. The halves of
+    /// quads alternate.
+    fn packet(geom: impl Fn(usize) -> u32, prim: impl Fn(usize) -> u32) -> RayPacket {
+        let mut packet = RayPacket::EMPTY;
+        for i in 0..LANES {
+            (packet.hits.geom[i], packet.hits.prim[i]) = (geom(i), prim(i));
+            packet.hits.u[i] = 0.0625 * i as f32;
+            packet.hits.v[i] = if i % 2 == 0 { 0.0 } else { 0.96875 };
+        }
+        packet
+    }
+
+    /// Checks the lanes in `hit`. All others keep the values that they had.
+    fn check(geometry: &Geometry, hit: &Mask, packet: &RayPacket) {
+        let mut corners = [[[-1.0; LANES]; 3]; 3];
+        let mut weights = [packet.hits.u, packet.hits.v];
+        let mut primitive = [NONE; LANES];
+        let spheres = gather(geometry, hit, packet, &mut corners, &mut weights, &mut primitive);
+        for i in 0..LANES {
+            let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
+            let (u, v) = (packet.hits.u[i], packet.hits.v[i]);
+            let found = corners.map(|corner| corner.map(|axis| f64::from(axis[i])));
+            let second = u + v > 1.0 && geom == geometry.quads_id();
+            let is_hit = hit.0[i] != 0;
+            let is_sphere = is_hit && geom == geometry.spheres_id();
+            assert_eq!(spheres.0[i], -i32::from(is_sphere));
+            let expected = if is_hit { geometry.primitive(geom, prim) } else { NONE };
+            assert_eq!(primitive[i], expected);
+            if !is_hit || is_sphere {
+                assert_eq!(found, [[-1.0; 3]; 3]);
+                continue;
+            }
+            let triangle = geometry.triangles(geom, prim).find(|&(_, half)| half == second);
+            assert_eq!(found, triangle.unwrap().0.map(|corner| corner.to_array()));
+            let expected = if second { [1.0 - u, 1.0 - v] } else { [u, v] };
+            assert_eq!([weights[0][i], weights[1][i]], expected);
+        }
+    }
+
+    #[test]
+    fn every_packet_has_the_triangles_that_it_hits() {
+        let geometry = geometry();
+        let (quads, spheres) = (geometry.quads_id(), geometry.spheres_id());
+        let lane = |i: usize| i as u32;
+        let one_geometry = [
+            packet(|_| 0, |i| lane(i % 3)),
+            packet(|_| 1, lane),
+            packet(|_| geometry.instance_id(0), lane),
+            packet(|_| quads, |_| 1),
+            packet(|_| quads, |i| lane(i % 2)),
+            packet(|_| quads, |i| u32::from(i == LANES - 1)),
+            packet(|_| spheres, |i| lane(i % 2)),
+        ];
+        let mixed = packet(|i| lane(i % 5), |i| lane(i / 5 % 2));
+        let last = packet(|i| if i == LANES - 1 { quads } else { 1 }, |_| 1);
+        let mut some = Mask::ALL;
+        (some.0[0], some.0[7]) = (0, 0);
+        for packet in one_geometry.iter().chain([&mixed, &last]) {
+            check(&geometry, &Mask::ALL, packet);
+            check(&geometry, &some, packet);
+        }
+    }
+}

@@ -84,3 +84,31 @@ fn bounds_of(vertices: &[[f32; 3]]) -> [[f32; 3]; 2] {
     let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(none, |all, &v| union(all, [v; 2]));
     vertices.par_chunks(1 << 16).map(of_chunk).reduce(|| none, union)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, DVec3};
+
+    #[test]
+    fn bounds_contain_all_vertices_and_ignore_nan() {
+        let vertices = vec![[1.0, -2.0, 3.0], [-4.0, 5.0, -6.0], [f32::NAN, 7.0, f32::NAN]];
+        let mesh = TriangleMesh::new(vertices, vec![], false);
+        assert_eq!(mesh.bounds(), [[-4.0, -2.0, -6.0], [1.0, 7.0, 3.0]]);
+        let nothing = TriangleMesh::new(vec![], vec![], false).bounds();
+        assert_eq!(nothing, [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+    }
+
+    #[test]
+    fn a_copy_keeps_the_stitches_and_memory_is_that_of_the_arrays() {
+        let vertices = vec![[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [1.0, 0.0, 0.0]];
+        let mesh = TriangleMesh::new(vertices, vec![[0, 1, 2]], true).with_stitches(&[[0, 3, 1]]);
+        let copy = mesh.placed(&Placement::new(DMat3::IDENTITY, DVec3::X));
+        assert_eq!((copy.stitches(), copy.triangles()), (1, mesh.triangles()));
+        assert!(copy.loop_only);
+        assert_eq!(copy.vertices()[3], [2.0, 0.0, 0.0]);
+        // Four vertices and the padding, a triangle and the stitch, its neighbour.
+        assert_eq!(mesh.bytes(), 5 * 12 + 2 * 12 + 4);
+        assert_eq!(copy.bytes(), mesh.bytes());
+    }
+}

@@ -177,4 +177,27 @@ mod tests {
             prop_assert!(placed.dot(placement.linear * normal) > 0.0);
         }
     }
+
+    /// A sheared, mirrored map and its inverse. All numbers are exact in f64.
+    #[test]
+    fn boxes_are_as_wide_as_the_map_and_the_rounding() {
+        let rows = [DVec3::new(2.0, 1.0, 0.0), DVec3::new(0.0, -4.0, 0.0), DVec3::Z * 2.0];
+        let linear = DMat3::from_cols_array_2d(&rows.map(|row| row.to_array())).transpose();
+        let placement = Placement::new(linear, DVec3::new(16.0, -8.0, 2.0));
+        let epsilon = f64::from(f32::EPSILON);
+        let around = |center: DVec3, half: DVec3| [center - half, center + half];
+        let mesh = [DVec3::new(-1.0, 0.0, 2.0), DVec3::new(3.0, 2.0, 8.0)];
+        let half = DVec3::new(5.0, 4.0, 6.0) + 2.0 * 24.0 * epsilon;
+        assert_eq!(placement.bounds(mesh), around(DVec3::new(19.0, -12.0, 12.0), half));
+        let scene = [DVec3::new(15.0, -16.0, 3.0), DVec3::new(19.0, -8.0, 11.0)];
+        let slack = 2.0 * (19.0 + 16.0) * epsilon;
+        let half = DVec3::new(1.5, 1.0, 2.0) + slack * DVec3::new(0.625, 0.25, 0.5);
+        assert_eq!(placement.bounds_in_mesh(scene), around(DVec3::new(0.0, 1.0, 2.5), half));
+        assert_eq!(placement.inverse_norm(), 0.625);
+        assert_eq!(placement.vector_to_mesh(DVec3::new(4.0, 8.0, 2.0)), DVec3::new(3.0, -2.0, 1.0));
+        let instance = Instance::new(0, placement, mesh);
+        assert_eq!(instance.reach(), instance.bounds[1][0]);
+        let corners = placement.corners([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]);
+        assert_eq!(corners, [[16.0, -8.0, 2.0], [18.0, -8.0, 2.0], [17.0, -12.0, 4.0]]);
+    }
 }

@@ -271,3 +271,137 @@ impl Geometry {
                 + size_of_val(&self.spheres[..])) as u64
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    const QUAD: [[f32; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+
+    fn mesh(triangles: usize) -> TriangleMesh {
+        let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.0, 0.0]];
+        TriangleMesh::new(vertices, vec![[0, 1, 2]; triangles], false)
+    }
+
+    /// Two meshes of 2 and 3 triangles, two quads and three spheres.
+    fn plain() -> Geometry {
+        let spheres = vec![Sphere { center: DVec3::ZERO, radius: 1.0 }; 3];
+        Geometry::new(DVec3::ZERO, vec![mesh(2), mesh(3)], vec![QUAD; 2], spheres).unwrap()
+    }
+
+    fn only(mesh: TriangleMesh) -> Geometry {
+        Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap()
+    }
+
+    fn moved(mesh: usize, x: f64) -> Instance {
+        let placement = Placement::new(DMat3::IDENTITY, DVec3::X * x);
+        Instance::new(mesh, placement, [DVec3::ZERO, DVec3::ONE])
+    }
+
+    /// [`plain`] with two instances of a mesh of 4 triangles.
+    fn placed() -> Geometry {
+        plain().with_instances(vec![only(mesh(4))], vec![moved(0, 2.0), moved(0, 3.0)]).unwrap()
+    }
+
+    #[test]
+    fn ids_follow_meshes_quads_spheres_instances() {
+        let all = placed();
+        let kinds = [
+            GeometryKind::Mesh(0),
+            GeometryKind::Mesh(1),
+            GeometryKind::Quads,
+            GeometryKind::Spheres,
+            GeometryKind::Instance(0),
+            GeometryKind::Instance(1),
+        ];
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|geom| all.kind(geom)), kinds);
+        assert_eq!((all.quads_id(), all.spheres_id()), (2, 3));
+        assert_eq!((all.instance_id(0), all.instance_id(1)), (4, 5));
+        assert_eq!(only(mesh(1)).instance_id(0), 3);
+        assert_eq!(all.bases(), [0, 2, 5, 7, 10, 14, 18]);
+        assert_eq!((all.own_count(), all.count()), (10, 18));
+        let leaf = [0, 2, 3, 4, 5, NONE].map(|id| all.instance_in_leaf(id));
+        assert_eq!(leaf, [None, None, Some(0), Some(1), None, None]);
+        let triangles = [0, 1, 2, 3, 4, 5].map(|geom| {
+            all.mesh(geom).map(|(mesh, place)| (mesh.triangles().len(), place.is_some()))
+        });
+        let (own, shared) = ([Some((2, false)), Some((3, false))], Some((4, true)));
+        assert_eq!(triangles, [own[0], own[1], None, None, shared, shared]);
+        assert_eq!(all.instance_corners(1, 3), [[3.0, 0.0, 0.0], [4.0, 0.0, 0.0], [3.0, 1.0, 0.0]]);
+    }
+
+    #[test]
+    fn place_is_the_inverse_of_primitive() {
+        let all = placed();
+        let mut places = (0u32..)
+            .zip([2, 3, 2, 3, 4, 4])
+            .flat_map(|(geom, count)| (0..count).map(move |prim| (geom, prim)));
+        for index in 0..18 {
+            let (geom, prim) = places.next().unwrap();
+            assert_eq!((all.place(index), all.primitive(geom, prim)), ((geom, prim), index));
+        }
+    }
+
+    #[test]
+    fn copies_have_the_last_numbers() {
+        let mut all = plain();
+        let numbers = |all: &Geometry| (0..10).map(|i| all.number(i)).collect::<Vec<_>>();
+        assert_eq!(numbers(&all), [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+        all.copies = 1;
+        assert_eq!(numbers(&all), [1, 2, 8, 9, 10, 3, 4, 5, 6, 7]);
+        assert_eq!(placed().number(17), 18);
+    }
+
+    #[test]
+    fn each_distinct_set_of_primitives_has_an_accelerator() {
+        let mut first = Unseen::NONE;
+        first.push(0..2);
+        let unseen = [Unseen::NONE, first.clone(), Unseen::NONE];
+        let all = placed().with_unseen(unseen);
+        assert_eq!(
+            (all.unseen(RayKind::Camera), all.unseen(RayKind::Shadow)),
+            (&Unseen::NONE, &first)
+        );
+        // 10 primitives or 8 of them, with 4 shared triangles and 2 instances.
+        assert_eq!(all.accelerated(), 16 + 14);
+        assert_eq!(placed().accelerated(), 16);
+    }
+
+    #[test]
+    fn memory_is_that_of_all_arrays() {
+        let sizes = [(2, size_of::<Instance>()), (2, size_of_val(&QUAD)), (3, size_of::<Sphere>())];
+        let arrays: usize = sizes.iter().map(|(count, size)| count * size).sum();
+        let meshes: u64 = [2, 3, 4].map(|triangles| mesh(triangles).bytes()).iter().sum();
+        assert_eq!(placed().bytes(), meshes + arrays as u64);
+    }
+
+    #[test]
+    fn instances_end_below_the_last_index() {
+        let instances = |count| vec![moved(0, 0.0); count];
+        let with = |count| only(mesh(0)).with_instances(vec![only(mesh(65_537))], instances(count));
+        assert_eq!(with(65_534).unwrap().count(), 65_537 * 65_534);
+        assert_eq!(with(65_535).unwrap_err(), u64::from(NONE));
+    }
+
+    #[test]
+    fn stitches_of_shared_meshes_and_of_own_ones_count() {
+        let stitched = || only(mesh(1).with_stitches(&[[0, 3, 1]]));
+        let with =
+            |own: Geometry, shared| own.with_instances(vec![shared], vec![]).unwrap().stitched;
+        assert!(with(stitched(), only(mesh(1))) && with(only(mesh(1)), stitched()));
+        assert!(!with(only(mesh(1)), only(mesh(1))));
+    }
+
+    #[test]
+    fn a_quad_has_two_halves() {
+        let all = plain();
+        let [first, second] = [[QUAD[0], QUAD[1], QUAD[3]], [QUAD[2], QUAD[3], QUAD[1]]];
+        assert_eq!(all.quad_half(1, 0.25, 0.5), (first, 0.25, 0.5));
+        assert_eq!(all.quad_half(1, 0.25, 0.75), (first, 0.25, 0.75));
+        assert_eq!(all.quad_half(1, 0.75, 0.5), (second, 0.25, 0.5));
+        let halves: Vec<_> = all.triangles(all.quads_id(), 1).collect();
+        assert_eq!(halves, [(first.map(doubles), false), (second.map(doubles), true)]);
+        assert_eq!(all.triangles(all.spheres_id(), 0).count(), 0);
+    }
+}

@@ -155,3 +155,77 @@ fn weights(point: DVec3, [a, b, c]: [DVec3; 3]) -> (f64, f64) {
     let area = normal.dot(normal);
     clamp_barycentrics(p.cross(e2).dot(normal) / area, e1.cross(p).dot(normal) / area)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle with the legs 4 and 8 and a corner at (1, 2, 3), beside a smaller one. The first
+    /// two stitches lie along its first leg, one behind the other. The third lies alone.
+    fn stitched() -> TriangleMesh {
+        let at = |x: f32, y: f32| [1.0 + x, 2.0 + y, 3.0];
+        let corners = vec![at(0.0, 0.0), at(4.0, 0.0), at(0.0, 8.0), at(-1.0, 0.0)];
+        let between = [at(1.0, 0.0), at(3.0, 0.0), at(20.0, 0.0), at(21.0, 0.0), at(22.0, 0.0)];
+        let vertices = [corners, between.to_vec()].concat();
+        let mesh = TriangleMesh::new(vertices, vec![[2, 0, 3], [0, 1, 2]], false);
+        mesh.with_stitches(&[[0, 4, 5], [0, 5, 1], [6, 7, 8]])
+    }
+
+    #[test]
+    fn stitches_along_a_triangle_are_kept() {
+        let mesh = stitched();
+        assert_eq!(mesh.triangles(), [[2, 0, 3], [0, 1, 2], [0, 4, 5], [0, 5, 1]]);
+        let beside = [0, 1, 2, 3, 4].map(|prim| mesh.beside_stitch(prim));
+        assert_eq!(beside, [None, None, Some(1), Some(1), None]);
+    }
+
+    #[test]
+    fn the_longest_edge_is_found_at_any_place() {
+        let mesh = stitched();
+        for stitch in [[0, 4, 1], [4, 1, 0], [1, 0, 4], [4, 0, 1]] {
+            assert_eq!(mesh.longest(stitch), [0, 1]);
+        }
+        assert_eq!(mesh.squared_length([1, 2]), 80.0);
+    }
+
+    #[test]
+    fn a_chain_finds_the_first_value_and_a_circle_finds_nothing() {
+        // 0 to 1 to 2, which has a value. 3 and 4 are a circle, 5 leads to nothing.
+        let next = [Some(1), Some(2), None, Some(4), Some(3), None];
+        let found = follow(6, |index| (index == 2).then_some(7), |index| next[index]);
+        assert_eq!(found, [Some(7), Some(7), Some(7), None, None, None]);
+    }
+
+    #[test]
+    fn only_hits_on_stitches_are_moved() {
+        let mesh = stitched();
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
+        let mut packet = RayPacket::EMPTY;
+        for (i, prim) in [(2, 3), (3, 1), (4, 3)] {
+            // The ray meets the plane at (2, 3, 3).
+            packet.rays.set(i, glam::Vec3::new(1.0, 5.0, -1.0), glam::Vec3::new(0.25, -0.5, 1.0));
+            (packet.hits.geom[i], packet.hits.prim[i], packet.rays.tfar[i]) = (0, prim, 4.0);
+        }
+        let mut hit = Mask::ALL;
+        hit.0[4] = 0;
+        let before = packet.clone();
+        geometry.replace_stitch_hits(&packet.hit(&hit), &mut packet);
+        assert_eq!((packet.hits.prim[2], packet.hits.u[2], packet.hits.v[2]), (1, 0.25, 0.125));
+        for i in [3, 4] {
+            let point = |p: &RayPacket| (p.hits.prim[i], p.hits.u[i], p.hits.v[i]);
+            assert_eq!(point(&packet), point(&before));
+        }
+    }
+
+    #[test]
+    fn weights_are_those_of_the_projection() {
+        let corners =
+            [DVec3::new(1.0, 2.0, 3.0), DVec3::new(3.0, 2.0, 3.5), DVec3::new(1.5, 5.0, 2.0)];
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        for (u, v) in [(0.25, 0.5), (0.625, 0.125)] {
+            let (p, q) = weights(a * (1.0 - u - v) + b * u + c * v + normal * 0.1, corners);
+            assert!((p - u).abs() < 1e-12 && (q - v).abs() < 1e-12, "{p} {q}");
+        }
+    }
+}

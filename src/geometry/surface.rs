@@ -315,6 +315,7 @@ pub fn round_towards(exact: f64, rounded: f32, towards: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mesh::TriangleMesh;
     use super::*;
     use proptest::prelude::*;
 
@@ -331,6 +332,20 @@ mod tests {
                 above += (f64::from(safe) - p[axis]) * n[axis];
             }
             prop_assert!(above >= 0.0);
+        }
+    }
+
+    #[test]
+    fn a_number_on_the_right_side_stays() {
+        for towards in [-0.5, 0.0, 0.5] {
+            assert_eq!(round_towards(1.0, 1.0, towards), 1.0);
+        }
+        // Both are rounded away from zero. Without a component of the normal no side is wrong.
+        for exact in [1.0 / 3.0, -1.0 / 3.0] {
+            let rounded = exact as f32;
+            assert_eq!(round_towards(exact, rounded, 0.0), rounded);
+            assert_eq!(round_towards(exact, rounded, exact), rounded);
+            assert!(round_towards(exact, rounded, -exact).abs() < rounded.abs());
         }
     }
 
@@ -373,5 +388,189 @@ mod tests {
         }
         let first = (0..LANES).filter(|&i| packet.hits.u[i] + packet.hits.v[i] <= 1.0).count();
         assert!((4..=12).contains(&first), "both halves are hit");
+    }
+
+    /// The triangles that the tests below hit: one in the plane z = 0, one far to the side, a steep
+    /// one of slope 1000, and the needle of `triangle.rs`.
+    fn triangles() -> TriangleMesh {
+        let triangles: [[[f32; 3]; 3]; 4] = [
+            [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            [[9.0, 0.0, 0.0], [10.0, 0.0, 0.0], [9.0, 1.0, 0.0]],
+            [[0.0; 3], [1.0, 0.0, 1000.0], [0.0, 1.0, 0.0]],
+            [
+                [3e-8, 1e-8, -2e-8],
+                [67108864.0, 33554432.0, 16777216.0],
+                [134217728.0, 67108864.0, 33554434.0],
+            ],
+        ];
+        let indices = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        TriangleMesh::new(triangles.concat(), indices, false)
+    }
+
+    /// [`triangles`], a quad and a sphere of radius 2 around (0, 0, 10), behind an unused one.
+    fn shapes() -> Geometry {
+        let quad = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]];
+        let sphere = |radius| Sphere { center: DVec3::Z * 10.0, radius };
+        let spheres = vec![sphere(1.0), sphere(2.0)];
+        Geometry::new(DVec3::ZERO, vec![triangles()], vec![quad], spheres).unwrap()
+    }
+
+    /// Lets lane `i` hit primitive `prim` of geometry `geom` at `t`.
+    fn aim(packet: &mut RayPacket, i: usize, [geom, prim]: [u32; 2], ray: [[f32; 3]; 2], t: f32) {
+        packet.rays.set(i, ray[0].into(), ray[1].into());
+        (packet.hits.geom[i], packet.hits.prim[i], packet.rays.tfar[i]) = (geom, prim, t);
+    }
+
+    fn refined(packet: &RayPacket) -> Surfaces {
+        let mut points = Surfaces::EMPTY;
+        refine(&shapes(), &packet.hit(&Mask::ALL), packet, &mut points);
+        points
+    }
+
+    const DOWN: [f32; 3] = [0.0, 0.0, -1.0];
+
+    #[test]
+    fn weights_have_the_sum_one_and_none_is_negative() {
+        let mut points = Surfaces::EMPTY;
+        (points.u[3], points.v[3]) = (0.25, 0.5);
+        assert_eq!(points.weights(3), [0.25, 0.25, 0.5]);
+        (points.u[3], points.v[3]) = (0.75, 0.5);
+        assert_eq!(points.weights(3), [0.0, 0.75, 0.5]);
+    }
+
+    #[test]
+    fn only_hits_of_triangles_near_an_edge_are_at_an_edge() {
+        let mut packet = RayPacket::EMPTY;
+        aim(&mut packet, 2, [0, 0], [[0.25, 0.25, 1.0], DOWN], 1.0);
+        aim(&mut packet, 5, [0, 0], [[0.25, 0.0, 1.0], DOWN], 1.0);
+        aim(&mut packet, 6, [2, 1], [[0.0, 0.0, 20.0], DOWN], 8.0);
+        aim(&mut packet, 9, [1, 0], [[0.5, 0.5, 2.0], DOWN], 1.0);
+        let points = refined(&packet);
+        let lanes = |set: &[usize]| Mask(std::array::from_fn(|i| -i32::from(set.contains(&i))));
+        assert_eq!(points.hit, lanes(&[2, 5, 6, 9]));
+        // The diagonal of the quad is an edge of its halves.
+        assert_eq!(points.at_edge, lanes(&[5, 9]));
+        assert_eq!(points.doubtful, Mask::NONE);
+    }
+
+    #[test]
+    fn a_triangle_that_the_ray_misses_or_starts_on_is_doubtful() {
+        let mut packet = RayPacket::EMPTY;
+        aim(&mut packet, 1, [0, 1], [[0.25, 0.25, 1.0], DOWN], 1.0);
+        aim(&mut packet, 2, [0, 0], [[0.25, 0.25, 1.0], DOWN], 1.0);
+        aim(&mut packet, 3, [0, 0], [[0.25, 0.25, 0.0], DOWN], 0.0);
+        let doubtful = refined(&packet).doubtful.0;
+        assert_eq!([doubtful[1], doubtful[2], doubtful[3]], [-1, 0, -1]);
+    }
+
+    /// The slope lets a test in f32 err by 2.9, so only the limit of t itself counts.
+    #[test]
+    fn a_reported_t_that_is_far_off_is_doubtful() {
+        let exact = 2000.0 - 250.0;
+        let limit = exact * T_COARSE as f32;
+        for (share, doubtful) in [(-1.1, -1), (-0.9, 0), (0.9, 0), (1.1, -1)] {
+            let mut packet = RayPacket::EMPTY;
+            let reported = exact + share * limit;
+            aim(&mut packet, 7, [0, 2], [[0.25, 0.25, 2000.0], DOWN], reported);
+            let points = refined(&packet);
+            assert_eq!((points.doubtful.0[7], points.t[7]), (doubtful, exact), "{share}");
+        }
+        assert_eq!(T_COARSE, 2f64.powi(-12));
+    }
+
+    #[test]
+    fn a_hit_is_sure_if_f64_confirms_it() {
+        let point = |t, met| TrianglePoint {
+            position: DVec3::ZERO,
+            normal: DVec3::Z,
+            u: 0.25,
+            v: 0.5,
+            t,
+            met,
+            sharp: true,
+            at_edge: false,
+        };
+        let mut points = Surfaces::EMPTY;
+        let mut sure = |t, met, reported| put(&mut points, 4, &point(t, met), reported, DVec3::Z);
+        // The limit is 2^-17 at t = 8.
+        let ulp = 2f32.powi(-20);
+        for side in [1.0, -1.0] {
+            assert!(sure(8.0, true, 8.0 + side * 7.0 * ulp));
+            assert!(!sure(8.0, false, 8.0 + side * 7.0 * ulp));
+            assert!(!sure(8.0, true, 8.0 + side * 8.0 * ulp));
+            assert!(!sure(8.0, true, 8.0 + side * 9.0 * ulp));
+        }
+        assert!(!sure(0.0, true, 0.0) && !sure(-8.0, true, -8.0) && !sure(-8.0, false, 8.0));
+        assert_eq!((points.t[4], points.u[4], points.v[4]), (-8.0, 0.25, 0.5));
+    }
+
+    /// The ray passes through the second corner at t = 2^26. f64 has too few digits for that.
+    #[test]
+    fn needles_are_refined_and_doubted_with_twice_the_bits() {
+        let (origin, t) = ([0.0, 1048576.0, 4194304.0], 67108864.0);
+        let ray = [origin, [1.0, 0.484375, 0.1875]];
+        let mut packet = RayPacket::EMPTY;
+        aim(&mut packet, 3, [0, 3], ray, t);
+        aim(&mut packet, 4, [0, 3], ray, 0.5 * t);
+        aim(&mut packet, 5, [0, 0], [[0.25, 0.25, 1.0], DOWN], 1.0);
+        let points = refined(&packet);
+        for i in [3, 4] {
+            assert!((points.u[i] - 1.0).abs() < 1e-12 && points.v[i].abs() < 1e-12);
+            assert_eq!(points.t[i], t);
+        }
+        assert_eq!([3, 4, 5].map(|i| points.doubtful.0[i]), [0, -1, 0]);
+        let (corners, point) = hit_triangle(&shapes(), &packet, 3).unwrap();
+        assert_eq!(corners, triangles().corners(3).map(doubles));
+        assert_eq!((point.u, point.v), (points.u[3], points.v[3]));
+    }
+
+    #[test]
+    fn the_reported_t_selects_the_root_of_a_sphere() {
+        let mut packet = RayPacket::EMPTY;
+        let mut found = |t: f32| {
+            aim(&mut packet, 6, [2, 1], [[0.0; 3], [0.0, 0.0, 2.0]], t);
+            let points = refined(&packet);
+            (points.t[6], points.position[2][6])
+        };
+        for slack in [-5e-7, 5e-7] {
+            assert_eq!(found(4.0 * (1.0 + slack)), (4.0, 8.0));
+            assert_eq!(found(6.0 * (1.0 + slack)), (6.0, 12.0));
+        }
+        // No root is near: the reported t stays, and the point moves along the radius.
+        for t in [4.0 * (1.0 - 3e-6), 4.0 * (1.0 + 3e-6), 4.5] {
+            assert_eq!(found(t), (t, 8.0));
+        }
+        aim(&mut packet, 6, [2, 1], [[1.5, 0.0, 2.0], [0.0, 0.0, 2.0]], 3.0);
+        let (t, normal) = on_sphere(&shapes().spheres[1], &packet, 6);
+        assert!(t == 3.0 && normal.distance(DVec3::new(0.6, 0.0, -0.8)) < 1e-12, "{normal}");
+    }
+
+    #[test]
+    fn the_error_of_a_point_on_a_sphere_is_its_formula() {
+        let sphere = Sphere { center: DVec3::new(1.0, 2.0, 8.0), radius: 3.0 };
+        let at = |origin, direction, t| sphere_error(&sphere, origin, direction, t) / f64::EPSILON;
+        // The centre is 5 away, and half the chord is 3.
+        let error = at(DVec3::new(1.0, 2.0, 3.0), DVec3::Z * 2.0, 1.0);
+        assert!((error / (32.0 * (25.0 + 9.0) / 3.0 + 20.0) - 1.0).abs() < 1e-12, "{error}");
+        // At the outline the chord has no length.
+        let error = at(DVec3::new(4.0, 2.0, 4.0), DVec3::Z * 2.0, 2.0) * f64::EPSILON;
+        let root = (32.0 * f64::EPSILON * (25.0 + 9.0)).sqrt();
+        assert!((error / (root + 20.0 * f64::EPSILON) - 1.0).abs() < 1e-12, "{error}");
+    }
+
+    #[test]
+    fn the_error_of_a_position_includes_its_rounding() {
+        let mut packet = RayPacket::EMPTY;
+        aim(&mut packet, 2, [0, 0], [[0.25, 0.5, 1.0], DOWN], 1.0);
+        aim(&mut packet, 6, [2, 1], [[0.0, 0.0, 20.0], DOWN], 8.0);
+        let points = refined(&packet);
+        let error = |i| position_error(&shapes(), &packet, &points, i);
+        let half_ulp = 0.5001 * f64::from(f32::EPSILON);
+        let (origin, direction) = ray(&packet, 2);
+        let flat = triangle_error(triangles().corners(0).map(doubles), origin, direction);
+        assert!((error(2) / (flat + 0.5 * half_ulp) - 1.0).abs() < 1e-12);
+        let (origin, direction) = ray(&packet, 6);
+        let round = sphere_error(&shapes().spheres[1], origin, direction, 8.0);
+        assert!((error(6) / (round + 12.0 * half_ulp) - 1.0).abs() < 1e-12);
     }
 }

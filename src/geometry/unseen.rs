@@ -59,6 +59,7 @@ mod tests {
             unseen.push(range);
         }
         assert_eq!(unseen, Unseen { ranges: vec![2..5, 9..12] });
+        assert!(!unseen.is_empty());
         let members: Vec<u32> = (0..20).filter(|&primitive| unseen.has(primitive)).collect();
         assert_eq!(members, [2, 3, 4, 9, 10, 11]);
         assert_eq!([0..20, 4..10, 5..9, 2..5].map(|range| unseen.count(&range)), [6, 2, 0, 3]);
