@@ -44,10 +44,10 @@ SKY_SERIES = {'multijitter': ('multijitter', 0), 'multijitter, mis': ('multijitt
 TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
 ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
-# Required ratios lightpath / Mitsuba: bar, goal.
-BARS = {'wall 1': (0.3, 0.2), 'wall 16': (0.4, 0.25), 'wall 64': (0.45, 0.3),
-        'independent 1': (0.2, 0.05), 'independent 4': (0.2, 0.05), 'independent 16': (0.12, 0.05), 'independent 64': (0.1, 0.05)}
-SAMPLER_BARS = {'multijitter': (0.5, 0.3), 'sky': (0.5, 0.25)}
+# Required ratios lightpath / Mitsuba by samples: bar, goal.
+BARS = {'wall': {1: (0.3, 0.2), 16: (0.4, 0.25), 64: (0.45, 0.3)},
+        'independent': {1: (0.15, 0.05), 4: (0.15, 0.05), 16: (0.12, 0.05), 64: (0.1, 0.05)},
+        'multijitter': dict.fromkeys(CURVE, (0.5, 0.3)), 'sky': dict.fromkeys(CURVE, (0.5, 0.25))}
 
 
 def for_mitsuba(d, size, sampler, bsdf_samples=0):
@@ -262,8 +262,10 @@ class Bench:
             lines += ['', f"The same picture: relmse {c['relmse']:.1e} between the two at {c['spp']} spp "
                       f"({c['size']} x {c['size']}), ratio of the means {c['mean_ratio']:.5f}."]
 
-        def verdict(key, ratio):
-            bar, goal = BARS.get(key) or SAMPLER_BARS[key.split()[0]]
+        def verdict(what, spp, ratio):
+            if int(spp) not in BARS[what]:
+                return 'none'
+            bar, goal = BARS[what][int(spp)]
             return f"{bar}, goal {goal}: {'goal met' if ratio <= goal else 'met' if ratio <= bar else 'MISSED'}"
         if 'wall' in self.state:
             size = self.state['wall_size']
@@ -271,7 +273,7 @@ class Bench:
             for spp, s in sorted(self.state['wall'].items(), key=lambda item: int(item[0])):
                 a, b = statistics.median(s['lightpath']), statistics.median(s['mitsuba'])
                 n = len(s['mitsuba'])
-                lines.append(f"| {spp} spp | {a:.2f} s | {b:.2f} s | {a / b:.2f} | {n} | {verdict('wall ' + spp, a / b)} |")
+                lines.append(f"| {spp} spp | {a:.2f} s | {b:.2f} s | {a / b:.2f} | {n} | {verdict('wall', spp, a / b)} |")
         if 'error' in self.state:
             mean, size = self.state['mean'], self.state['error_size']
             lines += ['', f'| render phase, {size} x {size} | spp, or target | seconds | RMSE / mean |', '|---|---|---|---|']
@@ -288,7 +290,7 @@ class Bench:
                         ours = self.ours_at(rmse, series)
                         cells.append('| |' if ours is None else f'{ours:.3f} s | {ours / seconds:.2f} |')
                         ratios += [] if ours is None else [ours / seconds]
-                    said = verdict('sky' if self.args.sky else f'{which} {spp}', min(ratios)) if ratios else 'beyond what was measured'
+                    said = verdict('sky' if self.args.sky else which, spp, min(ratios)) if ratios else 'beyond what was measured'
                     lines.append(f'| {which}, {spp} spp | {seconds:.3f} s | ' + ' '.join(cells) + f' {said} |')
         text = '\n'.join(lines) + '\n'
         if self.args.into:
