@@ -220,8 +220,8 @@ impl RayPacket {
 pub enum Coherence {
     /// Similar paths: camera rays, or shadow rays of neighbouring points.
     Coherent,
-    /// Different paths, as after several bounces. `bvh` traces each ray on its own, several in
-    /// turns.
+    /// Different paths, as after several bounces. `bvh` traces each ray on its own. Several take
+    /// turns for occlusion, and in large trees for closest hits.
     Incoherent,
     /// As [`Coherence::Incoherent`], but one ray after the other, with the backend's query for
     /// single rays. For measurements of single rays.

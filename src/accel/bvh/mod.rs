@@ -244,8 +244,12 @@ impl Bvh<'_> {
         let bvh = self;
         match coherence {
             Coherence::Coherent => tier.run(PacketClosest { tier, bvh, active, packet }),
-            Coherence::Incoherent => tier.run(InterleavedClosest { tier, bvh, active, packet }),
-            Coherence::Single => tier.run(SingleClosest { tier, bvh, active, packet }),
+            Coherence::Incoherent if bvh.tree.closest_in_turns => {
+                tier.run(InterleavedClosest { tier, bvh, active, packet });
+            }
+            Coherence::Incoherent | Coherence::Single => {
+                tier.run(SingleClosest { tier, bvh, active, packet });
+            }
         }
     }
 

@@ -31,6 +31,8 @@ pub struct Tree {
     pub depth: usize,
     /// Whether the tree is large enough for prefetching to pay.
     pub is_large: bool,
+    /// Whether incoherent rays take turns to find their closest hits.
+    pub closest_in_turns: bool,
 }
 
 impl Tree {
@@ -103,6 +105,7 @@ pub fn collapse(tree: &mut BinaryTree) -> Result<Tree> {
         bounds: Bounds3::EMPTY,
         depth,
         is_large: false,
+        closest_in_turns: false,
     })
 }
 

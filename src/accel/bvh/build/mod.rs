@@ -34,6 +34,10 @@ use crate::simd::{self, Isa};
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
+/// In trees of more bytes, incoherent rays take turns to find their closest hits. In smaller ones,
+/// which caches hold, turns cost more than they save: see docs/notebook/bvh.md.
+const MAX_BYTES_WITHOUT_TURNS: u64 = 20 << 20;
+
 /// Builds the tree without the primitives of `unseen`, on the current rayon pool. The meshes of
 /// instances have trees of their own. Also returns the most bytes that the build held at a time.
 ///
@@ -115,6 +119,7 @@ pub fn build(
     }));
     tree.bounds = bounds;
     tree.is_large = tree.bytes() > MAX_UNPREFETCHED_BYTES;
+    tree.closest_in_turns = tree.bytes() > MAX_BYTES_WITHOUT_TURNS;
     for shared in &geometry.shared {
         let left = max_bytes.map(|limit| limit.saturating_sub(tree.bytes()));
         let (below, below_peak) = build((shared, &Unseen::NONE), isa, left, monitor)?;

@@ -1,6 +1,7 @@
 //! Compares the hits of every instruction set, of single rays and of packets on whole trees.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use super::cases::Random;
 use crate::accel::bvh::Bvh;
@@ -210,7 +211,9 @@ fn rays_in_turns_find_what_they_find_alone() {
     let geometry = soup();
     for isa in Isa::available() {
         let options = BuildOptions { threads: 1, max_bytes: None };
-        let bvh = Bvh::build(&geometry, isa, &options, &Monitor::default()).unwrap();
+        let mut bvh = Bvh::build(&geometry, isa, &options, &Monitor::default()).unwrap();
+        // As in a large tree.
+        Arc::get_mut(&mut bvh.tree).expect("the only reference").closest_in_turns = true;
         for round in 0..300u32 {
             let packet = scattered(&mut random, round % 2 == 0);
             // All numbers of rays from 0 to 16, then any rays.
