@@ -41,7 +41,7 @@ SERIES = {'independent': ('independent', 0), 'multijitter': ('multijitter', 0)}
 SKY_SERIES = {'multijitter': ('multijitter', 0), 'multijitter, mis': ('multijitter', 1)}
 # Targets of `--noise T --noise-of picture`. Their errors span the errors at these numbers of
 # samples.
-TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02']}
+TARGETS = {16: ['0.2', '0.1'], 64: ['0.05', '0.02', '0.015']}
 ADAPTIVE = 'lightpath, adaptive'
 MARKS = ['<!-- mitsuba, {}: begin -->', '<!-- mitsuba, {}: end -->']
 # Required ratios lightpath / Mitsuba by samples: bar, goal.
