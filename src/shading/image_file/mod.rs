@@ -20,6 +20,7 @@ mod file_pages;
 mod header;
 mod jpeg_rows;
 mod jpeg_segments;
+mod memory;
 mod png_rows;
 mod pnm;
 #[cfg(test)]
@@ -38,11 +39,10 @@ use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::ExrLayout;
 use file_pages::FilePages;
-use header::{
-    ImageSource, Opened, check_jpeg_end, check_needed, check_size, explain, name, source,
-};
+use header::{ImageSource, Opened, check_jpeg_end, explain, name, source};
+use memory::{check_needed, check_size};
 
-pub use header::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
+pub use memory::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
 
 /// An image file in memory.
 #[derive(Debug)]
