@@ -5,6 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source=$PWD
+commit=$(git rev-parse HEAD)
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
 unset CARGO_TARGET_DIR SOURCE_DATE_EPOCH RUSTFLAGS EMBREE_DIR
 scratch=$(mktemp -d)
@@ -23,6 +24,7 @@ packages() (
     git clone --quiet "$source" "$1"
     [ ! -d vendor ] || cp -a vendor "$1"
     cd "$1"
+    git checkout --quiet --detach "$commit"
     export "${@:3}"
     say "$(faketime -f "$2" date +%F), $PWD"
     faketime -f "$2" cargo build --quiet --locked --release
