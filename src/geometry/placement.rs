@@ -41,18 +41,14 @@ impl Placement {
     /// [`Placement::place`].
     #[inline(always)]
     pub fn place_lanes<const N: usize>(&self, vertices: [[f32; N]; 3]) -> [[f32; N]; 3] {
-        let [a, b, c] = self.linear.to_cols_array_2d();
-        let offset = self.offset.to_array();
-        let mut placed = [[0.0; N]; 3];
-        for axis in 0..3 {
-            for i in 0..N {
-                let (x, y) = (f64::from(vertices[0][i]), f64::from(vertices[1][i]));
-                let z = f64::from(vertices[2][i]);
-                let sum = a[axis] * x + b[axis] * y + c[axis] * z;
-                placed[axis][i] = (sum + offset[axis]) as f32;
-            }
-        }
-        placed
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = self.linear.to_cols_array_2d();
+        let offset = self.offset;
+        // Not a loop: the compiler would make vectors of axes instead of vertices.
+        [
+            place_axis([ax, bx, cx], offset.x, &vertices),
+            place_axis([ay, by, cy], offset.y, &vertices),
+            place_axis([az, bz, cz], offset.z, &vertices),
+        ]
     }
 
     /// Returns the corners of a triangle in the scene.
@@ -131,6 +127,18 @@ impl Instance {
     pub fn reach(&self) -> f32 {
         self.bounds.iter().flatten().fold(0.0, |most: f32, x| most.max(x.abs()))
     }
+}
+
+/// One coordinate of placed vertices: `row` of the linear part times the vertices, plus `offset`.
+#[inline(always)]
+fn place_axis<const N: usize>(row: [f64; 3], offset: f64, vertices: &[[f32; N]; 3]) -> [f32; N] {
+    let mut placed = [0.0; N];
+    for i in 0..N {
+        let (x, y) = (f64::from(vertices[0][i]), f64::from(vertices[1][i]));
+        let z = f64::from(vertices[2][i]);
+        placed[i] = (row[0] * x + row[1] * y + row[2] * z + offset) as f32;
+    }
+    placed
 }
 
 #[cfg(test)]

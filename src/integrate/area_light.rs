@@ -11,7 +11,7 @@ use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
 use super::whitted::WhittedIntegrator;
 use crate::ray::{Coherence, LANES, Mask};
-use crate::shading::{Area, Emitter, Light};
+use crate::shading::{Area, Emitter, Lanes, Light};
 
 impl WhittedIntegrator<'_> {
     /// Adds one area light to all lanes. Traces shadow rays to all of its points, or to the points
@@ -30,8 +30,19 @@ impl WhittedIntegrator<'_> {
         let mut sums = LightSums::NONE;
         // Rays near edges, and rays to a light in a surface, have tests that a shaft query does not
         // cover.
-        let view = if self.crevices.is_empty() && area.plane_gap == 0.0 {
-            self.shafts.view(self.shadows, &self.points.at, sampled_light.index, area)
+        let plain = self.crevices.is_empty() && area.plane_gap == 0.0;
+        let points = &self.points.at;
+        let in_clear_square = plain
+            && sampled_light.bounce == 0
+            && self.squares.hold(
+                (self.world, self.shadows),
+                (camera_packet, points, &hit),
+                (sampled_light.index, &sampled_light.light.emitter),
+            );
+        let view = if in_clear_square {
+            View::Clear
+        } else if plain {
+            self.shafts.view(self.shadows, points, sampled_light.index, area)
         } else {
             View::Unknown
         };
@@ -59,13 +70,12 @@ impl WhittedIntegrator<'_> {
             }
             record.light(sampled_light, &self.points.base, &self.throughput, &split);
         }
-        for axis in 0..3 {
-            for i in 0..LANES {
-                let light = (sums.light[axis][i] * share) as f32;
-                let sent = light * self.points.base[axis][i] * self.throughput[i];
-                self.radiance[axis][i] += if hit.0[i] != 0 { sent } else { 0.0 };
-            }
-        }
+        // Not a loop: the compiler would make vectors of axes instead of lanes.
+        let [x, y, z] = &mut self.radiance;
+        let ([r, g, b], carried, hit) = (&self.points.base, &self.throughput, &hit);
+        add_mean(x, (&sums.light[0], share), (r, carried), hit);
+        add_mean(y, (&sums.light[1], share), (g, carried), hit);
+        add_mean(z, (&sums.light[2], share), (b, carried), hit);
     }
 
     /// Records the ambient occlusion of the first hits: the visible share of `light`, which is the
@@ -266,5 +276,20 @@ impl WhittedIntegrator<'_> {
                 });
             }
         }
+    }
+}
+
+/// Adds the mean light of one colour axis, times base colour and throughput, to the radiance of the
+/// lanes that hit.
+#[inline(always)]
+fn add_mean(
+    radiance: &mut Lanes,
+    (sum, share): (&[f64; LANES], f64),
+    (base, throughput): (&Lanes, &Lanes),
+    hit: &Mask,
+) {
+    for i in 0..LANES {
+        let sent = (sum[i] * share) as f32 * base[i] * throughput[i];
+        radiance[i] += if hit.0[i] != 0 { sent } else { 0.0 };
     }
 }

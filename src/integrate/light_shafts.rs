@@ -79,7 +79,8 @@ impl LightShafts {
             return View::Unknown;
         }
         let corners = corners.map(|corner| corner.to_array());
-        let shaft = Shaft { active, origins: &points.origin, leaving, corners: &corners };
+        let (origins, between) = (&points.origin, false);
+        let shaft = Shaft { active, origins, leaving, between, corners: &corners };
         match accelerator.is_shaft_empty(&shaft) {
             Some(true) => {
                 skips.failed /= 2;

@@ -9,6 +9,7 @@ mod background;
 mod block;
 mod camera_packet;
 mod catchers;
+mod clear_squares;
 mod cones;
 mod crevices;
 mod drawn_lights;

@@ -4,6 +4,7 @@
 use glam::Vec3;
 
 use super::camera_packet::CameraPacket;
+use super::clear_squares::ClearSquares;
 use super::cones::Cones;
 use super::crevices::Crevices;
 use super::light_batch::LightBatch;
@@ -42,6 +43,7 @@ pub struct WhittedIntegrator<'a> {
     pub(super) surfaces: Surfaces,
     pub(super) crevices: Crevices,
     pub(super) shafts: LightShafts,
+    pub(super) squares: ClearSquares,
     /// Lanes whose hit is not traced again if it is doubtful. Their rays start in a crevice, near
     /// an inner edge. They hit a wall, a triangle that rises beside that edge. The hit was found in
     /// f64 by [`Crevices`]; a test in f32 may miss it.
@@ -84,6 +86,7 @@ impl<'a> WhittedIntegrator<'a> {
             surfaces: Surfaces::EMPTY,
             crevices: Crevices::default(),
             shafts: LightShafts::new(world.lights.len()),
+            squares: ClearSquares::new(world),
             certain: Mask::NONE,
             points: Points::EMPTY,
             shadow: Rays::EMPTY,
@@ -290,7 +293,7 @@ impl<'a> WhittedIntegrator<'a> {
             match &light.emitter {
                 Emitter::Point(q) => {
                     let q = q.to_array().map(|x| [x; LANES]);
-                    self.one_point(&sampled_light, &q, None, counts, record);
+                    self.one_point(&sampled_light, (&q, None), camera_packet, counts, record);
                     if catching {
                         self.catch_point(&sampled_light, &q, None);
                     }
@@ -308,7 +311,7 @@ impl<'a> WhittedIntegrator<'a> {
                         )
                     };
                     let q = area.points(&square, &self.points.at);
-                    self.one_point(&sampled_light, &q, Some(area), counts, record);
+                    self.one_point(&sampled_light, (&q, Some(area)), camera_packet, counts, record);
                     if catching {
                         self.catch_point(&sampled_light, &q, Some(area));
                     }
@@ -332,8 +335,8 @@ impl<'a> WhittedIntegrator<'a> {
     fn one_point<R: Record>(
         &mut self,
         sampled_light: &SampledLight,
-        q: &Lanes3,
-        area: Option<&Area>,
+        (q, area): (&Lanes3, Option<&Area>),
+        camera_packet: &CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) {
@@ -347,8 +350,17 @@ impl<'a> WhittedIntegrator<'a> {
         }
         let colors = aimed.colors(points, q, weights);
         counts.shadow += u64::from(active.count());
-        let scene = (&*world.geometry, self.shadows);
-        aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+        let is_clear = sampled_light.bounce == 0
+            && aimed.is_plain(&self.crevices)
+            && self.squares.hold(
+                (world, self.shadows),
+                (camera_packet, points, &active),
+                (sampled_light.index, &light.emitter),
+            );
+        if !is_clear {
+            let scene = (&*world.geometry, self.shadows);
+            aimed.trace(scene, &self.crevices, &OWN_LANES, rays, Coherence::Coherent);
+        }
         let (diffuse, specular) = (light.diffuse.to_array(), light.specular.to_array());
         if R::ON {
             let mut seen = Mask::NONE;
@@ -392,13 +404,16 @@ impl<'a> WhittedIntegrator<'a> {
     /// Adds ka * ambient * base * throughput to the radiance of the lanes that hit.
     #[inline(always)]
     fn ambient<R: Record>(&mut self, hit: &Mask, bounce: u32, record: &mut R) {
-        let color = self.world.ambient.to_array();
-        let mut sent = [[0.0; LANES]; 3];
+        let color = self.world.ambient;
+        let ([r, g, b], ka, throughput) = (&self.points.base, &self.points.ka, &self.throughput);
+        // Not a loop: the compiler would make vectors of axes instead of lanes.
+        let sent = [
+            ambient_sent(color.x, (ka, r, throughput), hit),
+            ambient_sent(color.y, (ka, g, throughput), hit),
+            ambient_sent(color.z, (ka, b, throughput), hit),
+        ];
         for axis in 0..3 {
             for i in 0..LANES {
-                let carried = self.points.ka[i] * color[axis] * self.points.base[axis][i];
-                let carried = carried * self.throughput[i];
-                sent[axis][i] = if hit.0[i] != 0 { carried } else { 0.0 };
                 self.radiance[axis][i] += sent[axis][i];
             }
         }
@@ -406,6 +421,17 @@ impl<'a> WhittedIntegrator<'a> {
             record.ambient(bounce, &sent);
         }
     }
+}
+
+/// Ambient light of one colour axis in the lanes that hit; 0 in the others.
+#[inline(always)]
+fn ambient_sent(color: f32, (ka, base, throughput): (&Lanes, &Lanes, &Lanes), hit: &Mask) -> Lanes {
+    let mut sent = [0.0; LANES];
+    for i in 0..LANES {
+        let carried = ka[i] * color * base[i] * throughput[i];
+        sent[i] = if hit.0[i] != 0 { carried } else { 0.0 };
+    }
+    sent
 }
 
 /// Whether mirrored rays are coherent: all within some 26 degrees of the first active ray.

@@ -28,6 +28,18 @@ pub enum Emitter {
     Area(Area),
 }
 
+impl Emitter {
+    /// Four corners whose convex hull holds the light points of all shading points. `None` for
+    /// light from beyond the scene.
+    pub fn corners(&self) -> Option<[Vec3; 4]> {
+        match self {
+            Self::Point(position) => Some([*position; 4]),
+            Self::Area(area) if area.distant.is_some() => None,
+            Self::Area(area) => area.corners(&ShadowPoints::EMPTY),
+        }
+    }
+}
+
 /// A rectangle of light points: `corner + s edge + t height`, s, t in [0, 1). With `distant`,
 /// directions instead.
 #[derive(Debug, Clone)]

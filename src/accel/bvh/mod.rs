@@ -42,6 +42,7 @@ mod instance;
 mod interleaved;
 #[doc(hidden)]
 pub mod kernels;
+mod leaves;
 mod local_rays;
 mod near;
 mod node;

@@ -2,10 +2,11 @@
 
 use super::bounds::Bounds3;
 use super::frustum::{Frustum, HorizontalMin, select};
-use super::node::{Block, Child, ChildKind};
+use super::leaves::{Leaf, Leaves};
+use super::node::Block;
 use super::packet::Bits;
 use super::query::{max, min};
-use super::simd::{Stack, Tier};
+use super::simd::Tier;
 use super::tree::Bvh;
 use crate::accel::shaft::Shaft;
 use crate::ray::LANES;
@@ -48,33 +49,16 @@ impl<T: Tier> Kernel for MayHit<'_, T> {
         let Some((frustum, end)) = Frustum::around(tier, shaft, &tree.bounds) else { return true };
         let mut segments = None;
         let mut left = MAX_TRIANGLES;
-        let mut stack = Stack::new();
-        stack.push(Child::node(0), 0.0);
-        while let Some((child, _)) = stack.pop() {
-            match child.kind() {
-                ChildKind::Node(index) => {
-                    let node = &tree.nodes[index];
-                    for place in Bits(tier.children_in_frustum(node, &frustum, end)) {
-                        stack.push(node.children[node.ordered(frustum.octant, place)], 0.0);
-                    }
+        for leaf in Leaves::new(tier, tree, (&frustum, end)) {
+            let Leaf::Triangles(index, triangles) = leaf else { return true };
+            let Some(rest) = left.checked_sub(triangles.count_ones()) else { return true };
+            left = rest;
+            let block = &tree.blocks[index];
+            let segments = segments.get_or_insert_with(|| Segments::new(shaft));
+            for slot in Bits(triangles) {
+                if segments.may_hit(block, slot, tree.indices().of(block, slot)) {
+                    return true;
                 }
-                ChildKind::Triangles(index) => {
-                    let block = &tree.blocks[index];
-                    let triangles = tier.triangles_in_frustum(block, &frustum, end);
-                    if triangles == 0 {
-                        continue;
-                    }
-                    let Some(rest) = left.checked_sub(triangles.count_ones()) else { return true };
-                    left = rest;
-                    let segments = segments.get_or_insert_with(|| Segments::new(shaft));
-                    for slot in Bits(triangles) {
-                        if segments.may_hit(block, slot, tree.indices().of(block, slot)) {
-                            return true;
-                        }
-                    }
-                }
-                ChildKind::Spheres(_) => return true,
-                ChildKind::Empty => {}
             }
         }
         false
@@ -111,7 +95,8 @@ impl<'a> Segments<'a> {
 
     /// Returns the lanes whose segments may cross the triangle's plane: all bits are set. In other
     /// active lanes, origin and light lie on one side of the plane, or the ray leaves the triangle.
-    /// This cheap test decides most triangles.
+    /// This cheap test decides most triangles. If there are no such lanes, no ray that begins
+    /// between the points crosses the plane either.
     #[inline(always)]
     fn maybe_crossing(&self, [p, q, r]: [[f32; 3]; 3], primitive: u32) -> [i32; LANES] {
         let from = |v: [f32; 3]| [v[0] - p[0], v[1] - p[1], v[2] - p[2]];
@@ -173,6 +158,9 @@ impl<'a> Segments<'a> {
                 }
             }
         }
+        if self.shaft.between {
+            return self.may_hit_between(&low, &high, [&a, &b, &c]);
+        }
         let heights = dot(&a, &normals[1]);
         let mut may_hit = 0;
         for i in 0..LANES {
@@ -189,6 +177,36 @@ impl<'a> Segments<'a> {
             may_hit |= lanes[i] & -i32::from(!misses);
         }
         may_hit != 0
+    }
+
+    /// [`Segments::may_hit`] for rays that also begin between the points. `low` and `high` bound
+    /// the edge functions of each point; `corners` are the triangle's, relative to each point.
+    ///
+    /// An edge function is the volume of a tetrahedron, so it is linear in the point as well. Its
+    /// values at the points bound the values between them.
+    #[inline(always)]
+    fn may_hit_between(
+        &self,
+        low: &[[f32; LANES]; 4],
+        high: &[[f32; LANES]; 4],
+        corners: [&Lanes3; 3],
+    ) -> bool {
+        let (mut m, mut margin) = (0.0, 0.0);
+        let (mut lowest, mut highest) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for i in (0..LANES).filter(|&i| self.shaft.active.0[i] != 0) {
+            for corner in corners {
+                m = max(m, largest(corner, i));
+            }
+            margin = max(margin, self.margin[i]);
+            for k in 0..3 {
+                lowest[k] = min(lowest[k], low[k][i]);
+                highest[k] = max(highest[k], high[k][i]);
+            }
+        }
+        let margin = m * m * margin + 1e-30;
+        let positive = max(max(lowest[0], lowest[1]), lowest[2]) > margin;
+        let negative = min(min(highest[0], highest[1]), highest[2]) < -margin;
+        !(positive & negative)
     }
 }
 

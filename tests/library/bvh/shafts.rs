@@ -5,7 +5,9 @@ use lightpath::accel::{Accelerator, Shaft};
 use lightpath::geometry::{Geometry, Sphere, Surfaces, TriangleMesh, refine};
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket};
 use lightpath::scene::Falloff;
-use lightpath::shading::{Area, Cone, Distant, LightWeights, ShadowPoints, light_rays, set_lane};
+use lightpath::shading::{
+    Area, Cone, Distant, LightWeights, ShadowPoints, lane, light_rays, set_lane,
+};
 
 use super::tiers::{ALL, Tiers, put, ray};
 use crate::support::random::Random;
@@ -157,8 +159,13 @@ fn no_ray_in_an_empty_shaft_is_occluded() {
             let Some(corners) = area.corners(&points) else { continue };
             let corners = corners.map(|corner: Vec3| corner.to_array());
             let leaving = points.primitive;
-            let shaft =
-                Shaft { active: points.hit, origins: &points.origin, leaving, corners: &corners };
+            let shaft = Shaft {
+                active: points.hit,
+                origins: &points.origin,
+                leaving,
+                between: false,
+                corners: &corners,
+            };
             shafts[usize::from(on_surface)] += 1;
             if tiers.reporting_empty_shaft(&shaft) == 0 {
                 continue;
@@ -177,6 +184,80 @@ fn no_ray_in_an_empty_shaft_is_occluded() {
     }
 }
 
+/// A box of up to 0.1 around a point of the landscape, and the triangle that the point lies on.
+fn patch(points: &ShadowPoints, random: &mut Random) -> ([Vec3; 2], u32) {
+    let first = points.hit.first();
+    let at = lane(&points.origin, first);
+    let sizes = [0; 2].map(|_| 10f64.powf(random.within(-4.0, -1.0)) as f32);
+    // The landscape is nearly flat, and so are most boxes.
+    let flat = if random.unit() < 0.5 { 1e-6 } else { sizes[0] };
+    let half = Vec3::new(sizes[0], flat, sizes[1]);
+    ([at - half, at + half], points.primitive[first])
+}
+
+/// Shadow rays from random points of the box, its corners first. They leave `primitive`.
+fn rays_from_box(
+    [low, high]: [Vec3; 2],
+    primitive: u32,
+    area: &Area,
+    random: &mut Random,
+    round: u32,
+) -> RayPacket {
+    let mut points = ShadowPoints::EMPTY;
+    for i in 0..LANES {
+        let mut at = || {
+            let x = random.unit() as f32;
+            if round < 2 { x.round() } else { x }
+        };
+        let origin = low + (high - low) * Vec3::new(at(), at(), at());
+        set_lane(&mut points.position, i, origin);
+        set_lane(&mut points.origin, i, origin);
+        (points.hit.0[i], points.primitive[i]) = (-1, primitive);
+    }
+    shadow_rays(&points, area, random, round).1
+}
+
+#[test]
+fn no_ray_from_inside_the_hull_of_an_empty_shaft_is_occluded() {
+    let mut random = Random(12);
+    let (mut empty, mut shafts) = (0, 0);
+    for (rows, bumps) in [(1, 0.0), (1, 0.0), (4, 0.0), (12, 0.4)] {
+        let geometry = landscape(&mut random, rows, bumps, DVec3::ZERO);
+        let tiers = Tiers::new(&geometry);
+        for _ in 0..800 {
+            let points = surface_points(tiers.last(), &geometry, &mut random, DVec3::ZERO);
+            if !points.hit.any() {
+                continue;
+            }
+            let (ends, primitive) = patch(&points, &mut random);
+            let mut origins = [[0.0; LANES]; 3];
+            let mut active = Mask::NONE;
+            for i in 0..8 {
+                let pick = |axis: usize| ends[(i >> axis) & 1][axis];
+                set_lane(&mut origins, i, Vec3::new(pick(0), pick(1), pick(2)));
+                active.0[i] = -1;
+            }
+            let area = light(&mut random, DVec3::ZERO);
+            let Some(corners) = area.corners(&points) else { continue };
+            let corners = corners.map(|corner: Vec3| corner.to_array());
+            let (origins, leaving) = (&origins, [primitive; LANES]);
+            let shaft = Shaft { active, origins, leaving, between: true, corners: &corners };
+            shafts += 1;
+            if tiers.reporting_empty_shaft(&shaft) == 0 {
+                continue;
+            }
+            empty += 1;
+            for round in 0..8 {
+                let packet = rays_from_box(ends, primitive, &area, &mut random, round);
+                let hits = tiers.trace(&ALL, &packet.rays);
+                let hit = hits.iter().position(Option::is_some);
+                assert_eq!(hit.map(|i| ray(&packet.rays, i)), None, "{rows} {ends:?} {area:?}");
+            }
+        }
+    }
+    assert!(4 * empty > shafts && empty < shafts, "{empty} of {shafts} shafts");
+}
+
 #[test]
 fn every_tier_distinguishes_a_free_light_from_a_hidden_one() {
     let wall = [[-1.0, 5.0, -1.0], [1.0, 5.0, -1.0], [1.0, 5.0, 1.0], [-1.0, 5.0, 1.0]];
@@ -187,7 +268,7 @@ fn every_tier_distinguishes_a_free_light_from_a_hidden_one() {
         let corners = [[x0, y, -0.5], [x1, y, -0.5], [x0, y, 0.5], [x1, y, 0.5]];
         let origins = [[0.0; LANES]; 3];
         let (active, leaving) = (Mask::ALL, [NONE; LANES]);
-        let shaft = Shaft { active, origins: &origins, leaving, corners: &corners };
+        let shaft = Shaft { active, origins: &origins, leaving, between: false, corners: &corners };
         tiers.reporting_empty_shaft(&shaft)
     };
     // Beside the wall; before it; on the other side; its edge inside; the whole wall inside.

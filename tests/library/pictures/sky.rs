@@ -1,11 +1,11 @@
-//! A block whose frustum reaches no leaf is filled without tracing rays. It gets the same bits as
-//! with rays.
+//! A block whose frustum reaches no leaf is filled without tracing rays. Squares of pixels from
+//! which nothing occludes a light trace no shadow rays. Both get the same bits as with rays.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::support::program::{PYRAMID, Scratch};
 use lightpath::{
-    accel::{Accelerator, BuildInfo, BuildOptions, bvh::Bvh},
+    accel::{Accelerator, BuildInfo, BuildOptions, Shaft, bvh::Bvh},
     film::{Film, Window},
     monitor::Monitor,
     ray::{Coherence, Mask, RayPacket, Rays},
@@ -35,12 +35,13 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// A tree that counts how often it reports an empty cone, or never reports one.
+/// A tree that counts how often it reports an empty cone, or never reports an empty cone or shaft.
 struct Telling<'a> {
     tree: &'a Bvh<'a>,
     tells: bool,
     told: AtomicU64,
     traced: AtomicU64,
+    shadows: AtomicU64,
 }
 
 impl Accelerator for Telling<'_> {
@@ -52,12 +53,16 @@ impl Accelerator for Telling<'_> {
         self.tree.closest(active, packet, coherence);
     }
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        self.shadows.fetch_add(u64::from(active.count()), Relaxed);
         self.tree.occluded(active, rays, coherence);
     }
     fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
         let told = self.tells.then(|| self.tree.is_cone_empty(active, rays)).flatten();
         self.told.fetch_add(u64::from(told == Some(true)), Relaxed);
         told
+    }
+    fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {
+        self.tells.then(|| self.tree.is_shaft_empty(shaft)).flatten()
     }
 }
 
@@ -86,22 +91,26 @@ fn pictures_are_the_same_bit_for_bit() {
             let crop = Window { x0: 21, y0: 5, x1: 90, y1: 78 };
             for window in [Window::full(width, height), crop] {
                 let render = |tells: bool| {
-                    let (told, traced) = Default::default();
-                    let telling = Telling { tree: &tree, tells, told, traced };
+                    let (told, traced, shadows) = Default::default();
+                    let telling = Telling { tree: &tree, tells, told, traced, shadows };
                     let mut film = Film::new(world.frame, window).unwrap();
                     let counts =
                         render::render(&world, &telling, isa, &mut film, &monitor).unwrap();
                     let bits: Vec<_> = film.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
-                    (bits, counts, telling.told.into_inner(), telling.traced.into_inner())
+                    let traced = [telling.traced, telling.shadows].map(AtomicU64::into_inner);
+                    (bits, counts, telling.told.into_inner(), traced)
                 };
-                let (bits, counts, told, traced) = render(true);
-                let (expected, one_by_one, _, all) = render(false);
+                let (bits, counts, told, [traced, shadows]) = render(true);
+                let (expected, one_by_one, _, [all, all_shadows]) = render(false);
                 let what = format!("{spp} spp, {transparent}, {window:?}");
                 assert!(bits == expected, "{what}");
                 assert_eq!(counts, one_by_one, "{what}");
                 // In the crop, no square has 1024 rays with few samples each.
                 let few = window == crop && spp < 16;
                 assert!(few || (told > 0 && traced < all), "{what}: {told}, {traced} of {all}");
+                // The crop hardly shows the plane. Part of the plane is in shadow.
+                let some = 0 < shadows && shadows < all_shadows;
+                assert!(window == crop || some, "{what}: {shadows} of {all_shadows}");
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Conservative test whether the convex hull of a packet contains anything.
 
-use super::{Bits, Packet};
-use crate::accel::bvh::node::{Child, ChildKind};
-use crate::accel::bvh::simd::{Stack, Tier};
+use super::Packet;
+use crate::accel::bvh::leaves::Leaves;
+use crate::accel::bvh::simd::Tier;
 
 impl<T: Tier> Packet<'_, T> {
     /// Returns false only if no primitive lies inside the frustum. A triangle counts as outside if
@@ -19,28 +19,7 @@ impl<T: Tier> Packet<'_, T> {
     ///   max|v - o|. The frustum's slack has some 20u left for it.
     #[inline(always)]
     pub fn may_contain_anything(&self) -> bool {
-        let mut stack = Stack::new();
-        stack.push(Child::node(0), 0.0);
-        while let Some((child, _)) = stack.pop() {
-            match child.kind() {
-                ChildKind::Node(index) => {
-                    let node = &self.tree.nodes[index];
-                    for place in
-                        Bits(self.tier.children_in_frustum(node, &self.frustum, self.end_depth))
-                    {
-                        stack.push(node.children[node.ordered(self.frustum.octant, place)], 0.0);
-                    }
-                }
-                ChildKind::Triangles(index) => {
-                    let block = &self.tree.blocks[index];
-                    if self.tier.triangles_in_frustum(block, &self.frustum, self.end_depth) != 0 {
-                        return true;
-                    }
-                }
-                ChildKind::Spheres(_) => return true,
-                ChildKind::Empty => {}
-            }
-        }
-        false
+        let frustum = (&self.frustum, self.end_depth);
+        Leaves::new(self.tier, self.tree, frustum).next().is_some()
     }
 }
