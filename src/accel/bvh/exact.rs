@@ -12,7 +12,7 @@
 
 use super::node::Block;
 use super::query::Lane;
-use crate::geometry::is_after_start;
+use crate::geometry::{NEAR_START, is_after_start};
 use crate::ray::Rays;
 
 /// How far a hit's depth may lie outside the depths of the corners, as a fraction of the hit's
@@ -43,6 +43,10 @@ pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
 /// the dominant axis: see [`BOX_SLACK`].
 pub const STEEP: f64 = 9.0;
 
+/// At least the scene's extent, seen from the origin of a ray, divided by the ray's
+/// [`box_slack`](super::query::Query::box_slack), which is more than 65u of that extent.
+const EXTENT_OF_SLACK: f64 = 1.0 / (65.0 * 0.5 * f32::EPSILON as f64);
+
 /// A ray in f64, with the caller's unscaled direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray64 {
@@ -71,6 +75,14 @@ impl Ray64 {
             tnear: rays.tnear[i].into(),
             tfar: rays.tfar[i].into(),
         }
+    }
+
+    /// Whether a hit at `t` is farther from the origin than [`NEAR_START`] of the scene's extent, by
+    /// which it lies after the start of the ray. Decides most hits.
+    #[inline(always)]
+    pub fn is_far(&self, t: f64, lane: &Lane) -> bool {
+        let extent = f64::from(lane.value(&lane.query.box_slack)) * EXTENT_OF_SLACK;
+        t * self.dominant_component.abs() > NEAR_START * extent
     }
 
     /// Whether a hit at `t` lies after the start of the ray: see [`is_after_start`]. Not inlined,
@@ -355,6 +367,38 @@ mod tests {
             }
         }
         assert!(!inside([a, a, b], 0.0, 0.0) && !inside([a, a, a], 0.0, 0.0));
+    }
+
+    /// Hits at up to 16 and down to 2^-30 of the scene's extent, before and behind the origin.
+    #[test]
+    fn a_far_hit_is_after_the_start() {
+        let mut far = [0; 2];
+        for turn in 0..6 {
+            for offset in [0.0f32, 100.0, 65536.0] {
+                let scene = Bounds3::from_points(&[[-4.0; 3], [offset + 8.0; 3]]);
+                for exponent in -30..5 {
+                    let distance = f64::from(exponent).exp2();
+                    let mut rays = Rays::EMPTY;
+                    let direction = turned([0.25, -0.5, 2.0], turn);
+                    for axis in 0..3 {
+                        (rays.org[axis][0], rays.dir[axis][0]) = (offset, direction[axis]);
+                    }
+                    let query = Query::new(&rays, &scene);
+                    let lane = query.lane(0);
+                    let ray = Ray64::new(&rays, 0, lane.axes[2]);
+                    let corners = SLOPING.map(|v| turned(v, turn).map(|x| x + offset));
+                    for t in [distance, -distance] {
+                        let is_far = ray.is_far(t, &lane);
+                        assert!(!is_far || ray.hit_is_after_start(t, corners), "{turn} {t}");
+                        far[usize::from(t < 0.0)] += usize::from(is_far);
+                    }
+                    // 2 t is the depth; the corners are at most offset + 12 from the origin.
+                    let beyond = 2.0 * distance > NEAR_START * f64::from(offset + 13.0);
+                    assert_eq!(ray.is_far(distance, &lane), beyond, "{turn} {offset} {distance}");
+                }
+            }
+        }
+        assert!(far[0] > 0 && far[1] == 0);
     }
 
     #[test]

@@ -220,12 +220,24 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let closer = t > ray.tnear && best.is_replaced_by(t, primitive);
-            if closer && (seen.is_ahead(&ray) || ray.hit_is_after_start(t, block.triangle(slot))) {
+            if closer && self.starts_before(&seen, &ray, t, block.triangle(slot)) {
                 let tfar = self.lane.tfar_for_hit(t);
                 let second_half = block.is_second_half(slot);
                 *best = ClosestHit { t, tfar, primitive, edges: seen.edges, second_half };
             }
         }
+    }
+
+    /// Whether the ray starts before its hit at `t`.
+    #[inline(always)]
+    fn starts_before(
+        &self,
+        seen: &ShearedTriangle,
+        ray: &Ray64,
+        t: f64,
+        corners: [[f32; 3]; 3],
+    ) -> bool {
+        ray.is_far(t, &self.lane) || seen.is_ahead(ray) || ray.hit_is_after_start(t, corners)
     }
 
     /// Returns whether the ray hits any triangle of a leaf.
@@ -258,7 +270,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let within = t > ray.tnear && t < ray.tfar;
-            if within && (seen.is_ahead(&ray) || ray.hit_is_after_start(t, block.triangle(slot))) {
+            if within && self.starts_before(&seen, &ray, t, block.triangle(slot)) {
                 return true;
             }
         }
