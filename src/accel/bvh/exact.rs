@@ -77,8 +77,8 @@ impl Ray64 {
         }
     }
 
-    /// Whether a hit at `t` is farther from the origin than [`NEAR_START`] of the scene's extent, by
-    /// which it lies after the start of the ray. Decides most hits.
+    /// Whether a hit at `t` is farther from the origin than [`NEAR_START`] of the scene's extent.
+    /// Then it lies after the start of the ray. Decides most hits.
     #[inline(always)]
     pub fn is_far(&self, t: f64, lane: &Lane) -> bool {
         let extent = f64::from(lane.value(&lane.query.box_slack)) * EXTENT_OF_SLACK;
