@@ -110,8 +110,8 @@ impl ClearSquares {
 }
 
 impl Square {
-    /// Whether all shadow rays leave the primitive, inside the box. The origin of a lifted ray has
-    /// no primitive.
+    /// Whether all shadow rays leave the primitive, inside the box. A ray with a lifted origin may
+    /// hit its own primitive.
     #[inline(always)]
     fn holds(&self, points: &ShadowPoints, active: &Mask) -> bool {
         let mut outside = 0;
