@@ -3,11 +3,13 @@
 //! Large arrays are reserved first, and a failure is an ordinary error (`reserve`). The remaining
 //! allocations are small. If one fails, Rust's library prints a message and aborts, which raises
 //! SIGABRT in the same thread. The handler here removes unfinished `.part` files, if no other
-//! thread holds their list. It ends the process with the exit code for failures worth retrying. An
-//! abort of a thread whose allocations all succeeded stays an abort.
+//! thread holds their list. It ends the process with the exit code for failures worth retrying. The
+//! C library aborts in the same way, where the allocator here does not see it. An abort stays one
+//! if all allocations of its thread succeeded and the system still has memory.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::panic::PanicHookInfo;
 
 thread_local! {
     /// True once an allocation of this thread has failed, also one that `reserve` reports as an
@@ -70,13 +72,47 @@ pub fn exit_instead_of_abort() {
 #[cfg(not(unix))]
 pub fn exit_instead_of_abort() {}
 
+/// Ends the process with exit code 3 if a new thread panics because it finds no memory for the
+/// stack of its signal handlers. The panic is outside every `catch_unwind`.
+///
+/// Rust's own hook may wait for ever then: it allocates memory for a backtrace, and the failure of
+/// that allocation prints another one.
+#[cfg(unix)]
+pub fn exit_without_signal_stack(panic: &PanicHookInfo) {
+    // All panics of that file of Rust's library are for lack of memory.
+    if panic.location().is_some_and(|place| place.file().ends_with("stack_overflow.rs")) {
+        end();
+    }
+}
+
+/// Does nothing: outside Unix, threads have no such stack.
+#[cfg(not(unix))]
+pub fn exit_without_signal_stack(_: &PanicHookInfo) {}
+
 /// Handles SIGABRT in the thread that aborts. A failed allocation has returned by then, so removing
 /// files is safe. The process aborts if this function returns.
 #[cfg(unix)]
 extern "C" fn on_abort(_: libc::c_int) {
-    if !FAILED.get() {
-        return;
+    if FAILED.get() || !is_memory_left() {
+        end();
     }
+}
+
+/// Whether the system still gives 64 KiB of memory.
+#[cfg(unix)]
+fn is_memory_left() -> bool {
+    let (size, access) = (64 << 10, libc::PROT_READ | libc::PROT_WRITE);
+    let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
+    // SAFETY: a new mapping that nothing uses; both are plain system calls.
+    unsafe {
+        let memory = libc::mmap(std::ptr::null_mut(), size, access, flags, -1, 0);
+        memory != libc::MAP_FAILED && libc::munmap(memory, size) == 0
+    }
+}
+
+/// Removes unfinished files and ends the process with exit code 3, without any allocation.
+#[cfg(unix)]
+fn end() -> ! {
     const MESSAGE: &[u8] = b"error: no memory is left\n  \
         help: free some memory, or raise the limit of this process\n";
     lightpath::output::atomic::remove_parts();

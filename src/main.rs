@@ -11,6 +11,11 @@ static ALLOCATOR: exhausted::FailureRecordingAllocator = exhausted::FailureRecor
 
 fn main() -> ExitCode {
     exhausted::exit_instead_of_abort();
+    let others = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        exhausted::exit_without_signal_stack(panic);
+        others(panic);
+    }));
     let arguments = match lightpath::cli::Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {

@@ -87,12 +87,8 @@ impl BlockSums {
         let packet = packet(first);
         for (pairs, values) in self.pairs.iter_mut().zip(lanes) {
             let (values, pairs) = (doubles(&values.0), &mut pairs[packet / 2]);
-            if packet % 2 == 0 {
-                *pairs = values;
-                continue;
-            }
             for i in 0..LANES {
-                pairs[i] += values[i];
+                pairs[i] = if packet % 2 == 0 { values[i] } else { pairs[i] + values[i] };
             }
         }
         if packet + 1 < PACKETS {
