@@ -4,7 +4,8 @@
 use glam::Vec3;
 
 use super::camera_packet::CameraPacket;
-use super::tile_grid::TILE;
+use super::skips::Skips;
+use super::tile_grid::{LEVELS, TILE};
 use crate::accel::{Accelerator, Shaft};
 use crate::ray::{LANES, Mask, NONE};
 use crate::shading::{Emitter, ShadowPoints, lane, set_lane};
@@ -13,20 +14,11 @@ use crate::world::World;
 /// Fewest camera rays in a square for which a query pays off.
 const MIN_RAYS: u64 = 256;
 
-/// Number of nested square sizes: a tile, its quarters, and so on down to pixels.
-const LEVELS: usize = TILE.ilog2() as usize + 1;
-
 /// Most lights for which squares are kept.
 const MAX_LIGHTS: usize = 16;
 
 /// How far the box of a square is widened, relative to its largest side.
 const WIDENED: f32 = 1.0 / 64.0;
-
-/// Failed queries of one level after which squares are skipped.
-const PATIENCE: u32 = 8;
-
-/// Most squares in a row that are skipped.
-const MAX_SKIPPED: u32 = 15;
 
 /// For each light and each size of squares, the last square.
 #[derive(Debug, Default)]
@@ -45,10 +37,7 @@ struct Square {
     primitive: u32,
     low: [f32; 3],
     high: [f32; 3],
-    /// Squares still to be skipped.
-    left: u32,
-    /// Failed queries, up to `PATIENCE + MAX_SKIPPED`; each successful query halves their number.
-    failed: u32,
+    skips: Skips,
 }
 
 impl ClearSquares {
@@ -69,8 +58,7 @@ impl ClearSquares {
             primitive: NONE,
             low: [0.0; 3],
             high: [0.0; 3],
-            left: 0,
-            failed: 0,
+            skips: Skips::default(),
         };
         let levels = (0..LEVELS).filter(worth).count();
         Self { by_light: vec![[empty; LEVELS]; world.lights.len()], levels }
@@ -92,8 +80,7 @@ impl ClearSquares {
             if square.corner != corner {
                 square.corner = corner;
                 square.primitive = NONE;
-                if square.left > 0 {
-                    square.left -= 1;
+                if square.skips.next() {
                     continue;
                 }
                 if square.query(side, scene, (points, active), emitter).is_none() {
@@ -161,12 +148,9 @@ impl Square {
             if accelerator.is_shaft_empty(&shaft)? {
                 (self.low, self.high, self.primitive) =
                     (low.to_array(), high.to_array(), primitive);
-                self.failed /= 2;
-                return Some(());
             }
         }
-        self.failed = (self.failed + 1).min(PATIENCE + MAX_SKIPPED);
-        self.left = self.failed.saturating_sub(PATIENCE);
+        self.skips.record(self.primitive != NONE);
         Some(())
     }
 

@@ -5,13 +5,10 @@ use crate::ray::{Mask, Rays};
 use crate::shading::set_lane;
 use crate::world::World;
 
-use super::tile_grid::TILE;
+use super::tile_grid::{LEVELS, TILE};
 
 /// Fewest camera rays in a square for which a query pays off.
 const MIN_RAYS: u64 = 1024;
-
-/// Number of nested square sizes: a tile, its quarters, and so on down to pixels.
-const LEVELS: usize = TILE.ilog2() as usize + 1;
 
 /// Empty squares of the picture. Keeps the result of the last query for each square size.
 pub struct EmptyBlocks<'a> {

@@ -1,17 +1,12 @@
 //! Finds packets whose points see a whole light, or none of it, without tracing shadow rays.
 
+use super::skips::Skips;
 use crate::accel::{Accelerator, Shaft};
 use crate::ray::{LANES, Mask, NONE};
 use crate::shading::{Area, ShadowPoints, lane};
 
 /// Margin for the rounding of dot products in f32 whose signs count, relative to coordinates.
 const MARGIN: f32 = 16.0 * f32::EPSILON;
-
-/// Failed queries after which packets are skipped.
-const PATIENCE: u32 = 8;
-
-/// Most packets in a row that are skipped.
-const MAX_SKIPPED: u32 = 15;
 
 /// How much of an area light the points of a packet see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,19 +19,10 @@ pub enum View {
     Unknown,
 }
 
-/// Queries of the lights' shafts. After failed queries it skips packets, so that scenes full of
-/// occluders hardly pay for queries.
+/// Queries of the lights' shafts.
 #[derive(Debug, Default)]
 pub struct LightShafts {
     by_light: Vec<Skips>,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Skips {
-    /// Packets still to be skipped.
-    left: u32,
-    /// Failed queries, up to `PATIENCE + MAX_SKIPPED`; each successful query halves their number.
-    failed: u32,
 }
 
 impl LightShafts {
@@ -74,24 +60,17 @@ impl LightShafts {
             return View::Dark;
         }
         let Some(skips) = self.by_light.get_mut(index as usize) else { return View::Unknown };
-        if skips.left > 0 {
-            skips.left -= 1;
+        if skips.next() {
             return View::Unknown;
         }
         let corners = corners.map(|corner| corner.to_array());
         let (origins, between) = (&points.origin, false);
         let shaft = Shaft { active, origins, leaving, between, corners: &corners };
-        match accelerator.is_shaft_empty(&shaft) {
-            Some(true) => {
-                skips.failed /= 2;
-                return View::Clear;
-            }
-            Some(false) => {
-                skips.failed = (skips.failed + 1).min(PATIENCE + MAX_SKIPPED);
-                skips.left = skips.failed.saturating_sub(PATIENCE);
-            }
-            None => self.by_light.clear(),
-        }
-        View::Unknown
+        let Some(empty) = accelerator.is_shaft_empty(&shaft) else {
+            self.by_light.clear();
+            return View::Unknown;
+        };
+        skips.record(empty);
+        if empty { View::Clear } else { View::Unknown }
     }
 }

@@ -29,6 +29,7 @@ mod record;
 mod render_context;
 mod sampled_light;
 mod shadows;
+mod skips;
 mod split;
 mod tile_grid;
 mod whitted;

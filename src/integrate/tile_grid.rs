@@ -7,6 +7,9 @@ use crate::world::World;
 /// Side of a tile in pixels; a multiple of every packet's block.
 pub const TILE: u32 = 32;
 
+/// Number of nested square sizes: a tile, its quarters, and so on down to pixels.
+pub const LEVELS: usize = TILE.ilog2() as usize + 1;
+
 /// Right and bottom end (exclusive) of the pixels that may share packets with the pixels of
 /// `window`. On each axis, that is the end of the camera's frame if the window begins before that
 /// end, else the end of the overscan. So overscan changes no packet of the frame: on the left and

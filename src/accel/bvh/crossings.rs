@@ -12,7 +12,7 @@
 //!   it (no hit) or passes through both sides (two hits at the same t).
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
-use super::exact::{Ray64, ShearedTriangle};
+use super::exact::ShearedTriangle;
 use super::interleaved::{Interleaved, LeafVisitor};
 use super::node::{Block, Child, ChildKind, WIDTH};
 use super::query::{Lane, Query};
@@ -101,19 +101,6 @@ impl<T: Tier> Single<'_, T> {
                 found.push(Crossing { t, primitive, lane });
             }
         }
-    }
-
-    /// Whether a hit at `t` lies within the open segment of the ray.
-    #[inline(always)]
-    fn is_within(
-        &self,
-        seen: &ShearedTriangle,
-        ray: &Ray64,
-        t: f64,
-        corners: [[f32; 3]; 3],
-    ) -> bool {
-        let within = t > ray.tnear && t < ray.tfar;
-        within && (seen.is_ahead(ray) || ray.hit_is_after_start(t, corners))
     }
 }
 

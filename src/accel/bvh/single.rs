@@ -240,6 +240,18 @@ impl<'a, T: Tier> Single<'a, T> {
         ray.is_far(t, &self.lane) || seen.is_ahead(ray) || ray.hit_is_after_start(t, corners)
     }
 
+    /// Whether a hit at `t` lies within the open segment of the ray.
+    #[inline(always)]
+    pub(super) fn is_within(
+        &self,
+        seen: &ShearedTriangle,
+        ray: &Ray64,
+        t: f64,
+        corners: [[f32; 3]; 3],
+    ) -> bool {
+        t > ray.tnear && t < ray.tfar && self.starts_before(seen, ray, t, corners)
+    }
+
     /// Returns whether the ray hits any triangle of a leaf.
     #[inline(always)]
     pub fn any_in_block(&self, block: &Block, indices: Indices) -> bool {
@@ -269,8 +281,7 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            let within = t > ray.tnear && t < ray.tfar;
-            if within && self.starts_before(&seen, &ray, t, block.triangle(slot)) {
+            if self.is_within(&seen, &ray, t, block.triangle(slot)) {
                 return true;
             }
         }
