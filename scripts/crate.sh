@@ -1,10 +1,11 @@
 #!/bin/sh
 # Installs the program from the packaged crate, as `cargo install` does, with no file of this folder.
-# Its renders must have the bytes of the program that `make build` compiled. Nothing is optimised:
-# it compiles faster, and the bytes do not depend on it.
+# Its renders must have the bytes of the program that `make build` compiled. The crate itself is not
+# optimised: it compiles faster, and the bytes do not depend on it.
 set -eu
 cd "$(dirname "$0")/.."
-built=$(realpath -m "${BINARY:-${CARGO_TARGET_DIR:-target}/release/lightpath}")
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+built=$(realpath -m "${BINARY:-$target/release/lightpath}")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -15,8 +16,12 @@ cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
 say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
-(cd / && cargo install --quiet --locked --debug --config profile.dev.debug=false --path "$crate" \
-    --root "$scratch/installed" --target-dir "$scratch/target" --no-track)
+# In the target folder of `make build`, which has the dependencies. The program there is kept.
+cp "$built" "$scratch/built"
+(cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \
+    --no-track --config profile.release.package.lightpath.opt-level=0 \
+    --config profile.release.package.lightpath.codegen-units=64)
+cp "$scratch/built" "$built"
 
 installed=$scratch/installed/bin/lightpath
 "$installed" --version --verbose

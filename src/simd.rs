@@ -129,8 +129,14 @@ pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
         // SAFETY: `detect` has just found every feature that `run_avx2` enables.
         #[cfg(target_arch = "x86_64")]
         Isa::Avx2 => unsafe { run_avx2(kernel) },
-        _ => kernel.run(),
+        _ => run_portable(kernel),
     }
+}
+
+/// Runs `kernel` compiled for [`Isa::Portable`]. Not inlined: every caller would get a copy.
+#[inline(never)]
+fn run_portable<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
 }
 
 /// Runs `kernel` compiled for [`Isa::Avx512`].
@@ -151,6 +157,81 @@ pub(crate) unsafe fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 pub(crate) unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
+}
+
+/// A part of kernels that is compiled once per instruction set as a function of its own, which the
+/// kernels share. A large part that several kernels would inline compiles in a fraction of the time.
+///
+/// Its values are arguments of their own: references in a struct may alias for the compiler.
+/// Everything that `run` calls in the hot path must be `#[inline(always)]`.
+pub trait Stage<A, B, C> {
+    /// The type that `run` returns.
+    type Output;
+    /// Does the work and returns the result.
+    fn run(&mut self, a: &mut A, b: &mut B, c: &mut C) -> Self::Output;
+}
+
+/// [`dispatch`] for a stage.
+#[inline(always)]
+pub fn dispatch_stage<S: Stage<A, B, C>, A, B, C>(
+    isa: Isa,
+    stage: &mut S,
+    a: &mut A,
+    b: &mut B,
+    c: &mut C,
+) -> S::Output {
+    match isa.min(Isa::detect()) {
+        // SAFETY: `detect` has just found every feature that `stage_avx512` enables.
+        #[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+        Isa::Avx512 => unsafe { stage_avx512(stage, a, b, c) },
+        // SAFETY: `detect` has just found every feature that `stage_avx2` enables.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => unsafe { stage_avx2(stage, a, b, c) },
+        _ => stage_portable(stage, a, b, c),
+    }
+}
+
+/// Runs `stage` compiled for [`Isa::Avx512`].
+///
+/// # Safety
+/// [`Isa::detect`] must return at least [`Isa::Avx512`].
+#[cfg(all(target_arch = "x86_64", lightpath_avx512))]
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn stage_avx512<S: Stage<A, B, C>, A, B, C>(
+    stage: &mut S,
+    a: &mut A,
+    b: &mut B,
+    c: &mut C,
+) -> S::Output {
+    stage.run(a, b, c)
+}
+
+/// Runs `stage` compiled for [`Isa::Avx2`].
+///
+/// # Safety
+/// [`Isa::detect`] must return at least [`Isa::Avx2`].
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn stage_avx2<S: Stage<A, B, C>, A, B, C>(
+    stage: &mut S,
+    a: &mut A,
+    b: &mut B,
+    c: &mut C,
+) -> S::Output {
+    stage.run(a, b, c)
+}
+
+/// Runs `stage` compiled for [`Isa::Portable`].
+#[inline(never)]
+fn stage_portable<S: Stage<A, B, C>, A, B, C>(
+    stage: &mut S,
+    a: &mut A,
+    b: &mut B,
+    c: &mut C,
+) -> S::Output {
+    stage.run(a, b, c)
 }
 
 /// Prefetches `values[index]` into the cache. The index may be out of bounds.

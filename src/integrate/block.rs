@@ -25,10 +25,10 @@ pub struct BlockSums {
     /// Values of the current node, pixel by pixel.
     node: Vec<f64>,
     /// Sums of neighbouring samples, by quantity: for the first two packets of a group of
-    /// [`Quarters`], and for its last two.
+    /// [`Quarters`], and for its last two. Only the four quantities of a picture have quarters.
     ///
     /// [`Quarters`]: super::quarters::Quarters
-    pairs: Vec<[[f64; LANES]; 2]>,
+    pairs: [[[f64; LANES]; 2]; 4],
 }
 
 impl BlockSums {
@@ -38,7 +38,7 @@ impl BlockSums {
         let (pixels, quantities) = (pattern.pixels(), values + squares);
         let width = pixels * quantities;
         let (sums, node) = (SampleSums::new(width), vec![0.0; width]);
-        Self { quantities, squares, pixels, sums, node, pairs: vec![[[0.0; LANES]; 2]; quantities] }
+        Self { quantities, squares, pixels, sums, node, pairs: [[[0.0; LANES]; 2]; 4] }
     }
 
     /// Starts a new block: all sums become 0.
@@ -83,14 +83,14 @@ impl BlockSums {
     /// packets. The halves of the lanes differ in j1, and their halves in j2. The two pairs of
     /// packets differ in j3. The four remaining lanes differ in j4 and j5.
     #[inline(always)]
-    pub fn add_quarter(&mut self, first: u32, lanes: &[Values]) {
+    pub fn add_quarter(&mut self, first: u32, [r, g, b, a]: &[Values; 4]) {
         let packet = packet(first);
-        for (pairs, values) in self.pairs.iter_mut().zip(lanes) {
-            let (values, pairs) = (doubles(&values.0), &mut pairs[packet / 2]);
-            for i in 0..LANES {
-                pairs[i] = if packet % 2 == 0 { values[i] } else { pairs[i] + values[i] };
-            }
-        }
+        let [pairs_r, pairs_g, pairs_b, pairs_a] = &mut self.pairs;
+        // Not a loop: the compiler would make vectors of quantities instead of lanes.
+        add_pairs(pairs_r, packet, r);
+        add_pairs(pairs_g, packet, g);
+        add_pairs(pairs_b, packet, b);
+        add_pairs(pairs_a, packet, a);
         if packet + 1 < PACKETS {
             return;
         }
@@ -165,6 +165,19 @@ impl BlockSums {
     /// Value of one quantity of a pixel in one node of the tree of samples.
     pub fn value(&self, node: usize, pixel: usize, quantity: usize) -> f64 {
         self.sums.value(node, pixel * self.quantities + quantity)
+    }
+}
+
+/// Adds one quantity of a packet of a group of quarters to the group's sums of neighbours.
+#[inline(always)]
+fn add_pairs(pairs: &mut [[f64; LANES]; 2], packet: usize, Values(lanes): &Values) {
+    let (values, sums) = (doubles(lanes), &mut pairs[packet / 2]);
+    if packet % 2 == 0 {
+        *sums = values;
+        return;
+    }
+    for i in 0..LANES {
+        sums[i] += values[i];
     }
 }
 

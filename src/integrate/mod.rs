@@ -168,7 +168,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
             sums.clear();
             self.record.begin();
         }
-        let alpha = integrator.run(camera_packet, counts, &mut self.record);
+        let alpha = integrator.shade(camera_packet, counts, &mut self.record);
         let (block, [r, g, b]) = (pattern.block, &integrator.radiance);
         if world.spp == 1 && !self.record.has_words() {
             // Each lane is one pixel.

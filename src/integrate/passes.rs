@@ -229,7 +229,7 @@ impl<R: Record> ShadePacket for Pass<'_, R> {
             self.sums.clear();
             tally.half = [0.0; 4];
         }
-        let alpha = integrator.run(camera_packet, counts, self.record);
+        let alpha = integrator.shade(camera_packet, counts, self.record);
         if R::ON {
             self.record.packet(camera_packet, &ALL, &integrator.radiance);
         }

@@ -44,7 +44,7 @@ pub fn pipeline<F: ShadePacket>(
     let sampler = Sampler::with_kind(world.sampler, world.seed);
     let mut counts = RayCounts::default();
     let joint = joint_light(world);
-    let mut integrator = WhittedIntegrator::new(world, accelerator, sampler, monitor, joint);
+    let mut integrator = WhittedIntegrator::new(context, sampler, joint);
     let by_quarters = F::ANY_ORDER && pattern.samples as usize == LANES;
     let mut quarters = Quarters::new(world);
     let [even, odd] = &mut [CameraPacket::EMPTY; 2];

@@ -152,19 +152,23 @@ mod tests {
         let value = |sample: u32| {
             (sample.wrapping_mul(0x9e37_79b9) as f32) * (sample as f32 % 13.0 - 6.0).exp2()
         };
+        // Four quantities, each with its own values.
+        let values = |numbers: [u32; LANES]| {
+            [0, 1, 2, 3].map(|q| Values(numbers.map(|sample| value(sample + 1000 * q))))
+        };
         for samples in [0..64, 0..128, 3..150, 64..128] {
             let sums = [false, true].map(|grouped| {
-                let mut sums = BlockSums::new(&pattern, 1, 0);
+                let mut sums = BlockSums::new(&pattern, 4, 0);
                 for first in (samples.start / 16 * 16..samples.end).step_by(16) {
                     if grouped && quarters.has(first, &samples) {
                         let numbers = quarters.samples(&sampler, [5, 6], first);
-                        sums.add_quarter(first, &[Values(numbers.map(value))]);
+                        sums.add_quarter(first, &values(numbers));
                     } else {
                         let numbers = pattern.numbers(first);
-                        sums.add(&pattern, first, &samples, &[Values(numbers.map(value))], &[true]);
+                        sums.add(&pattern, first, &samples, &values(numbers), &[true; 4]);
                     }
                 }
-                sums.total(0, 0).to_bits()
+                [0, 1, 2, 3].map(|quantity| sums.total(0, quantity).to_bits())
             });
             assert_eq!(sums[0], sums[1], "{samples:?}");
         }

@@ -11,7 +11,7 @@ use super::light_batch::LightBatch;
 use super::light_shafts::LightShafts;
 use super::plate::Plate;
 use super::record::Record;
-use super::render_context::RayCounts;
+use super::render_context::{RayCounts, RenderContext};
 use super::sampled_light::SampledLight;
 use super::shadows::{OWN_LANES, ShadowRays};
 use super::split::LightParts;
@@ -23,11 +23,13 @@ use crate::sampler::Sampler;
 use crate::shading::{
     Area, Emitter, Lanes, Lanes3, LightWeights, Points, ShadowPoints, lane, reflect,
 };
+use crate::simd::{self, Isa, Stage};
 use crate::world::World;
 
 /// State and buffers for the shading of one packet; reused from packet to packet.
 pub struct WhittedIntegrator<'a> {
     pub(super) world: &'a World,
+    isa: Isa,
     /// Accelerator for all kinds of rays. Finds the primitives near a point.
     accelerator: &'a dyn Accelerator,
     /// Accelerator for camera rays.
@@ -58,24 +60,23 @@ pub struct WhittedIntegrator<'a> {
     /// Cones of the rays; `None` if no texture needs them.
     cones: Option<Box<Cones>>,
     pub(super) throughput: [f32; LANES],
-    /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::run`].
+    /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::shade`].
     pub radiance: Lanes3,
 }
 
 impl<'a> WhittedIntegrator<'a> {
-    /// Allocates the buffers for packets of `world`.
+    /// Allocates the buffers for packets of a world.
     #[inline(always)]
     pub fn new(
-        world: &'a World,
-        accelerator: &'a dyn Accelerator,
+        RenderContext { world, accelerator, isa, monitor }: RenderContext<'a>,
         sampler: Sampler,
-        monitor: &'a Monitor,
         joint: Option<u32>,
     ) -> Self {
         let of = |kind| accelerator.only(kind).unwrap_or(accelerator);
         let plate = || Box::new(Plate::new(world.lights.len()));
         Self {
             world,
+            isa,
             accelerator,
             camera: of(RayKind::Camera),
             shadows: of(RayKind::Shadow),
@@ -103,86 +104,13 @@ impl<'a> WhittedIntegrator<'a> {
     /// Computes `radiance` for a packet whose camera rays are traced. Returns alpha, by lane. The
     /// radiance is incomplete if the monitor stops the render.
     #[inline(always)]
-    pub fn run<R: Record>(
+    pub fn shade<R: Record>(
         &mut self,
         camera_packet: &mut CameraPacket,
         counts: &mut RayCounts,
         record: &mut R,
     ) -> Lanes {
-        let world = self.world;
-        let mut active = camera_packet.active;
-        let mut first_hit = Mask::NONE;
-        self.throughput = [1.0; LANES];
-        self.radiance = [[0.0; LANES]; 3];
-        self.certain = Mask::NONE;
-        if let Some(plate) = &mut self.plate {
-            plate.clear();
-        }
-        if let Some(cones) = &mut self.cones {
-            cones.start();
-        }
-        for bounce in 0..=world.nbounces {
-            if bounce > 0 {
-                if self.monitor.stopped() {
-                    break;
-                }
-                active = self.mirror(camera_packet, counts);
-                if !active.any() {
-                    break;
-                }
-            }
-            let mut hit = self.refine(camera_packet, &active, bounce);
-            if bounce == 0 {
-                first_hit = hit;
-            }
-            if !(bounce == 0 && world.transparent) {
-                self.background(camera_packet, (&active, &hit), bounce, record);
-            }
-            if !hit.any() {
-                break;
-            }
-            self.find_crevices(camera_packet, &hit, bounce);
-            if bounce == 0 && self.plate.is_some() {
-                hit = self.split_off_holdouts(camera_packet, &hit);
-            }
-            let points = &mut self.points;
-            if let Some(cones) = &mut self.cones {
-                cones.advance(&camera_packet.packet.rays, &self.surfaces);
-            }
-            let widths = self.cones.as_ref().map(|cones| &cones.widths);
-            world.shapes.look(
-                &world.geometry,
-                &camera_packet.packet,
-                &self.surfaces,
-                widths,
-                points,
-            );
-            let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);
-            if catching {
-                self.blacken_catchers();
-            }
-            if R::ON && bounce == 0 {
-                record.surface(world, &camera_packet.packet, &self.surfaces, &self.points);
-                if let Some(light) = &world.occlusion {
-                    self.occlusion(light, camera_packet, counts, record);
-                }
-            }
-            if world.ambient != Vec3::ZERO {
-                self.ambient(&hit, bounce, record);
-            }
-            if catching {
-                self.whiten_catchers();
-            }
-            self.lights(camera_packet, (bounce, catching), counts, record);
-            if catching {
-                self.finish_catchers(record);
-            }
-        }
-        let mut alpha = alpha(&first_hit, world.transparent);
-        if let Some(plate) = &self.plate {
-            plate.set_alpha(&mut alpha);
-        }
-        alpha
+        simd::dispatch_stage(self.isa, self, camera_packet, counts, record)
     }
 
     /// Computes the surface points of a traced packet. Traces doubtful hits again. Returns the
@@ -420,6 +348,94 @@ impl<'a> WhittedIntegrator<'a> {
         if R::ON && self.world.ambient != Vec3::ZERO {
             record.ambient(bounce, &sent);
         }
+    }
+}
+
+/// Most of the renderer's code: a stage that the kernels of tiles and of passes share.
+impl<R: Record> Stage<CameraPacket, RayCounts, R> for WhittedIntegrator<'_> {
+    type Output = Lanes;
+
+    #[inline(always)]
+    fn run(
+        &mut self,
+        camera_packet: &mut CameraPacket,
+        counts: &mut RayCounts,
+        record: &mut R,
+    ) -> Lanes {
+        let world = self.world;
+        let mut active = camera_packet.active;
+        let mut first_hit = Mask::NONE;
+        self.throughput = [1.0; LANES];
+        self.radiance = [[0.0; LANES]; 3];
+        self.certain = Mask::NONE;
+        if let Some(plate) = &mut self.plate {
+            plate.clear();
+        }
+        if let Some(cones) = &mut self.cones {
+            cones.start();
+        }
+        for bounce in 0..=world.nbounces {
+            if bounce > 0 {
+                if self.monitor.stopped() {
+                    break;
+                }
+                active = self.mirror(camera_packet, counts);
+                if !active.any() {
+                    break;
+                }
+            }
+            let mut hit = self.refine(camera_packet, &active, bounce);
+            if bounce == 0 {
+                first_hit = hit;
+            }
+            if !(bounce == 0 && world.transparent) {
+                self.background(camera_packet, (&active, &hit), bounce, record);
+            }
+            if !hit.any() {
+                break;
+            }
+            self.find_crevices(camera_packet, &hit, bounce);
+            if bounce == 0 && self.plate.is_some() {
+                hit = self.split_off_holdouts(camera_packet, &hit);
+            }
+            let points = &mut self.points;
+            if let Some(cones) = &mut self.cones {
+                cones.advance(&camera_packet.packet.rays, &self.surfaces);
+            }
+            let widths = self.cones.as_ref().map(|cones| &cones.widths);
+            world.shapes.look(
+                &world.geometry,
+                &camera_packet.packet,
+                &self.surfaces,
+                widths,
+                points,
+            );
+            let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);
+            if catching {
+                self.blacken_catchers();
+            }
+            if R::ON && bounce == 0 {
+                record.surface(world, &camera_packet.packet, &self.surfaces, &self.points);
+                if let Some(light) = &world.occlusion {
+                    self.occlusion(light, camera_packet, counts, record);
+                }
+            }
+            if world.ambient != Vec3::ZERO {
+                self.ambient(&hit, bounce, record);
+            }
+            if catching {
+                self.whiten_catchers();
+            }
+            self.lights(camera_packet, (bounce, catching), counts, record);
+            if catching {
+                self.finish_catchers(record);
+            }
+        }
+        let mut alpha = alpha(&first_hit, world.transparent);
+        if let Some(plate) = &self.plate {
+            plate.set_alpha(&mut alpha);
+        }
+        alpha
     }
 }
 
