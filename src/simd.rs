@@ -160,7 +160,7 @@ pub(crate) unsafe fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
 }
 
 /// A part of kernels that is compiled once per instruction set as a function of its own, which the
-/// kernels share. A large part that several kernels would inline compiles in a fraction of the time.
+/// kernels share. That takes a fraction of the compile time of a part that each of them inlines.
 ///
 /// Its values are arguments of their own: references in a struct may alias for the compiler.
 /// Everything that `run` calls in the hot path must be `#[inline(always)]`.
