@@ -21,7 +21,9 @@ cp "$built" "$scratch/built"
 (cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \
     --no-track --config profile.release.package.lightpath.opt-level=0 \
     --config profile.release.package.lightpath.codegen-units=64)
-cp "$scratch/built" "$built"
+cp --remove-destination "$scratch/built" "$built"
+# The crate's path is another one in each run, so its files are of no further use.
+find "$target/release/deps" -newer "$scratch/built" -name '*lightpath-*' -delete
 
 installed=$scratch/installed/bin/lightpath
 "$installed" --version --verbose
