@@ -15,7 +15,7 @@ BINARY ?= $(CARGO_TARGET_DIR)/release/lightpath
 SPEAKER ?= $(BINARY)
 # One profile for all targets, so that nothing is compiled twice.
 FLAGS  := --locked --release
-# The unit tests compile the library a second time. Not optimised, it takes a tenth of the time.
+# The unit tests compile the library a second time. They are not optimised: compiling would take most of their time.
 UNOPTIMISED := --config profile.release.package.lightpath.opt-level=0 \
     --config profile.release.package.lightpath.codegen-units=64
 # Where setup puts Rust when the system's own is too old.
@@ -40,9 +40,11 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 
 test: setup python ## all tests, Python's included, and a check that it compiles without Embree
 	cargo check $(FLAGS) --no-default-features
-	cargo test $(FLAGS) $(UNOPTIMISED) --lib --no-fail-fast $(ARGS)
-	cargo test $(FLAGS) --test '*' --examples --no-fail-fast $(ARGS)
-	cargo test $(FLAGS) --doc $(ARGS)
+	failed=0; \
+	cargo test $(FLAGS) $(UNOPTIMISED) --lib $(ARGS) || failed=1; \
+	cargo test $(FLAGS) --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
+	cargo test $(FLAGS) --doc $(ARGS) || failed=1; \
+	exit $$failed
 
 python: setup ## the Python package and its tests, in a virtual environment under target/
 	scripts/python.sh test
