@@ -38,8 +38,7 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 	@mkdir -p $(dir $(OUT))
 	$(BINARY) render $(SCENE) -o $(OUT) $(ARGS)
 
-test: setup python ## all tests, Python's included, and a check that it compiles without Embree
-	cargo check $(FLAGS) --no-default-features
+test: setup python ## all tests, Python's included
 	failed=0; \
 	cargo test $(FLAGS) $(UNOPTIMISED) --lib $(ARGS) || failed=1; \
 	cargo test $(FLAGS) --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \

@@ -15,7 +15,7 @@ umask 022
 mkdir -p "$dist"
 make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
 tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -cf - "$name" |
-    xz -6 -T1 >"$dist/$name.tar.xz"
+    xz -6 -T2 --block-size=16MiB >"$dist/$name.tar.xz"
 
 # The newest version of the C library that a symbol of the program needs.
 glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
