@@ -149,6 +149,42 @@ pub struct LookArgs {
     pub no_ground: bool,
 }
 
+/// Returns the first flag that was given of those that apply only to a mesh without a scene.
+pub fn of_meshes(
+    placement: &PlacementArgs,
+    template: &Option<PathBuf>,
+    looks: &LookArgs,
+) -> Option<&'static str> {
+    let flags = [
+        ("--up", placement.up.is_some()),
+        ("--rotate", placement.rotate.is_some()),
+        ("--margin", placement.margin.is_some()),
+        ("--template", template.is_some()),
+        ("--smooth", looks.smooth.is_some()),
+        ("--texture", looks.texture.is_some()),
+        ("--color", looks.color.is_some()),
+        ("--points", looks.points.is_some()),
+        ("--no-ground", looks.no_ground),
+        ("--quality", looks.quality.is_some()),
+        ("--studio", looks.studio.is_some()),
+        ("--clay", looks.clay),
+    ];
+    flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+}
+
+/// Refuses a flag of [`of_meshes`] with inputs that have no mesh; `found` says what they are.
+///
+/// # Errors
+/// The flag, if there is one.
+pub fn refuse_without_mesh(flag: Option<&str>, found: &str) -> Result<()> {
+    let Some(flag) = flag else { return Ok(()) };
+    let message = format!("found with {found}, expected with a .ply file");
+    Err(Error::invalid(flag, message).help(
+        "a scene sets camera, lights and materials, and in its trimesh `rotate`, `smooth`, `color`, \
+         `points`",
+    ))
+}
+
 impl LookArgs {
     /// Converts the flags to [`Appearance`].
     ///

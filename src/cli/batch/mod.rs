@@ -18,11 +18,11 @@ use crate::output::Outputs;
 use crate::output::tonemap::Depth;
 use crate::scene::written::{Angles, Name, Point};
 use crate::scene::{self, Document};
-use crate::studio::{Appearance, Template, Turning};
+use crate::studio::{self, Appearance, Template, Turning};
 use crate::{paths, units};
 
 use super::progress::{Progress, ProgressMode};
-use super::{machine, overrides, print, signals};
+use super::{flags, machine, overrides, print, signals};
 
 use self::args::BatchArgs;
 
@@ -165,16 +165,22 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         },
         several => (inputs(several)?, None),
     };
-    flags(args, &mut file)?;
+    apply(args, &mut file)?;
     let limits = file.limits.clone();
-    let flags = Flags {
+    let more = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
         repair: args.mesh.reading.repair,
         no_mmap: args.mesh.reading.no_mmap,
         file: own.map(Path::to_owned),
     };
-    Ok((Job::check(file, folder_of(own), flags)?, limits))
+    let job = Job::check(file, folder_of(own), more)?;
+    if !job.inputs.iter().any(|input| studio::is_mesh(&input.path)) {
+        let mesh = &args.mesh;
+        let given = flags::of_meshes(&mesh.placement, &mesh.template, &mesh.looks);
+        flags::refuse_without_mesh(given, "scenes")?;
+    }
+    Ok((job, limits))
 }
 
 /// Loads a job file as `batch` loads it, with another output folder if one is given. Returns `None`
@@ -220,7 +226,7 @@ fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
 }
 
 /// Replaces values of the job file by those of flags.
-fn flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
+fn apply(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     let from_here = |path: &Path| -> Result<Name> {
         let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
         Ok(Name(paths::named(&absolute)?))

@@ -3,11 +3,12 @@
 
 use std::path::PathBuf;
 
+use crate::cli::flags;
 use crate::cli::load::{SceneJob, SceneRequest};
 use crate::cli::outputs::OutputFlags;
 use crate::cli::overrides;
 use crate::cli::progress::ProgressMode;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Problem, Result};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::output::exr::Sequence;
@@ -28,7 +29,9 @@ use super::{layers, sampling};
 /// Flags for a mesh without a mesh; an instruction set that this machine or this build lacks.
 pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
     if !studio::is_mesh(&args.input) {
-        refuse_mesh_flags(args)?;
+        let mesh = &args.mesh;
+        let given = flags::of_meshes(&mesh.placement, &mesh.template, &mesh.looks);
+        flags::refuse_without_mesh(given, &args.input.display().to_string())?;
     }
     let mut overrides = overrides::from_flags(&args.scene, &args.machine)?;
     if args.scene.spp.is_none() {
@@ -44,33 +47,6 @@ pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
         subject: args.mesh.subject(&args.input)?,
         ..SceneRequest::new(&args.input)
     })
-}
-
-/// Refuses flags that apply only to a mesh without a scene.
-fn refuse_mesh_flags(args: &RenderArgs) -> Result<()> {
-    let mesh = &args.mesh;
-    let flags = [
-        ("--up", mesh.placement.up.is_some()),
-        ("--rotate", mesh.placement.rotate.is_some()),
-        ("--margin", mesh.placement.margin.is_some()),
-        ("--template", mesh.template.is_some()),
-        ("--smooth", mesh.looks.smooth.is_some()),
-        ("--texture", mesh.looks.texture.is_some()),
-        ("--color", mesh.looks.color.is_some()),
-        ("--points", mesh.looks.points.is_some()),
-        ("--no-ground", mesh.looks.no_ground),
-        ("--quality", mesh.looks.quality.is_some()),
-        ("--studio", mesh.looks.studio.is_some()),
-        ("--clay", mesh.looks.clay),
-    ];
-    let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
-        return Ok(());
-    };
-    let message = format!("found with {}, expected with a .ply file", args.input.display());
-    Err(Error::invalid(flag, message).help(
-        "a scene sets camera, lights and materials, and in its trimesh `rotate`, `smooth`, `color`, \
-         `points`",
-    ))
 }
 
 /// Options of one render, checked against its scene. The stages of the render get these options in

@@ -46,6 +46,20 @@ fn pictures(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 #[test]
+fn flags_for_meshes_are_refused_with_scenes_alone() {
+    let scratch = scans();
+    scratch.write("s.json", r#"{"camera": {"width": 8}, "scene": {"shapes": []}}"#);
+    for flag in [&["--up", "z"][..], &["--smooth", "30"], &["--quality", "draft"], &["--no-ground"]]
+    {
+        let alone = scratch.run(&[&["batch", "s.json", "--dry-run"], flag].concat());
+        let expected = format!("error: {}: found with scenes, expected with a .ply file", flag[0]);
+        assert!(alone.stderr().contains(&expected), "{}", alone.stderr());
+        assert_eq!(alone.code(), 2);
+        scratch.run(&[&["batch", "s.json", "scans/a.ply", "--dry-run"], flag].concat()).good();
+    }
+}
+
+#[test]
 fn a_frame_has_the_bytes_of_render() {
     let scratch = scans();
     let done = batch(&scratch, &["scans", "-o", "out", "--no-sheet"]);
