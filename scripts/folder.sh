@@ -1,7 +1,7 @@
-#!/bin/sh
+#!/bin/bash
 # Packs a relocatable folder with `make install`: folder.sh DIST NAME EMBREE. The environment may set
 # BINARY and SPEAKER of the Makefile. The same program gives the same bytes. Needs xz.
-set -eu
+set -euo pipefail
 cd "$(dirname "$0")/.."
 export LC_ALL=C
 
@@ -10,12 +10,15 @@ name=$2
 embree=$3
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
 stage=$(mktemp -d)
-trap 'rm -rf "$stage"' EXIT
+# The tarball gets its name when it is complete: SHA256SUMS is of all files in the folder.
+part=$dist/.$name.part
+trap 'rm -rf "$stage" "$part"' EXIT
 umask 022
 mkdir -p "$dist"
 make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
 tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -cf - "$name" |
-    xz -6 -T2 --block-size=16MiB >"$dist/$name.tar.xz"
+    xz -6 -T2 --block-size=16MiB >"$part"
+mv "$part" "$dist/$name.tar.xz"
 
 # The newest version of the C library that a symbol of the program needs.
 glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
