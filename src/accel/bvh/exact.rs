@@ -230,8 +230,8 @@ impl ShearedTriangle {
         (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
     }
 
-    /// Returns `t` clamped to the triangle's box and, unless `within`, to the depths of the
-    /// corners.
+    /// Returns `t` if it is `within` the depths of the corners and lies in the triangle's widened
+    /// box. Otherwise `t` is clamped to both.
     #[inline(never)]
     fn clamped(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
         let WidenedBox { lower, upper } = WidenedBox::new(corners, ray.origin);
