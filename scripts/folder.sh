@@ -20,8 +20,9 @@ tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --
     xz -6 -T2 --block-size=16MiB >"$part"
 mv "$part" "$dist/$name.tar.xz"
 
-# The newest version of the C library that a symbol of the program needs.
-glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
+# The newest version of the C library that a symbol of the program needs; a static one needs none.
+symbols=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" || true)
+glibc=$(sort -V <<<"$symbols" | tail -n 1 | sed 's/GLIBC_//')
 needs="; needs ${glibc:+glibc }${glibc:-nothing else}"
 if [ -d "$stage/$name/lib/lightpath" ]; then
     printf 'dist: %s: with Embree%s\n' "$dist/$name.tar.xz" "$needs"
