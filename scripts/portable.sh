@@ -47,7 +47,19 @@ unset RUSTFLAGS CFLAGS
     cargo install --quiet --locked --root "$tools" cargo-cyclonedx@0.5.7
 }
 cargo cyclonedx --quiet --format json --override-filename sbom --target x86_64-unknown-linux-gnu
-mv sbom.json "$dist/lightpath-$version.cdx.json"
+# Of one commit the same bytes: without the folder, the day and the random number of this run.
+python3 - "$PWD" sbom.json "$dist/lightpath-$version.cdx.json" <<'END'
+import json, os, sys, time
+folder, found, clean = sys.argv[1:]
+with open(found) as file:
+    bom = json.loads(file.read().replace("path+file://" + folder, "path+file:///lightpath"))
+del bom["serialNumber"]
+epoch = int(os.environ["SOURCE_DATE_EPOCH"])
+bom["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(epoch))
+with open(clean, "w") as file:
+    json.dump(bom, file, indent=2)
+os.remove(found)
+END
 
 cd "$dist"
 rm -f SHA256SUMS
