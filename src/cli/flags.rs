@@ -1,7 +1,7 @@
 //! Flags that several commands have, in groups for `#[command(flatten)]`. Each flag is declared
 //! once, so its help and its checks are the same everywhere.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 use rayon::ThreadPool;
@@ -149,42 +149,6 @@ pub struct LookArgs {
     pub no_ground: bool,
 }
 
-/// Returns the first flag that was given of those that apply only to a mesh without a scene.
-pub fn of_meshes(
-    placement: &PlacementArgs,
-    template: &Option<PathBuf>,
-    looks: &LookArgs,
-) -> Option<&'static str> {
-    let flags = [
-        ("--up", placement.up.is_some()),
-        ("--rotate", placement.rotate.is_some()),
-        ("--margin", placement.margin.is_some()),
-        ("--template", template.is_some()),
-        ("--smooth", looks.smooth.is_some()),
-        ("--texture", looks.texture.is_some()),
-        ("--color", looks.color.is_some()),
-        ("--points", looks.points.is_some()),
-        ("--no-ground", looks.no_ground),
-        ("--quality", looks.quality.is_some()),
-        ("--studio", looks.studio.is_some()),
-        ("--clay", looks.clay),
-    ];
-    flags.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
-}
-
-/// Refuses a flag of [`of_meshes`] with inputs that have no mesh; `found` says what they are.
-///
-/// # Errors
-/// The flag, if there is one.
-pub fn refuse_without_mesh(flag: Option<&str>, found: &str) -> Result<()> {
-    let Some(flag) = flag else { return Ok(()) };
-    let message = format!("found with {found}, expected with a .ply file");
-    Err(Error::invalid(flag, message).help(
-        "a scene sets camera, lights and materials, and in its trimesh `rotate`, `smooth`, `color`, \
-         `points`",
-    ))
-}
-
 impl LookArgs {
     /// Converts the flags to [`Appearance`].
     ///
@@ -220,6 +184,39 @@ impl LookArgs {
             points: self.points,
         })
     }
+}
+
+/// Refuses flags that apply only to a mesh without a scene. `found` names the inputs, none of which
+/// is a mesh.
+///
+/// # Errors
+/// The first of these flags that was given.
+pub fn refuse_mesh_flags(
+    (placement, template, looks): (&PlacementArgs, Option<&Path>, &LookArgs),
+    found: &str,
+) -> Result<()> {
+    let flags = [
+        ("--up", placement.up.is_some()),
+        ("--rotate", placement.rotate.is_some()),
+        ("--margin", placement.margin.is_some()),
+        ("--template", template.is_some()),
+        ("--smooth", looks.smooth.is_some()),
+        ("--texture", looks.texture.is_some()),
+        ("--color", looks.color.is_some()),
+        ("--points", looks.points.is_some()),
+        ("--no-ground", looks.no_ground),
+        ("--quality", looks.quality.is_some()),
+        ("--studio", looks.studio.is_some()),
+        ("--clay", looks.clay),
+    ];
+    let Some((flag, _)) = flags.into_iter().find(|(_, given)| *given) else {
+        return Ok(());
+    };
+    let message = format!("found with {found}, expected with a .ply file");
+    Err(Error::invalid(flag, message).help(
+        "a scene sets camera, lights and materials, and in its trimesh `rotate`, `smooth`, `color`, \
+         `points`",
+    ))
 }
 
 /// Flags for threads, instruction set and memory.

@@ -165,20 +165,20 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         },
         several => (inputs(several)?, None),
     };
-    apply(args, &mut file)?;
+    apply_flags(args, &mut file)?;
     let limits = file.limits.clone();
-    let more = Flags {
+    let beside = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
         repair: args.mesh.reading.repair,
         no_mmap: args.mesh.reading.no_mmap,
         file: own.map(Path::to_owned),
     };
-    let job = Job::check(file, folder_of(own), more)?;
+    let job = Job::check(file, folder_of(own), beside)?;
     if !job.inputs.iter().any(|input| studio::is_mesh(&input.path)) {
         let mesh = &args.mesh;
-        let given = flags::of_meshes(&mesh.placement, &mesh.template, &mesh.looks);
-        flags::refuse_without_mesh(given, "scenes")?;
+        let given = (&mesh.placement, mesh.template.as_deref(), &mesh.looks);
+        flags::refuse_mesh_flags(given, "scenes")?;
     }
     Ok((job, limits))
 }
@@ -226,7 +226,7 @@ fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
 }
 
 /// Replaces values of the job file by those of flags.
-fn apply(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
+fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     let from_here = |path: &Path| -> Result<Name> {
         let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
         Ok(Name(paths::named(&absolute)?))

@@ -30,8 +30,8 @@ use super::{layers, sampling};
 pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
     if !studio::is_mesh(&args.input) {
         let mesh = &args.mesh;
-        let given = flags::of_meshes(&mesh.placement, &mesh.template, &mesh.looks);
-        flags::refuse_without_mesh(given, &args.input.display().to_string())?;
+        let given = (&mesh.placement, mesh.template.as_deref(), &mesh.looks);
+        flags::refuse_mesh_flags(given, &args.input.display().to_string())?;
     }
     let mut overrides = overrides::from_flags(&args.scene, &args.machine)?;
     if args.scene.spp.is_none() {
