@@ -110,7 +110,7 @@ def main():
             print(f"{triangles} triangles, {width}x{height}, {spp} spp: {stats['seconds']}", file=sys.stderr)
         largest = max(meshes)
         threads = os.cpu_count() or 1
-        counts = sorted({1, 2, threads})
+        counts = sorted({*(2**k for k in range(threads.bit_length())), threads})
         runs = {n: [] for n in counts}
         # In turns, so that a slow minute affects all of them.
         for _ in range(2 * args.rounds):
