@@ -220,11 +220,15 @@ impl RayPacket {
 pub enum Coherence {
     /// Similar paths: camera rays, or shadow rays of neighbouring points.
     Coherent,
-    /// Different paths, as after several bounces. `bvh` traces each ray on its own. Several take
-    /// turns for occlusion, and in large trees for closest hits.
+    /// Different paths that start near each other, as mirrored rays do: what one ray visits, the
+    /// next finds in the cache. `bvh` traces one ray after the other.
     Incoherent,
-    /// As [`Coherence::Incoherent`], but one ray after the other, with the backend's query for
-    /// single rays. For measurements of single rays.
+    /// Rays that may have nothing in common, so that most visits wait for memory. In `bvh` several
+    /// rays take turns for occlusion, and in large trees for closest hits. Embree treats them as
+    /// [`Coherence::Incoherent`].
+    Unordered,
+    /// One ray after the other, with the backend's query for single rays. For measurements of
+    /// single rays.
     Single,
 }
 

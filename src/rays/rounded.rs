@@ -164,7 +164,7 @@ fn coherence(rays: &Rays, active: &Mask, size: f32) -> Coherence {
             similar &= -i32::from(near) | !active.0[i];
         }
     }
-    if similar != 0 { Coherence::Coherent } else { Coherence::Incoherent }
+    if similar != 0 { Coherence::Coherent } else { Coherence::Unordered }
 }
 
 /// Returns the power of two that scales a positive number to [1, 2). For denormal numbers it is

@@ -88,7 +88,7 @@ pub(super) fn occlusion_of_packet(
     rays: &[Ray],
 ) -> [bool; LANES] {
     let (active, mut packet) = pack(rays, geometry.origin);
-    accelerator.occluded(&active, &mut packet.rays, Coherence::Incoherent);
+    accelerator.occluded(&active, &mut packet.rays, Coherence::Unordered);
     std::array::from_fn(|i| active.0[i] != 0 && packet.rays.tfar[i] == f32::NEG_INFINITY)
 }
 
@@ -100,7 +100,7 @@ pub(super) fn closest_of_packet(
 ) -> Vec<Option<Hit>> {
     let geometry = &world.geometry;
     let (active, mut packet) = pack(rays, geometry.origin);
-    accelerator.closest(&active, &mut packet, Coherence::Incoherent);
+    accelerator.closest(&active, &mut packet, Coherence::Unordered);
     let hit = packet.hit(&active);
     geometry.replace_stitch_hits(&hit, &mut packet);
     let mut surfaces = Surfaces::EMPTY;

@@ -95,7 +95,7 @@ impl<T: Tier> Single<'_, T> {
             }
             let (seen, ray) = (ShearedTriangle::new(&self.lane, block, slot), self.ray());
             let t = seen.t(&ray, block.triangle(slot));
-            if self.is_within(&seen, &ray, t, block.triangle(slot)) {
+            if self.is_within(&seen, &ray, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;
                 let primitive = self.tree.indices().of(block, slot);
                 found.push(Crossing { t, primitive, lane });

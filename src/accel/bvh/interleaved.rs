@@ -1,6 +1,6 @@
-//! Traversals of several incoherent rays, each on its own, in turns.
+//! Traversals of several rays that have nothing in common, each on its own, in turns.
 //!
-//! Incoherent rays visit different parts of the tree, so most visits wait for memory. After each
+//! Such rays visit different parts of the tree, so most visits wait for memory. After each
 //! visit of a ray its next node or leaf is prefetched, and the other rays go on. Each ray visits
 //! the same nodes and leaves in the same order as in [`Single`], so the answers are the same.
 

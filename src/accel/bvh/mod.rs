@@ -245,10 +245,10 @@ impl Bvh<'_> {
         let bvh = self;
         match coherence {
             Coherence::Coherent => tier.run(PacketClosest { tier, bvh, active, packet }),
-            Coherence::Incoherent if bvh.tree.closest_in_turns => {
+            Coherence::Unordered if bvh.tree.closest_in_turns => {
                 tier.run(InterleavedClosest { tier, bvh, active, packet });
             }
-            Coherence::Incoherent | Coherence::Single => {
+            Coherence::Incoherent | Coherence::Unordered | Coherence::Single => {
                 tier.run(SingleClosest { tier, bvh, active, packet });
             }
         }
@@ -264,8 +264,10 @@ impl Bvh<'_> {
         let bvh = self;
         match coherence {
             Coherence::Coherent => tier.run(PacketOccluded { tier, bvh, active, rays }),
-            Coherence::Incoherent => tier.run(InterleavedOccluded { tier, bvh, active, rays }),
-            Coherence::Single => tier.run(SingleOccluded { tier, bvh, active, rays }),
+            Coherence::Unordered => tier.run(InterleavedOccluded { tier, bvh, active, rays }),
+            Coherence::Incoherent | Coherence::Single => {
+                tier.run(SingleOccluded { tier, bvh, active, rays });
+            }
         }
     }
 }

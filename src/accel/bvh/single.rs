@@ -220,7 +220,7 @@ impl<'a, T: Tier> Single<'a, T> {
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
             let closer = t > ray.tnear && best.is_replaced_by(t, primitive);
-            if closer && self.starts_before(&seen, &ray, t, block.triangle(slot)) {
+            if closer && self.starts_before(&seen, &ray, t, (block, slot)) {
                 let tfar = self.lane.tfar_for_hit(t);
                 let second_half = block.is_second_half(slot);
                 *best = ClosestHit { t, tfar, primitive, edges: seen.edges, second_half };
@@ -228,16 +228,19 @@ impl<'a, T: Tier> Single<'a, T> {
         }
     }
 
-    /// Whether the ray starts before its hit at `t`.
+    /// Whether the ray starts before its hit at `t` with a triangle of a leaf. Few hits need the
+    /// corners, so they are read only here.
     #[inline(always)]
     fn starts_before(
         &self,
         seen: &ShearedTriangle,
         ray: &Ray64,
         t: f64,
-        corners: [[f32; 3]; 3],
+        (block, slot): (&Block, usize),
     ) -> bool {
-        ray.is_far(t, &self.lane) || seen.is_ahead(ray) || ray.hit_is_after_start(t, corners)
+        ray.is_far(t, &self.lane)
+            || seen.is_ahead(ray)
+            || ray.hit_is_after_start(t, block.triangle(slot))
     }
 
     /// Whether a hit at `t` lies within the open segment of the ray.
@@ -247,9 +250,9 @@ impl<'a, T: Tier> Single<'a, T> {
         seen: &ShearedTriangle,
         ray: &Ray64,
         t: f64,
-        corners: [[f32; 3]; 3],
+        triangle: (&Block, usize),
     ) -> bool {
-        t > ray.tnear && t < ray.tfar && self.starts_before(seen, ray, t, corners)
+        t > ray.tnear && t < ray.tfar && self.starts_before(seen, ray, t, triangle)
     }
 
     /// Returns whether the ray hits any triangle of a leaf.
@@ -281,7 +284,7 @@ impl<'a, T: Tier> Single<'a, T> {
             }
             let ray = self.ray();
             let t = seen.t(&ray, block.triangle(slot));
-            if self.is_within(&seen, &ray, t, block.triangle(slot)) {
+            if self.is_within(&seen, &ray, t, (block, slot)) {
                 return true;
             }
         }

@@ -72,7 +72,7 @@ impl<'g> Embree<'g> {
         };
         let coherent = match coherence {
             Coherence::Coherent => ffi::RTC_RAY_QUERY_FLAG_COHERENT,
-            Coherence::Incoherent | Coherence::Single => 0,
+            Coherence::Incoherent | Coherence::Unordered | Coherence::Single => 0,
         };
         let invoke = match filter {
             Some(_) => ffi::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER,

@@ -87,7 +87,7 @@ pub fn judge_packet(
     for i in lanes(&active).filter(|_| exact) {
         truths[i] = built.oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
     }
-    let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Incoherent };
+    let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Unordered };
     // One packet in four is an occlusion query.
     let shadow = index % 4 == 3;
     built.counts(slow, |backend, counts| {

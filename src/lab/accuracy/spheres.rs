@@ -155,7 +155,7 @@ fn trace_packet(
     }
     let active = Mask::ALL;
     built.counts(index % SLOW == 0, |backend, counts| {
-        for way in backend.tested.coherences(Coherence::Incoherent) {
+        for way in backend.tested.coherences(Coherence::Unordered) {
             let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
             let time = trace(backend.accelerator, &active, &mut packet, false, way);
             counts.nanoseconds += time.as_nanos() as u64;

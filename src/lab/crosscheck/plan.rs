@@ -58,7 +58,7 @@ impl<'g> CheckPackets<'g> {
         let mut random = Random::new(self.seed as u64, index as u64);
         let shadow = index % 2 == 1;
         let packet = aim.packet(source, shadow, &mut random);
-        let coherence = Coherence::Incoherent;
+        let coherence = Coherence::Unordered;
         QueryPacket { source: source.name().into(), shadow, coherence, packet }
     }
 }

@@ -202,7 +202,9 @@ impl Finding {
         }
         let coherence = match self.mode {
             Coherence::Coherent => Coherence::Coherent,
-            Coherence::Incoherent | Coherence::Single => Coherence::Incoherent,
+            Coherence::Incoherent | Coherence::Unordered | Coherence::Single => {
+                Coherence::Unordered
+            }
         };
         let packet = PacketToTrace { active, rays };
         Ok(QueryPacket { source: self.source.clone(), shadow: self.shadow, coherence, packet })
@@ -299,7 +301,7 @@ impl CrosscheckReport {
                 _ => Verdict::WrongPrimitive,
             };
             let who = [Backend::Coursework.name(), "plain loop"];
-            self.keep(part, who, (Coherence::Incoherent, lane, verdict), [tree, all], most);
+            self.keep(part, who, (Coherence::Unordered, lane, verdict), [tree, all], most);
         }
     }
 

@@ -290,7 +290,7 @@ fn agree_on_boxes(
                 direction[axial.axis] = axial.step();
                 put(&mut rays, i, axial.origin().map(|x| x as f32 / 4.0), direction);
             }
-            for way in [Coherence::Single, Coherence::Incoherent, Coherence::Coherent] {
+            for way in [Coherence::Single, Coherence::Unordered, Coherence::Coherent] {
                 let mut traced = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
                 accelerator.closest(&ALL, &mut traced, way);
                 let mut shadow = rays.clone();

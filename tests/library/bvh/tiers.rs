@@ -10,7 +10,7 @@ use lightpath::simd::Isa;
 pub const ALL: Mask = Mask::ALL;
 
 /// Every mode of a query.
-const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Incoherent, Coherence::Coherent];
+const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Unordered, Coherence::Coherent];
 
 /// The closest hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]

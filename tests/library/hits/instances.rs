@@ -124,7 +124,7 @@ fn hits_and_shadows_are_those_of_copies() {
         let (mut found, mut occluded) = (0, 0);
         for _ in 0..4000 {
             let first = packet(&mut random, &copies.geometry);
-            for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+            for coherence in [Coherence::Coherent, Coherence::Unordered] {
                 let trace = |world: &World, accelerator: &dyn Accelerator| {
                     let mut packet = first.clone();
                     accelerator.closest(&Mask::ALL, &mut packet, coherence);

@@ -97,7 +97,7 @@ fn only(lane: usize) -> Mask {
 fn one_by_one(accelerator: &dyn Accelerator, packet: &mut RayPacket) {
     for lane in 0..LANES {
         let lane = packet.rays.possible(&only(lane));
-        accelerator.closest(&lane, packet, Coherence::Incoherent);
+        accelerator.closest(&lane, packet, Coherence::Unordered);
     }
 }
 
@@ -208,7 +208,7 @@ fn hits_of(
             if single {
                 one_by_one(&*accelerator, &mut packet);
             } else {
-                accelerator.closest(&Mask::ALL, &mut packet, Coherence::Incoherent);
+                accelerator.closest(&Mask::ALL, &mut packet, Coherence::Unordered);
             }
             let mut first = Surfaces::EMPTY;
             refine(&geometry, &packet.hit(&Mask::ALL), &packet, &mut first);
@@ -223,7 +223,7 @@ fn hits_of(
             if single {
                 one_by_one(&*accelerator, &mut second);
             } else {
-                accelerator.closest(&first.hit, &mut second, Coherence::Incoherent);
+                accelerator.closest(&first.hit, &mut second, Coherence::Unordered);
             }
             for i in (0..LANES).filter(|&i| first.hit.0[i] != 0) {
                 count.fetch_add(1, Relaxed);
@@ -312,7 +312,7 @@ fn agrees(
     let start = packet(&scaled);
     let mut single = start.clone();
     one_by_one(&*accelerator, &mut single);
-    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+    for coherence in [Coherence::Coherent, Coherence::Unordered] {
         let mut packet = start.clone();
         accelerator.closest(&mask, &mut packet, coherence);
         for i in 0..LANES {
@@ -418,7 +418,7 @@ fn undisturbed(
         .collect();
     let start = packet(&mixed);
     let all = start.rays.possible(&Mask::ALL);
-    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+    for coherence in [Coherence::Coherent, Coherence::Unordered] {
         let [mut with, mut without, mut single] = [start.clone(), start.clone(), start.clone()];
         accelerator.closest(&all, &mut with, coherence);
         accelerator.closest(&mask, &mut without, coherence);

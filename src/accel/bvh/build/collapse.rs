@@ -31,7 +31,7 @@ pub struct Tree {
     pub depth: usize,
     /// Whether the tree is large enough for prefetching to pay.
     pub is_large: bool,
-    /// Whether incoherent rays take turns to find their closest hits.
+    /// Whether rays in no order take turns to find their closest hits.
     pub closest_in_turns: bool,
 }
 

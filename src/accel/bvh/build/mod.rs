@@ -34,7 +34,7 @@ use crate::simd::{self, Isa};
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
 const MAX_UNPREFETCHED_BYTES: u64 = 64 << 20;
 
-/// In trees of more bytes, incoherent rays take turns to find their closest hits. In smaller ones
+/// In trees of more bytes, rays in no order take turns to find their closest hits. In smaller ones
 /// turns may cost more than they save: see docs/notebook/bvh.md.
 const MAX_BYTES_WITHOUT_TURNS: u64 = 20 << 20;
 

@@ -69,7 +69,7 @@ fn leaks(backend: Backend, stretch: DVec3, packets: usize) -> [u64; 3] {
     let mut leaks = [0; 3];
     for k in 0..packets {
         let traced = packet(|| shell.ray(&mut random, stretch));
-        let how = [Coherence::Incoherent, Coherence::Single, Coherence::Coherent][k % 3];
+        let how = [Coherence::Unordered, Coherence::Single, Coherence::Coherent][k % 3];
         let (mut native, mut closest): (RayPacket, RayPacket) = (traced.clone(), traced.clone());
         let mut shadow = traced.rays;
         accelerator.closest_unfiltered(&ALL, &mut native, how);

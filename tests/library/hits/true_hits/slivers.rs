@@ -115,7 +115,7 @@ fn survey(degrees: f64, quads: bool) -> [Wrong; 3] {
         let (embree, oracle) = (build(&soup.geometry, EMBREE), oracle(&soup.geometry));
         for k in 0..600 {
             let rays = packet(|| soup.ray(&mut random)).rays;
-            let how = [Coherence::Coherent, Coherence::Incoherent, Coherence::Single][k % 3];
+            let how = [Coherence::Coherent, Coherence::Unordered, Coherence::Single][k % 3];
             let more = wrong(&oracle, &*embree, &rays, how);
             for (sum, more) in sums.iter_mut().zip(more) {
                 sum.false_hits += more.false_hits;

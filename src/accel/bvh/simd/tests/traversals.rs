@@ -222,7 +222,7 @@ fn rays_in_turns_find_what_they_find_alone() {
                 _ => round.wrapping_mul(0x9E37_79B9) >> 16,
             };
             let active = Mask(std::array::from_fn(|i| -(((bits_of_lanes >> i) & 1) as i32)));
-            let found = [Coherence::Single, Coherence::Incoherent].map(|how| {
+            let found = [Coherence::Single, Coherence::Unordered].map(|how| {
                 let (mut closest, mut shadow) = (packet.clone(), packet.rays.clone());
                 bvh.closest(&active, &mut closest, how);
                 bvh.occluded(&active, &mut shadow, how);
