@@ -22,15 +22,24 @@ const COUNTERS: usize = 11;
 /// Indices of the integers that are sizes or counts.
 const SIZES: std::ops::Range<usize> = 1..10;
 
+/// Upper bound of the ratio that a lossless compression of the format can reach. zlib reaches 1032;
+/// PXR24 drops a byte of four before it.
+const MAX_RATIO: u64 = 1400;
+
+/// Factor of the ratio for DWAA and DWAB. Of 64 equal values of 4 bytes they keep one of 2 bytes.
+const MAX_LOSSY_FACTOR: u64 = 128;
+
 /// Checks for values that make the `exr` crate divide by zero, or allocate far more memory than the
 /// pixels need.
 ///
 /// # Errors
-/// `Invalid` for a file that is not readable EXR, a zero sampling factor, or a chunk that announces
-/// more than its pixels need. `Unsupported` for a compression that cannot be read.
+/// `Invalid` for a file that is not readable EXR, a zero sampling factor, a file that is too short
+/// for its pixels, or a chunk that announces more than its pixels need. `Unsupported` for a
+/// compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    let length = file.metadata().map_err(|error| Error::io(path, "read", &error))?.len();
     let blocks = read_blocks(BufReader::new(file), true).map_err(failed)?;
     let headers = blocks.headers().to_vec();
     if headers.iter().any(is_unreadable) {
@@ -42,6 +51,7 @@ pub fn check(path: &Path) -> Result<()> {
             return Err(Error::invalid(path.display().to_string(), message));
         }
     }
+    check_length(path, length, &headers)?;
     if !headers.iter().any(is_dwa) {
         return Ok(());
     }
@@ -57,8 +67,37 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Checks that a file of `length` bytes can hold the pixels that its headers declare. All sampling
+/// factors must be above zero.
+///
+/// # Errors
+/// `Invalid` for a file that is too short.
+fn check_length(path: &Path, length: u64, headers: &[Header]) -> Result<()> {
+    for header in headers.iter().filter(|header| !header.deep) {
+        let lossy = if is_dwa(header) { MAX_LOSSY_FACTOR } else { 1 };
+        if pixel_bytes(header) > length.saturating_mul(lossy * MAX_RATIO) {
+            let message = "found fewer bytes than its size needs, expected a complete file";
+            return Err(Error::invalid(path.display().to_string(), message));
+        }
+    }
+    Ok(())
+}
+
+/// Returns the size in bytes of a header's pixels at full resolution, or less where a sampling
+/// factor does not divide the size.
+fn pixel_bytes(header: &Header) -> u64 {
+    let bytes = header.channels.list.iter().map(|channel| {
+        let (size, sampling) = (header.layer_size, channel.sampling);
+        let samples = [size.x() / sampling.x(), size.y() / sampling.y()];
+        (samples[0] as u64)
+            .saturating_mul(samples[1] as u64)
+            .saturating_mul(channel.sample_type.bytes_per_sample() as u64)
+    });
+    bytes.fold(0, u64::saturating_add)
+}
+
 /// Returns true if the `exr` crate knows the compression by name but cannot decode it.
-pub fn is_unreadable(header: &Header) -> bool {
+fn is_unreadable(header: &Header) -> bool {
     matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256)
 }
 

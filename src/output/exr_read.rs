@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::block::reader::{ChunksReader, Reader as Blocks};
-use exr::compression::Compression;
 use exr::math::Vec2;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, SampleType};
@@ -22,10 +21,6 @@ use crate::film::{Channel, ChannelKind, Window};
 use super::exr::text::decode;
 use super::exr::{CameraMatrices, Sequence};
 use super::exr_check::{self, exr_error};
-
-/// Upper bound of the ratio that a lossless compression of the format can reach. zlib, the highest,
-/// reaches 1032.
-const MAX_RATIO: usize = 1100;
 
 /// The header of an EXR with one part, in scanlines. Its display window begins at (0, 0) and
 /// contains its data window. [`ExrReader::rows`] opens the file again.
@@ -76,29 +71,18 @@ impl ExrReader {
     /// `Invalid` for a file that is not EXR, is truncated, or is not of the kind of [`ExrReader`].
     /// `Unsupported` for a compression that cannot be read.
     pub fn open(path: &Path) -> Result<Self> {
+        exr_check::check(path)?;
         let failed = |error| exr_error(path, error);
         let opened = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
         let data = opened.metadata().map_err(|error| Error::io(path, "read", &error))?;
-        let (length, stamp) = (data.len(), Stamp::of(&data));
+        let stamp = Stamp::of(&data);
         let blocks = Blocks::read_from_buffered(BufReader::new(opened), true).map_err(failed)?;
         let [header] = blocks.headers() else {
             let help = "a render with --part or --tile keeps --multipart for the merged file";
             return Err(refused(path, "several parts", "one").help(help));
         };
-        if exr_check::is_unreadable(header) {
-            exr_check::check_compression(path)?;
-        }
         if header.deep || header.blocks != BlockDescription::ScanLines {
             return Err(refused(path, "tiles or deep data", "scanlines"));
-        }
-        let lossy = matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_));
-        let max_bytes = length.saturating_mul(if lossy { 64 } else { 1 } * MAX_RATIO as u64);
-        let bytes = [header.layer_size.x(), header.layer_size.y(), header.channels.bytes_per_pixel];
-        if bytes.iter().fold(1, |product: u64, n| product.saturating_mul(*n as u64)) > max_bytes {
-            return Err(refused(path, "fewer bytes than its size needs", "a complete file"));
-        }
-        if lossy {
-            exr_check::check(path)?;
         }
         let display = header.shared_attributes.display_window;
         let (origin, size) = (header.own_attributes.layer_position, header.layer_size);

@@ -62,6 +62,46 @@ fn blocks_that_are_stored_as_they_are() {
     }
 }
 
+/// A damaged header can declare pixels that need far more memory than the file has bytes.
+#[test]
+fn a_size_that_the_file_cannot_hold_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    write(&scratch, "picture.exr", Compression::RLE, [0, 1, 2, 3].map(noise));
+    let mut bytes = scratch.read("picture.exr");
+    let key = b"dataWindow\0box2i\0\x10\0\0\0";
+    let window = bytes.windows(key.len()).position(|window| window == key).unwrap() + key.len();
+    bytes[window + 8..window + 12].copy_from_slice(&800_000_000i32.to_le_bytes());
+    std::fs::write(scratch.path("picture.exr"), bytes).unwrap();
+    for arguments in READERS {
+        let done = scratch.run(arguments);
+        assert_eq!(done.code(), 2, "{arguments:?}");
+        let said = done.stderr();
+        let words = "picture.exr: found fewer bytes than its size needs";
+        assert!(said.contains(words), "{arguments:?}: {said}");
+    }
+}
+
+/// The best that each compression can do.
+#[test]
+fn a_picture_of_one_colour_is_read() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let size = (4096, 512);
+    use Compression::{B44A, DWAA, DWAB, PIZ, PXR24, RLE, ZIP1, ZIP16};
+    for compression in [RLE, ZIP1, ZIP16, PIZ, PXR24, B44A, DWAA(None), DWAB(None)] {
+        let values = FlatSamples::F32(vec![0.5; size.0 * size.1]);
+        let channel = |name: &str| AnyChannel::new(name, values.clone());
+        let channels = AnyChannels::sort(["R", "G", "B"].map(channel).into_iter().collect());
+        let encoding = Encoding { compression, ..Encoding::SMALL_LOSSLESS };
+        let layer = Layer::new(size, LayerAttributes::default(), encoding, channels);
+        let path = scratch.path("picture.exr");
+        Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
+        let done = scratch.run(&["render", "s.json", "-o", "out"]);
+        assert_eq!(done.code(), 0, "{compression:?}: {}", done.stderr());
+    }
+}
+
 /// A newer OpenEXR can write this compression, but this program cannot read it.
 #[test]
 fn an_unknown_compression_is_named() {
