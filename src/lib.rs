@@ -28,7 +28,6 @@
 //! More examples: [`LoadedScene`] reads a layer, [`LoadedScene::in_studio`] shows a PLY file,
 //! [`Renderer`] traces rays. Everything runs on the threads of the current rayon pool.
 
-mod batch;
 mod colormap;
 mod farm;
 mod files;
@@ -47,6 +46,8 @@ mod units;
 // may change in any release.
 #[doc(hidden)]
 pub mod accel;
+#[doc(hidden)]
+pub mod batch;
 #[doc(hidden)]
 pub mod calibration;
 #[doc(hidden)]

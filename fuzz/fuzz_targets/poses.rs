@@ -4,25 +4,18 @@
 //! pictures whose paths do not leave their folder.
 #![no_main]
 
-use std::fs;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 use std::sync::LazyLock;
 
 use lightpath::poses::Poses;
 
-/// Folder of this process. Files in memory make the runs fast.
-static FOLDER: LazyLock<std::path::PathBuf> = LazyLock::new(|| {
-    let memory = Path::new("/dev/shm");
-    let temp = std::env::temp_dir();
-    let folder = if memory.is_dir() { memory } else { &temp };
-    let folder = folder.join(format!("lightpath-poses-{}", std::process::id()));
-    fs::create_dir_all(&folder).expect("a folder for temporary files");
-    folder
-});
+mod folder;
+
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| folder::new("poses"));
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let [format, part, rest @ ..] = bytes else { return };
-    let write = |name: &str, bytes: &[u8]| fs::write(FOLDER.join(name), bytes).expect("room");
+    let write = |name: &str, bytes: &[u8]| folder::write(&FOLDER.join(name), bytes);
     let cut = rest.len() * usize::from(*part) / 255;
     let path = match format % 3 {
         2 => {

@@ -24,7 +24,7 @@ mod workers;
 
 pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
 pub use job::{Flags, Job};
-pub use journal::JournalRecord;
+pub use journal::{FrameRecord, JournalRecord};
 pub use outputs::{refuse_files, refuse_sheet};
 pub use scene::predict;
 pub use status::{Event, Status};
