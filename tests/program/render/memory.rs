@@ -106,26 +106,28 @@ fn a_backend_that_fits_is_named() {
 
 #[cfg(target_os = "linux")]
 on_both! {
-    /// At its end, a build gives back much of its memory, which makes room for the film. Counts the
-    /// least of three runs: now and then a run peaks some 3 MB higher.
+    /// At its end, a build gives back much of its memory, which makes room for the film. Of five
+    /// runs each, counts the usual peak without a film and the least with one: now and then a run
+    /// peaks some 3 MB higher, and very rarely 7 MB lower.
     fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
         let scratch = Scratch::new();
         fs::write(scratch.path("sheet.ply"), shuffled_sheet(640)).unwrap();
         let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
         scratch.write("s.json", &with_shapes(shapes));
-        let peak = |size: &str| {
+        let peaks = |size: &str| {
             let fixed = ["render", "s.json", "--json", "--quiet", "--threads", "2"];
             let args = [&fixed[..], &["--size", size, "--backend", backend.name()]].concat();
-            let peaks = (0..3).map(|_| {
+            let mut peaks = [0; 5].map(|_| {
                 let shown = scratch.run(&args).good().stdout();
                 let value: Value = serde_json::from_str(&shown).unwrap();
                 value["memory"]["peak_bytes"].as_u64().unwrap()
             });
-            peaks.min().unwrap()
+            peaks.sort_unstable();
+            peaks
         };
-        let (small, large) = (peak("8x6"), peak("600x500"));
+        let (small, large) = (peaks("8x6"), peaks("600x500"));
         let film = 16 * 600 * 500;
-        assert!(large < small + film / 2, "{small} {large}");
+        assert!(large[0] < small[2] + film / 2, "{small:?} {large:?}");
     }
 }
 
