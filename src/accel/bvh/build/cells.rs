@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
-use super::groups;
+use super::groups::{self, Collect};
+use super::in_order;
 use super::reference::{Group, Reference};
 use super::split::{MAX_SAH_LEVELS, Set, SplitSerial, centroids_of};
 use crate::error::Result;
@@ -66,9 +67,6 @@ struct CellGrid {
 }
 
 impl CellGrid {
-    /// The grid in which everything lies in the first cell.
-    const ONE_CELL: Self = Self { origin: [0.0; 3], scale: [0.0; 3] };
-
     /// Returns the grid over all primitives and unused vertices; `None` if it is not finite. Unused
     /// vertices of a mesh may be infinite. NaN coordinates are ignored.
     fn new(geometry: &Geometry) -> Option<Self> {
@@ -135,62 +133,71 @@ struct FillChunk<'a> {
     unseen: &'a Unseen,
     grid: CellGrid,
     range: Range<u32>,
-    /// Whether triangles may form pairs.
-    pairs: bool,
 }
 
 impl Kernel for FillChunk<'_> {
     type Output = Chunk;
     #[inline(always)]
     fn run(self) -> Chunk {
-        let Self { geometry, unseen, grid, range, pairs } = self;
+        let Self { geometry, unseen, grid, range } = self;
         let most = (range.end - range.start) as usize;
         let (groups, cell_of) = (Vec::with_capacity(most), Vec::with_capacity(most));
-        let mut chunk = Chunk { groups, cell_of, cells: Vec::new() };
-        let mut place_of = vec![u16::MAX; CELLS];
-        groups::each((geometry, unseen), range, pairs, |group, bounds| {
-            let index = grid.cell(&bounds);
-            let place = &mut place_of[usize::from(index) % CELLS];
-            if *place == u16::MAX {
-                *place = chunk.cells.len() as u16;
-                chunk.cells.push(Cell { index, count: 0, bounds: Bounds3::EMPTY, next: 0 });
-            }
-            let cell = &mut chunk.cells[usize::from(*place)];
-            cell.count += 1;
-            cell.bounds = cell.bounds.union(bounds);
-            chunk.groups.push(group);
-            chunk.cell_of.push(*place);
-        });
-        chunk
+        let chunk = Chunk { groups, cell_of, cells: Vec::new() };
+        let mut filling = Filling { chunk, grid, place_of: vec![u16::MAX; CELLS] };
+        groups::each((geometry, unseen), range, true, &mut filling);
+        filling.chunk
+    }
+}
+
+struct Filling {
+    chunk: Chunk,
+    grid: CellGrid,
+    /// For each cell of the grid, its index in the chunk.
+    place_of: Vec<u16>,
+}
+
+impl Collect for Filling {
+    #[inline(always)]
+    fn add(&mut self, group: Group, bounds: Bounds3) {
+        let Self { chunk, grid, place_of } = self;
+        let index = grid.cell(&bounds);
+        let place = &mut place_of[usize::from(index) % CELLS];
+        if *place == u16::MAX {
+            *place = chunk.cells.len() as u16;
+            chunk.cells.push(Cell { index, count: 0, bounds: Bounds3::EMPTY, next: 0 });
+        }
+        let cell = &mut chunk.cells[usize::from(*place)];
+        cell.count += 1;
+        cell.bounds = cell.bounds.union(bounds);
+        chunk.groups.push(group);
+        chunk.cell_of.push(*place);
     }
 }
 
 /// Makes the references of all primitives that are not in `unseen`, in the order of the top of the
-/// tree.
+/// tree. Of few primitives, or if their boxes are not finite, the top is empty.
 ///
 /// # Errors
 /// If there is too little memory.
 pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let primitives = groups::sorted_count(geometry) as u32;
+    let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);
+    let ranges = (0..primitives).into_par_iter().step_by(size as usize);
+    let ranges = ranges.map(|start| start..start.saturating_add(size).min(primitives));
+    let is_large = primitives >= MIN_PRIMITIVES;
+    let Some(grid) = is_large.then(|| CellGrid::new(geometry)).flatten() else {
+        let references = in_order::references((geometry, unseen), ranges, is_large, isa)?;
+        return Ok(Sorted { references, top: Top { nodes: Vec::new(), starts: Vec::new() } });
+    };
     // A quad has two groups.
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
-    let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);
-    let is_large = primitives >= MIN_PRIMITIVES;
-    let found = is_large.then(|| CellGrid::new(geometry)).flatten();
-    let grid = found.unwrap_or(CellGrid::ONE_CELL);
-    let fill = |start: u32| {
-        let range = start..start.saturating_add(size).min(primitives);
-        simd::dispatch(isa, FillChunk { geometry, unseen, grid, range, pairs: is_large })
-    };
-    let starts = (0..primitives).into_par_iter().step_by(size as usize);
-    let mut chunks: Vec<Chunk> = starts.map(fill).collect();
+    let fill = |range| simd::dispatch(isa, FillChunk { geometry, unseen, grid, range });
+    let mut chunks: Vec<Chunk> = ranges.map(fill).collect();
     let mut cells = occupied(&chunks);
     let mut nodes = Vec::new();
-    if found.is_some() {
-        let centroids = centroids_of(&cells);
-        let set = Set { references: &mut cells, centroids, depth: 0 };
-        split_cells(isa, set, &mut nodes);
-    }
+    let centroids = centroids_of(&cells);
+    let set = Set { references: &mut cells, centroids, depth: 0 };
+    split_cells(isa, set, &mut nodes);
     let starts = assign_starts(&mut chunks, &cells);
     let references = scatter(geometry, chunks, starts.last().copied().unwrap_or(0))?;
     Ok(Sorted { references, top: Top { nodes, starts } })

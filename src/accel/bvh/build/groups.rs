@@ -31,15 +31,22 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
     seen.sum()
 }
 
-/// Calls `add` with each group, and its box, of the primitives with indices in `range` that are not
-/// in `unseen`. The indices are scene-wide, those of instances as in [`sorted_count`]. A mesh forms
+/// What takes groups. Not a closure: the compiler inlines no closure that several places call, and
+/// would compile it for the portable instruction set.
+pub trait Collect {
+    /// Takes a group and its box.
+    fn add(&mut self, group: Group, bounds: Bounds3);
+}
+
+/// Gives `found` each group, and its box, of the primitives with indices in `range` that are not in
+/// `unseen`. The indices are scene-wide, those of instances as in [`sorted_count`]. A mesh forms
 /// pairs if `may_pair`, and if `unseen` has none of its triangles in `range`.
 #[inline(always)]
 pub fn each(
     (geometry, unseen): (&Geometry, &Unseen),
     range: Range<u32>,
     may_pair: bool,
-    mut add: impl FnMut(Group, Bounds3),
+    found: &mut impl Collect,
 ) {
     let own_geometries = geometry.spheres_id() as usize + 1;
     for (geom, ends) in geometry.bases().windows(2).enumerate().take(own_geometries) {
@@ -50,15 +57,15 @@ pub fn each(
         let all_seen = unseen.count(&own) == 0;
         let may_pair = may_pair && all_seen;
         if let (GeometryKind::Mesh(mesh), true) = (geometry.kind(geom as u32), may_pair) {
-            pairs(&geometry.meshes[mesh], ends[0], own, &mut add);
+            pairs(&geometry.meshes[mesh], ends[0], own, found);
             continue;
         }
         for index in own.filter(|&index| all_seen || !unseen.has(index)) {
             let one = Group::one(index);
-            add(one, one.bounds(geometry));
+            found.add(one, one.bounds(geometry));
             if geom as u32 == geometry.quads_id() {
                 let second = Group::second_half(index);
-                add(second, second.bounds(geometry));
+                found.add(second, second.bounds(geometry));
             }
         }
     }
@@ -67,15 +74,15 @@ pub fn each(
         let triangles = geometry.bases()[instance]..geometry.bases()[instance + 1];
         if !unseen.has_all(&triangles) {
             let one = Group::one(index);
-            add(one, one.bounds(geometry));
+            found.add(one, one.bounds(geometry));
         }
     }
 }
 
-/// Calls `add` with the groups of consecutive triangles of a mesh, whose first triangle has index
+/// Gives `found` the groups of consecutive triangles of a mesh, whose first triangle has index
 /// `base`. A triangle forms a pair with the next one if that is possible.
 #[inline(always)]
-fn pairs(mesh: &TriangleMesh, base: u32, own: Range<u32>, add: &mut impl FnMut(Group, Bounds3)) {
+fn pairs(mesh: &TriangleMesh, base: u32, own: Range<u32>, found: &mut impl Collect) {
     let end = own.end;
     let mut single: Option<Bounds3> = None;
     for index in own {
@@ -83,14 +90,14 @@ fn pairs(mesh: &TriangleMesh, base: u32, own: Range<u32>, add: &mut impl FnMut(G
         let Some(before) = single.replace(bounds) else { continue };
         let both = before.union(bounds);
         if both.half_area() <= MAX_AREA * (before.half_area() + bounds.half_area()) {
-            add(Group::pair(index - 1), both);
+            found.add(Group::pair(index - 1), both);
             single = None;
         } else {
-            add(Group::one(index - 1), before);
+            found.add(Group::one(index - 1), before);
         }
     }
     if let Some(bounds) = single {
-        add(Group::one(end - 1), bounds);
+        found.add(Group::one(end - 1), bounds);
     }
 }
 
@@ -116,13 +123,20 @@ mod tests {
         Geometry::new(DVec3::ZERO, vec![strip(), strip()], vec![quad], vec![sphere]).expect("few")
     }
 
+    impl Collect for Vec<(Group, Bounds3)> {
+        fn add(&mut self, group: Group, bounds: Bounds3) {
+            self.push((group, bounds));
+        }
+    }
+
     fn found(geometry: &Geometry, unseen: &Unseen, range: Range<u32>) -> Vec<Group> {
-        let mut groups = Vec::new();
-        each((geometry, unseen), range, true, |group, bounds| {
+        let mut found = Vec::new();
+        each((geometry, unseen), range, true, &mut found);
+        let check = |(group, bounds): (Group, Bounds3)| {
             assert_eq!(bounds.0, group.bounds(geometry).0);
-            groups.push(group);
-        });
-        groups
+            group
+        };
+        found.into_iter().map(check).collect()
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod block;
 mod cells;
 mod collapse;
 mod groups;
+mod in_order;
 mod reference;
 mod room;
 mod sah;

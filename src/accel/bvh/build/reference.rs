@@ -153,9 +153,15 @@ impl Reference {
     /// its own and weighs as much as a full one.
     #[inline(always)]
     pub fn to(group: Group, geometry: &Geometry) -> Self {
+        Self::in_box(group.bounds(geometry), group, geometry)
+    }
+
+    /// [`Reference::to`] with the box of the group.
+    #[inline(always)]
+    pub fn in_box(bounds: Bounds3, group: Group, geometry: &Geometry) -> Self {
         let is_instance = group.first() >= geometry.own_count();
         let weight = if is_instance { WIDTH as u32 } else { group.len() };
-        Self::new(group.bounds(geometry), group, weight)
+        Self::new(bounds, group, weight)
     }
 
     #[inline(always)]

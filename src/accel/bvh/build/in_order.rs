@@ -1,0 +1,70 @@
+//! Primitives -> references in the order of the geometry, where no grid sorts them.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::super::bounds::Bounds3;
+use super::groups::{self, Collect};
+use super::reference::{Group, Reference};
+use crate::error::Result;
+use crate::geometry::{Geometry, Unseen};
+use crate::reserve;
+use crate::simd::{self, Isa, Kernel};
+
+/// Makes the references of all primitives that are not in `unseen`. `ranges` are theirs, as in
+/// [`groups::each`]. Triangles form pairs if `pairs`.
+///
+/// # Errors
+/// If there is too little memory.
+pub fn references(
+    (geometry, unseen): (&Geometry, &Unseen),
+    ranges: impl IndexedParallelIterator<Item = Range<u32>>,
+    pairs: bool,
+    isa: Isa,
+) -> Result<Vec<Reference>> {
+    // In the chunks and once more in one array.
+    let most = 2 * groups::count(geometry, unseen) * size_of::<Reference>();
+    reserve::probe(most as u64, "bvh")?;
+    let make = |range| simd::dispatch(isa, MakeReferences { geometry, unseen, range, pairs });
+    let chunks: Vec<Vec<Reference>> = ranges.map(make).collect();
+    let mut references = Vec::new();
+    reserve::exact(&mut references, chunks.iter().map(Vec::len).sum(), "bvh")?;
+    for chunk in chunks {
+        references.extend(chunk);
+    }
+    Ok(references)
+}
+
+/// Makes the references of the primitives in `range`, in their order.
+struct MakeReferences<'a> {
+    geometry: &'a Geometry,
+    unseen: &'a Unseen,
+    range: Range<u32>,
+    /// Whether triangles may form pairs.
+    pairs: bool,
+}
+
+impl Kernel for MakeReferences<'_> {
+    type Output = Vec<Reference>;
+    #[inline(always)]
+    fn run(self) -> Vec<Reference> {
+        let Self { geometry, unseen, range, pairs } = self;
+        let references = Vec::with_capacity((range.end - range.start) as usize);
+        let mut making = Making { geometry, references };
+        groups::each((geometry, unseen), range, pairs, &mut making);
+        making.references
+    }
+}
+
+struct Making<'a> {
+    geometry: &'a Geometry,
+    references: Vec<Reference>,
+}
+
+impl Collect for Making<'_> {
+    #[inline(always)]
+    fn add(&mut self, group: Group, bounds: Bounds3) {
+        self.references.push(Reference::in_box(bounds, group, self.geometry));
+    }
+}
