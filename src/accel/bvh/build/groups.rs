@@ -31,8 +31,8 @@ pub fn count(geometry: &Geometry, unseen: &Unseen) -> usize {
     seen.sum()
 }
 
-/// What takes groups. Not a closure: the compiler inlines no closure that several places call, and
-/// would compile it for the portable instruction set.
+/// What takes groups. Not a closure: called from several places, it is not inlined into the
+/// kernel, whose instruction set it would then lack.
 pub trait Collect {
     /// Takes a group and its box.
     fn add(&mut self, group: Group, bounds: Bounds3);
