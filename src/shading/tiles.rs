@@ -60,7 +60,7 @@ impl Tiles {
     /// temporary files has the space, or if the folders are in memory.
     pub fn new((width, height): (u32, u32), texel_bytes: usize) -> Option<Self> {
         let tiles = tiles_along(width) as u64 * tiles_along(height) as u64;
-        let file = on_disk(tiles * (SIDE * SIDE * texel_bytes) as u64)?;
+        let file = on_disk(tiles.checked_mul((SIDE * SIDE * texel_bytes) as u64)?)?;
         let (caches, failed) = Default::default();
         Some(Self { file, width, height, texel_bytes, caches, failed })
     }
@@ -331,5 +331,8 @@ mod tests {
     #[test]
     fn an_image_larger_than_any_disk_has_no_file() {
         assert!(Tiles::new((u32::MAX, u32::MAX), 3).is_none());
+        // 2^50 + 1 tiles of 2^14 bytes: one tile more than 2^64 bytes.
+        let side = SIDE as u32;
+        assert!(Tiles::new((27_118_601 * side, 41_517_625 * side), 4).is_none());
     }
 }
