@@ -42,10 +42,10 @@ pub struct Sorted {
     pub top: Top,
 }
 
-/// The top of the tree, over cells.
+/// The top of the tree, over cells. Empty if the references are not sorted into cells.
+#[derive(Default)]
 pub struct Top {
-    /// The root is the first node, and a left child follows its parent. Empty if the references are
-    /// not sorted into cells.
+    /// The root is the first node, and a left child follows its parent.
     pub nodes: Vec<TopNode>,
     /// Index of the first reference of each cell, and the number of all references.
     pub starts: Vec<usize>,
@@ -187,7 +187,7 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let is_large = primitives >= MIN_PRIMITIVES;
     let Some(grid) = is_large.then(|| CellGrid::new(geometry)).flatten() else {
         let references = in_order::references((geometry, unseen), ranges, is_large, isa)?;
-        return Ok(Sorted { references, top: Top { nodes: Vec::new(), starts: Vec::new() } });
+        return Ok(Sorted { references, top: Top::default() });
     };
     // A quad has two groups.
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
