@@ -78,7 +78,7 @@ impl Legend {
         if let Some(nan) = self.nan {
             y += tall + pad;
             canvas.fill([x, y], [bar, line], nan);
-            canvas.text(font, [x + bar + tick + pad / 2, y], "NaN");
+            canvas.text(font, [x + bar + tick + pad / 2, y], "NaN, inf");
         }
     }
 
@@ -88,8 +88,8 @@ impl Legend {
         (value - low) / (high - low)
     }
 
-    /// Values and texts of the ticks: multiples of 1, 2 or 5 times a power of ten. If an f64 is too
-    /// coarse for such steps, the two ends of the range.
+    /// Values and texts of the ticks: multiples of 1, 2 or 5 times a power of ten. The two ends of
+    /// the range if it is so narrow that an f64 cannot hold these multiples.
     fn ticks(&self) -> Vec<(f64, String)> {
         let [a, b] = self.range;
         let (low, high) = (a.min(b), a.max(b));
@@ -99,15 +99,18 @@ impl Legend {
         let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
         let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
         // Far from zero, `first` and `first + 1` may round to the same f64.
-        if !(last - first <= MAX_TICKS) || !(first + 1.0 > first) {
+        if !(last - first < MAX_TICKS) || !(first + 1.0 > first) {
             return self.range.map(|end| (end, format!("{end:e}"))).into();
         }
         let largest = low.abs().max(high.abs());
-        let decimals = (-step.log10().floor()).max(0.0) as usize;
+        let last_digit = step.log10().floor();
+        let decimals = (-last_digit).max(0.0) as usize;
         let plain = (1e-4..1e7).contains(&largest) && decimals < 7;
+        // Enough digits for neighbouring ticks to differ.
+        let digits = (largest.log10().floor() - last_digit).max(2.0) as usize;
         let text = |value: f64| match plain {
             true => format!("{value:.decimals$}"),
-            false => format!("{value:.2e}"),
+            false => format!("{value:.digits$e}"),
         };
         let count = (last - first) as usize;
         // Adding 0 turns -0 into 0.
@@ -173,10 +176,14 @@ mod tests {
             texts([0.0, 3e9]),
             ["0.00e0", "5.00e8", "1.00e9", "1.50e9", "2.00e9", "2.50e9", "3.00e9"]
         );
+        assert_eq!(
+            texts([1e8, 1.0005e8]),
+            ["1.0000e8", "1.0001e8", "1.0002e8", "1.0003e8", "1.0004e8", "1.0005e8"]
+        );
         assert_eq!(texts([1e300, 1.0000000000000002e300]).len(), 2, "no digits for steps");
         for range in [[-1.0, 1.0], [3.7, 912.0], [-0.001, 0.02], [1e5, 1.0001e5]] {
             let ticks = legend(range).ticks();
-            assert!((2..=8).contains(&ticks.len()), "{range:?} {ticks:?}");
+            assert!((2..=7).contains(&ticks.len()), "{range:?} {ticks:?}");
             for (value, text) in ticks {
                 assert!((range[0] - 1e-9..=range[1] * (1.0 + 1e-9)).contains(&value));
                 assert!((text.parse::<f64>().unwrap() - value).abs() < 1e-9 * value.abs().max(1.0));
@@ -201,9 +208,9 @@ mod tests {
                 (0..300).find(|x| (0..200).any(|y| pixel(*x, y) == ColorMap::Viridis.srgb(1.0)));
             let column = column.expect("the top of the bar");
             let row = |color| (0..200).find(|y| pixel(column, *y) == color).expect("the colour");
-            let (top, middle) =
+            let (top, bottom) =
                 (row(ColorMap::Viridis.srgb(1.0)), row(ColorMap::Viridis.srgb(0.0)));
-            assert!(middle > top + 80, "{top} {middle}");
+            assert!(bottom > top + 80, "{top} {bottom}");
             assert_eq!(pixel(5, 5), [0; 3], "beside the panel");
             if alpha {
                 let at = ((top * 300 + column) * 4 + 3) * 2;

@@ -19,7 +19,7 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "R.exr", value_hint = ValueHint::FilePath)]
     pub reference: Option<PathBuf>,
 
-    /// Some of bvh, bvh:portable, bvh:neon, bvh:avx2, bvh:avx512, embree, embree-fast,
+    /// One or more of bvh, bvh:portable, bvh:neon, bvh:avx2, bvh:avx512, embree, embree-fast,
     /// embree-compact, coursework, brute; the first one renders the reference [default: the
     /// scene's]
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
@@ -29,7 +29,7 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = "sobol,random")]
     pub sampler: Vec<SamplerKind>,
 
-    /// Camera samples per pixel; 1 is not antialiased
+    /// Camera samples per pixel; with 1, the ray goes through the middle of the pixel
     #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub spp: Vec<u32>,
 
@@ -38,7 +38,8 @@ pub struct ConvergeArgs {
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     pub light_samples: Vec<u32>,
 
-    /// Renders per setting, each with its own seed
+    /// Renders per setting, each with its own seed; a setting is one backend, sampler and number of
+    /// camera and light samples
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
 
@@ -63,11 +64,11 @@ pub struct ConvergeArgs {
     #[command(flatten)]
     pub workers: WorkerArgs,
 
-    /// Write all results, with every time, as JSON
+    /// Write all results, with the times of all repeats, as JSON
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
 
-    /// Write a table of all settings
+    /// Write a table of the times and errors of all settings
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub csv: Option<PathBuf>,
 

@@ -16,12 +16,13 @@ pub(super) struct Records<'a> {
     rows: &'a [u8],
     stride: usize,
     big: bool,
-    /// Type and offset in a row of each role. For a role that is not read they have no meaning.
+    /// Type and offset in a row of each role (x, y, z, normal, ...), of a list those of its items.
+    /// They have no meaning for a role without a property, which callers do not read.
     roles: [(Scalar, usize); ROLE_COUNT],
 }
 
 impl<'a> Records<'a> {
-    /// Returns the rows of `table`. `layout` has found them in the file.
+    /// Returns the rows of `table`. `uniform` tells where they begin and how long one is.
     pub(super) fn new(table: &Table<'a>, columns: &Columns, uniform: &Uniform, big: bool) -> Self {
         let length = table.span.rows as usize * uniform.stride;
         let roles = columns.map(|column| {
@@ -38,7 +39,8 @@ impl<'a> Records<'a> {
     }
 
     /// Reads `N` roles, from `first` on, into an array with enough capacity. `native` is the PLY
-    /// type of `T`: values stored in it are copied. Values of other types are converted one by one.
+    /// type of `T`. If all these roles have it, values are taken as they are. Otherwise all are
+    /// converted by way of f64.
     pub(super) fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,
@@ -66,16 +68,16 @@ impl<'a> Records<'a> {
         first: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-        pack: impl Fn([T; N]) -> O + Sync,
+        element: impl Fn([T; N]) -> O + Sync,
     ) {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
         let big = self.big;
         let rows = self.rows.par_chunks_exact(self.stride).with_min_len(GRAIN);
         if roles.iter().all(|(kind, _)| *kind == native) {
             let at = roles.map(|(_, at)| at);
-            rows.map(|row| pack(at.map(|at| T::take(row, at, big)))).collect_into_vec(all);
+            rows.map(|row| element(at.map(|at| T::take(row, at, big)))).collect_into_vec(all);
         } else {
-            let read = |row| pack(roles.map(|(kind, at)| convert(kind.read(row, at, big))));
+            let read = |row| element(roles.map(|(kind, at)| convert(kind.read(row, at, big))));
             rows.map(read).collect_into_vec(all);
         }
     }

@@ -1,7 +1,9 @@
-//! Sorts references into the cells of a grid, and the cells into the top of the tree.
+//! Sorts references into the cells of a grid, and splits the sets of cells: this is the top of the
+//! tree.
 //!
-//! The first dozen levels of a large tree hardly depend on single references. So the surface area
-//! heuristic splits cells there, and each reference is moved once in place of once per level.
+//! In the first dozen levels of a large tree, where exactly a set is split matters little. So the
+//! surface area heuristic splits sets of whole cells there, and each reference is moved once in
+//! place of once per level.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -24,15 +26,16 @@ const BITS: u32 = 5;
 /// Number of cells of the grid.
 const CELLS: usize = 1 << (3 * BITS);
 
-/// Fewer primitives are neither sorted into cells nor paired: their build is short.
+/// Fewer primitives are not sorted into cells, and their triangles do not share references in pairs
+/// ([`groups`]): their build is short.
 const MIN_PRIMITIVES: u32 = 1 << 18;
 
-/// A set of cells is split if it has at least this many references.
+/// A set of several cells is split if it has at least this many references.
 const MIN_SPLIT: u64 = 4096;
 
-/// Smallest number of primitives that one task reads, and largest number of tasks. They must not
-/// depend on the number of threads: no pair crosses the boundary of a task, so the size of a task
-/// changes the tree.
+/// Number of primitives that one task reads at least (the last task may read fewer), and largest
+/// number of tasks. They must not depend on the number of threads: no pair crosses the boundary of
+/// a task, so the size of a task changes the tree.
 const MIN_CHUNK: u32 = 1 << 14;
 const MAX_CHUNKS: u32 = 64;
 
@@ -47,7 +50,8 @@ pub struct Sorted {
 pub struct Top {
     /// The root is the first node, and a left child follows its parent.
     pub nodes: Vec<TopNode>,
-    /// Index of the first reference of each cell, and the number of all references.
+    /// Index of the first reference of each cell, in the order of the leaves of `nodes`, and the
+    /// number of all references.
     pub starts: Vec<usize>,
 }
 
@@ -59,7 +63,7 @@ pub struct TopNode {
     pub right: usize,
 }
 
-/// Maps doubled centres of boxes to cells.
+/// Maps boxes to cells by their doubled centres (lower + upper corner).
 #[derive(Clone, Copy)]
 struct CellGrid {
     origin: [f32; 3],
@@ -67,8 +71,8 @@ struct CellGrid {
 }
 
 impl CellGrid {
-    /// Returns the grid over all primitives and unused vertices; `None` if it is not finite. Unused
-    /// vertices of a mesh may be infinite. NaN coordinates are ignored.
+    /// Returns the grid over the bounds of all shapes; `None` if it is not finite. Bounds of a mesh
+    /// include its unused vertices, which may be infinite. NaN coordinates are ignored.
     fn new(geometry: &Geometry) -> Option<Self> {
         let mut bounds = Bounds3::EMPTY;
         for mesh in &geometry.meshes {
@@ -99,7 +103,7 @@ impl CellGrid {
         let mut cell = 0;
         for axis in 0..3 {
             let x = (center2[axis] - self.origin[axis]) * self.scale[axis];
-            cell = cell << BITS | x.clamp(0.0, ((1 << BITS) - 1) as f32) as u16;
+            cell = (cell << BITS) | x.clamp(0.0, ((1 << BITS) - 1) as f32) as u16;
         }
         cell
     }
@@ -161,6 +165,7 @@ impl Collect for Filling {
     fn add(&mut self, group: Group, bounds: Bounds3) {
         let Self { chunk, grid, place_of } = self;
         let index = grid.cell(&bounds);
+        // `index` is below CELLS. The remainder spares the check of the bounds.
         let place = &mut place_of[usize::from(index) % CELLS];
         if *place == u16::MAX {
             *place = chunk.cells.len() as u16;
@@ -175,7 +180,7 @@ impl Collect for Filling {
 }
 
 /// Makes the references of all primitives that are not in `unseen`, in the order of the top of the
-/// tree. Of few primitives, or if their boxes are not finite, the top is empty.
+/// tree. The top is empty if there are few primitives or if the grid is not finite.
 ///
 /// # Errors
 /// If there is too little memory.
@@ -203,8 +208,9 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     Ok(Sorted { references, top: Top { nodes, starts } })
 }
 
-/// Returns one reference per occupied cell, in ascending order. In place of a primitive, its group
-/// holds the index of the cell. Its weight is the number of groups in the cell.
+/// Returns one reference per occupied cell, in ascending order. The group of such a reference holds
+/// the index of the cell in place of that of a primitive. Its weight is the number of groups in the
+/// cell.
 fn occupied(chunks: &[Chunk]) -> Vec<Reference> {
     let mut sums = vec![(0, Bounds3::EMPTY); CELLS];
     for cell in chunks.iter().flat_map(|chunk| &chunk.cells) {
@@ -216,8 +222,9 @@ fn occupied(chunks: &[Chunk]) -> Vec<Reference> {
     cells.map(|((count, bounds), cell)| Reference::new(bounds, Group::one(cell), count)).collect()
 }
 
-/// Splits a set of cells until each part is one cell or has fewer than [`MIN_SPLIT`] references.
-/// Appends the nodes.
+/// Splits a set of cells until each part is one cell, has fewer than [`MIN_SPLIT`] references or
+/// lies at the greatest depth of such splits. Puts the cells in the order of the parts, and appends
+/// the nodes.
 fn split_cells(isa: Isa, set: Set, nodes: &mut Vec<TopNode>) {
     let (node, cells) = (nodes.len(), set.references.len());
     nodes.push(TopNode { cells, right: 0 });
@@ -230,8 +237,8 @@ fn split_cells(isa: Isa, set: Set, nodes: &mut Vec<TopNode>) {
     }
 }
 
-/// Sets where the groups of each chunk begin, in the order of `cells` and then of the chunks.
-/// Returns the start of each cell, and the end.
+/// Sets, for each cell of each chunk, where its groups begin: in the order of `cells`, and in one
+/// cell in the order of the chunks. Returns the start of each of `cells`, and the end.
 fn assign_starts(chunks: &mut [Chunk], cells: &[Reference]) -> Vec<usize> {
     let mut rank = vec![0; CELLS];
     let mut starts = vec![0];

@@ -1,4 +1,4 @@
-//! Primitives -> references in the order of the geometry, where no grid sorts them.
+//! Makes references in the order of the geometry: for trees without the grid of [`super::cells`].
 
 use std::ops::Range;
 
@@ -12,8 +12,8 @@ use crate::geometry::{Geometry, Unseen};
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// Makes the references of all primitives that are not in `unseen`. `ranges` are theirs, as in
-/// [`groups::each`]. Triangles form pairs if `pairs`.
+/// Makes the references of all primitives that are not in `unseen`. `ranges` cut the indices of all
+/// primitives into one range for each task. Triangles may form pairs if `pairs`.
 ///
 /// # Errors
 /// If there is too little memory.
@@ -23,7 +23,7 @@ pub fn references(
     pairs: bool,
     isa: Isa,
 ) -> Result<Vec<Reference>> {
-    // In the chunks and once more in one array.
+    // Each reference is made in a chunk and then copied into one array.
     let most = 2 * groups::count(geometry, unseen) * size_of::<Reference>();
     reserve::probe(most as u64, "bvh")?;
     let make = |range| simd::dispatch(isa, MakeReferences { geometry, unseen, range, pairs });

@@ -7,20 +7,20 @@ use crate::geometry::{Geometry, quad_halves};
 const SECOND_HALF: u32 = 1 << 31;
 const PAIR: u32 = 1 << 30;
 
-/// One primitive, half of a quad, or two triangles of a mesh with consecutive indices.
+/// One primitive, half of a quad, an instance, or two triangles of a mesh with consecutive indices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Group(u32);
 
 impl Group {
-    /// A primitive by its scene-wide index, below 2^30; or an instance: see
-    /// [`super::groups::sorted_count`].
+    /// A primitive by its scene-wide index, below 2^30. Instances have the indices after those of
+    /// all primitives: see [`super::groups::sorted_count`].
     #[inline(always)]
     pub fn one(index: u32) -> Self {
         Self(index)
     }
 
-    /// The half `v2 v3 v1` of a quad. [`Self::one`] is the first half.
+    /// The half `v2 v3 v1` of a quad. [`Self::one`] is its half `v0 v1 v3`.
     pub fn second_half(index: u32) -> Self {
         Self(index | SECOND_HALF)
     }
@@ -84,21 +84,21 @@ impl Group {
     }
 }
 
-/// A primitive of a geometry.
+/// Where the geometry holds a primitive or an instance.
 #[derive(Debug, Clone, Copy)]
 pub struct PrimitiveId {
     /// Scene-wide index of the primitive.
     pub index: u32,
-    /// Id of the geometry.
+    /// Id of the mesh that it belongs to, of the quads or of the spheres.
     pub geom: u32,
-    /// Index in the geometry.
+    /// Index among these.
     pub prim: u32,
     /// Whether this is the half `v2 v3 v1` of a quad.
     pub second_half: bool,
 }
 
 impl PrimitiveId {
-    /// Returns the corners of the triangle; `None` for a sphere.
+    /// Returns the corners of the triangle; `None` for a sphere or an instance.
     #[inline(always)]
     pub fn corners(&self, geometry: &Geometry) -> Option<[[f32; 3]; 3]> {
         if let Some(mesh) = geometry.meshes.get(self.geom as usize) {
@@ -111,7 +111,7 @@ impl PrimitiveId {
     }
 
     /// Returns the box of a sphere or of an instance.
-    fn sphere_bounds(&self, geometry: &Geometry) -> Bounds3 {
+    fn round_or_instance_bounds(&self, geometry: &Geometry) -> Bounds3 {
         match self.index.checked_sub(geometry.own_count()) {
             None => {
                 let (lower, upper) = geometry.spheres[self.prim as usize].bounds();
@@ -128,12 +128,13 @@ impl PrimitiveId {
     fn bounds(&self, geometry: &Geometry) -> Bounds3 {
         match self.corners(geometry) {
             Some(corners) => Bounds3::from_points(&corners),
-            None => self.sphere_bounds(geometry),
+            None => self.round_or_instance_bounds(geometry),
         }
     }
 }
 
-/// A box and what it bounds. Lane 3 of the box holds a [`Group`], lane 7 the weight.
+/// A box and what it bounds. A box has 8 lanes: its lower corner, one free, its upper corner, one
+/// free. The free lanes hold a [`Group`] and the weight.
 #[derive(Debug, Clone, Copy)]
 #[repr(transparent)]
 pub struct Reference {
@@ -150,7 +151,7 @@ impl Reference {
     }
 
     /// A reference to a group of primitives. Its weight is their number. An instance is a leaf of
-    /// its own and weighs as much as a full one.
+    /// its own, so it weighs as much as a full leaf.
     #[inline(always)]
     pub fn to(group: Group, geometry: &Geometry) -> Self {
         Self::in_box(group.bounds(geometry), group, geometry)
@@ -169,7 +170,8 @@ impl Reference {
         Group::from_bits(self.bounds.0[3].to_bits())
     }
 
-    /// See [`Reference::to`]. For a cell of the grid, the number of groups.
+    /// See [`Reference::to`]. Where a reference stands for a cell ([`cells`](super::cells)), the
+    /// number of its groups.
     #[inline(always)]
     pub fn weight(&self) -> u32 {
         self.bounds.0[7].to_bits()

@@ -1,4 +1,4 @@
-//! Conservative test whether the convex hull of a packet contains anything.
+//! Conservative test whether the frustum around the rays of a packet contains anything.
 
 use super::Packet;
 use crate::accel::bvh::leaves::Leaves;
@@ -15,8 +15,9 @@ impl<T: Tier> Packet<'_, T> {
     /// - The direction of such a ray is a sum of the packet's directions with factors >= 0. Its
     ///   slope is a quotient of linear functions of the factors. So its extremes are at the
     ///   corners: the slope lies between those of the packet's rays.
-    /// - Rounding moves each of the two slopes by at most 3u (u = 2^-24). Together this is 6u
-    ///   max|v - o|. The frustum's slack has some 20u left for it.
+    /// - Rounding moves the slope of such a ray and that of a ray of the packet by at most 3u each
+    ///   (u = 2^-24). At a vertex v, seen from the origin o, this is 6u max|v - o|. The frustum's
+    ///   slack has some 20u left for it.
     #[inline(always)]
     pub fn may_contain_anything(&self) -> bool {
         let frustum = (&self.frustum, self.end_depth);

@@ -20,15 +20,15 @@ pub struct Edges {
     pub first: [f32; LANES],
     /// Largest depth of a corner.
     pub last: [f32; LANES],
-    /// Barycentric weights of a hit, as in
+    /// Barycentric weights of a hit as two edge functions and the sum of all three, as in
     /// [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
 }
 
 /// The hits of 16 rays with a triangle.
 pub struct Test {
-    /// All bits set in lanes whose line hits the triangle. The caller compares t with the ends of
-    /// the segment.
+    /// All bits set in lanes whose line hits the triangle. Some lanes whose hit lies before the
+    /// start or beyond the end of the segment are cleared. The caller compares t with both ends.
     pub hit: [i32; LANES],
     /// Ray parameters of the hits. Other lanes hold any value.
     pub t: [f64; LANES],
@@ -36,9 +36,8 @@ pub struct Test {
 }
 
 impl<T: Tier> Packet<'_, T> {
-    /// Tests the lines of the rays in `entering` against a triangle of a leaf, which has this
-    /// scene-wide index. Returns `None` if no
-    /// ray may hit the triangle.
+    /// Tests the lines of the rays in `entering` against the triangle in `slot` of a leaf, whose
+    /// scene-wide index is `primitive`. Returns `None` if no ray may hit it.
     #[inline(always)]
     pub fn edges(
         &self,
@@ -93,9 +92,10 @@ impl<T: Tier> Packet<'_, T> {
         }
         any = 0;
         for i in 0..LANES {
-            // The triangle lies behind the end of the ray, so its plane need not be intersected.
-            let behind = first[i] > query.depth(i, self.tfar[i]);
-            maybe[i] &= -i32::from(!behind);
+            // The whole triangle lies beyond the end of the segment, so its plane need not be
+            // intersected.
+            let beyond = first[i] > query.depth(i, self.tfar[i]);
+            maybe[i] &= -i32::from(!beyond);
             unsure[i] &= maybe[i];
             any |= maybe[i];
         }
@@ -109,19 +109,20 @@ impl<T: Tier> Packet<'_, T> {
         let plane = TrianglePlane::new(block.triangle(slot));
         let (mut t, towards) = self.distances(&plane);
         let normal_l1 = plane.normal_l1();
-        // All in one loop: a value that is stored in two halves stalls when it is read as one
-        // register.
+        // All in one loop. Between two loops the values would be stored as halves of a register,
+        // and to read them as a whole register would wait for both stores.
         let (mut doubt, mut any_flat, mut flat) = (0, 0, [0i32; LANES]);
         for i in 0..LANES {
             let dominant_component = self.dominant_component(i).abs();
             let depth = t[i] * dominant_component;
-            // As in `ShearedTriangle::t`: false for an infinite depth.
+            // `within` as in `ShearedTriangle::t`. It is false for an infinite depth: infinity
+            // minus infinity is NaN.
             let slack = depth.abs() * DEPTH_SLACK;
             let within =
                 (depth + slack >= f64::from(first[i])) & (depth - slack <= f64::from(last[i]));
             let steep = STEEP * towards[i].abs() >= normal_l1 * dominant_component;
             let far = max(-first[i], last[i]);
-            // A hit behind the origin needs no exact decision: the caller rejects its t.
+            // A hit behind the origin needs no exact decision: the caller rejects a negative t.
             let at_start = (depth > 0.0) & (depth <= NEAR_START * f64::from(far));
             unsure[i] |= maybe[i] & -i32::from(!within | at_start);
             flat[i] = maybe[i] & -i32::from(!steep);
@@ -147,9 +148,10 @@ impl<T: Tier> Packet<'_, T> {
     /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
     /// [`exact`](crate::accel::bvh::exact).
     ///
-    /// The slack is 32u (u = 2^-24) of the farthest coordinate, and rounding adds 4u of it.
+    /// The slack is 32u (u = 2^-24) of the coordinate farthest from the origin. Rounding adds up
+    /// to 4u of it: 1u each in `depths`, `at`, `lower` or `upper`, and its sum with the slack.
     /// Together they are less than the 64u by which [`exact`](crate::accel::bvh::exact) widens the
-    /// box.
+    /// box. The caller has compared the depth along the dominant axis.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];
@@ -180,7 +182,7 @@ impl<T: Tier> Packet<'_, T> {
     /// Returns the component of the caller's direction along the dominant axis.
     #[inline(always)]
     fn dominant_component(&self, i: usize) -> f64 {
-        // The scaled component times a power of two is exact, except for denormals.
+        // `scale` is a power of two. So the product is exact, except for denormals.
         f64::from(self.query.dominant_component[i]) * f64::from(self.query.scale[i])
     }
 
@@ -213,8 +215,8 @@ impl<T: Tier> Packet<'_, T> {
             if seen.inside() {
                 let ray = Ray64::new(self.rays, i, lane.axes[2]);
                 t[i] = seen.t(&ray, block.triangle(slot));
-                let started = t[i] > 0.0 && ray.hit_is_after_start(t[i], block.triangle(slot));
-                hit[i] = -i32::from(started);
+                let after_start = t[i] > 0.0 && ray.hit_is_after_start(t[i], block.triangle(slot));
+                hit[i] = -i32::from(after_start);
             } else {
                 hit[i] = 0;
             }
