@@ -16,6 +16,10 @@ pub fn parse_bytes(text: &str) -> Result<u64, String> {
     };
     let number: f64 = number.parse().map_err(|_| expected())?;
     let bytes = number * (1u64 << shift) as f64;
+    // Probably a forgotten unit.
+    if shift == 0 && bytes.fract() != 0.0 {
+        return Err(expected());
+    }
     if bytes >= 1.0 && bytes < (1u64 << 60) as f64 { Ok(bytes as u64) } else { Err(expected()) }
 }
 
@@ -38,9 +42,12 @@ pub fn parse_rate(text: &str) -> Result<(i32, u32), String> {
         None => {
             let rate: f64 = text.parse().map_err(|_| expected())?;
             let whole = rate.round();
+            // Rates are rounded to two decimals or more: 23.98 is 24 / 1.001.
+            let television = (rate - whole / 1.001).abs() < 2.5e-4 * whole;
             match (rate - whole).abs() < 1e-9 {
+                _ if !(whole <= 1e6) => return Err(expected()),
                 true => (whole as i32, 1),
-                false if (rate - whole / 1.001).abs() < 0.006 => (1000 * whole as i32, 1001),
+                false if television => (1000 * whole as i32, 1001),
                 false => return Err(expected()),
             }
         }
@@ -71,7 +78,8 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 /// Parses two different numbers: `-0.5,2`.
 pub fn parse_two(text: &str) -> Result<[f64; 2], String> {
     let range = numbers(text);
-    let range = range.filter(|[low, high]| low != high && low.abs().max(high.abs()) <= 1e300);
+    let range =
+        range.filter(|range| range[0] != range[1] && range.iter().all(|x| x.abs() <= 1e300));
     range.ok_or_else(|| "expected two different numbers, for example -0.5,2".to_string())
 }
 
@@ -115,7 +123,12 @@ fn in_units(count: u64, round_tenths: fn(f64) -> f64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = count as f64;
     let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < units.len() {
+    // 1023.96 KiB would be rounded to 1024.0 KiB.
+    let full = |value: f64, unit: usize| match unit {
+        0 => value >= 1024.0,
+        _ => round_tenths(value * 10.0).round() >= 10240.0,
+    };
+    while unit + 1 < units.len() && full(value, unit) {
         value /= 1024.0;
         unit += 1;
     }
@@ -184,7 +197,10 @@ mod tests {
         assert_eq!(parse_rate("23.976"), Ok((24000, 1001)));
         assert_eq!(parse_rate("29.97"), Ok((30000, 1001)));
         assert_eq!(parse_rate("59.94"), Ok((60000, 1001)));
-        for bad in ["", "0", "-24", "24/0", "24.5", "nan", "inf", "1/-2", "fast"] {
+        assert_eq!(parse_rate("23.98"), Ok((24000, 1001)));
+        assert_eq!(parse_rate("119.88"), Ok((120_000, 1001)));
+        let bad = ["", "0", "-24", "24/0", "24.5", "nan", "inf", "1/-2", "fast"];
+        for bad in bad.iter().chain(&["1.004", "3.001", "23.99", "3000000000", "1e300"]) {
             assert!(parse_rate(bad).is_err(), "{bad}");
         }
     }
@@ -195,7 +211,7 @@ mod tests {
         assert_eq!(parse_bytes("512MiB"), Ok(512 << 20));
         assert_eq!(parse_bytes("1.5k"), Ok(1536));
         assert_eq!(parse_bytes("77"), Ok(77));
-        for bad in ["", "G", "-1", "0", "8X", "1e9", "99999999T", "nan", "1..2G"] {
+        for bad in ["", "G", "-1", "0", "8X", "1e9", "99999999T", "nan", "1..2G", "1.5"] {
             assert!(parse_bytes(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_size("640x480"), Ok([640, 480]));
@@ -206,6 +222,10 @@ mod tests {
         assert_eq!(parse_point("2600000.5, 0,-1e18"), Ok([2_600_000.5, 0.0, -1e18]));
         for bad in ["", "1,2", "1,2,3,4", "a,b,c", "nan,0,0", "inf,0,0", "1e19,0,0"] {
             assert!(parse_point(bad).is_err_and(|text| text.contains("coordinates")), "{bad}");
+        }
+        assert_eq!(parse_two("2, -0.5"), Ok([2.0, -0.5]));
+        for bad in ["", "1", "1,1", "1,2,3", "nan,1", "1,nan", "inf,0", "1e301,0"] {
+            assert!(parse_two(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_range("3..7"), Ok(3..7));
         for bad in ["", "3", "3..3", "7..3", "..3", "3..", "3..=7", "-1..3"] {
@@ -234,6 +254,9 @@ mod tests {
         assert_eq!(bytes(1537), "1.5 KiB");
         assert_eq!(bytes_rounded_up(1537), "1.6 KiB");
         assert_eq!(bytes_rounded_up(1536), "1.5 KiB");
+        assert_eq!(bytes((1 << 20) - 1), "1.0 MiB");
+        assert_eq!(bytes_rounded_up((1 << 20) - 1), "1.0 MiB");
+        assert_eq!(bytes_rounded_up((1 << 20) - 110), "1023.9 KiB");
         assert_eq!(bytes(u64::MAX), "16777216.0 TiB");
         assert_eq!(count(1), "1");
         assert_eq!(count(1234), "1,234");

@@ -40,10 +40,11 @@ fn named(job: &Job, input: &JobInput) -> Vec<PathBuf> {
 pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Result<()> {
     let beside = sheet::paths(job).chain([journal.to_owned()]);
     beside.into_iter().try_for_each(|output| refuse_if_input(&output, inputs))?;
-    tasks.par_iter().try_for_each(|task| {
+    let checked = tasks.par_iter().map(|task| {
         let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
         outputs.try_for_each(|output| refuse_if_input(&output, inputs))
-    })
+    });
+    checked.find_first(Result::is_err).unwrap_or(Ok(()))
 }
 
 /// Refuses a contact sheet that would overwrite an input.

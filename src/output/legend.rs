@@ -1,7 +1,7 @@
 //! Draws the legend of a colour map into the PNG: a bar with ticks, and the property's name.
 
 use embedded_graphics::mono_font::MonoFont;
-use embedded_graphics::mono_font::ascii::{FONT_6X10, FONT_10X20};
+use embedded_graphics::mono_font::iso_8859_1::{FONT_6X10, FONT_10X20};
 
 use crate::colormap::ColorMap;
 

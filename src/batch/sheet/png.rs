@@ -1,9 +1,10 @@
 //! Draws `sheet.png`: one picture per input with its name, in rows. Failures are red.
 
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use embedded_graphics::mono_font::MonoFont;
-use embedded_graphics::mono_font::ascii::FONT_6X10;
+use embedded_graphics::mono_font::iso_8859_1::FONT_6X10;
 use image::{ImageFormat, Rgb, RgbImage, imageops};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -32,11 +33,14 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
     let sheet = draw(entries, strips);
     let mut part = PartFile::create(path)?;
     part.fill_by(|file, _| {
-        let written = sheet.write_to(&mut std::io::BufWriter::new(file), ImageFormat::Png);
+        let mut buffered = BufWriter::new(file);
+        let written = sheet.write_to(&mut buffered, ImageFormat::Png);
         written.map_err(|error| {
             let message = format!("cannot write: {error}");
             Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
-        })
+        })?;
+        // Dropping a BufWriter would ignore the error of a full disk.
+        buffered.flush().map_err(|error| Error::io(path, "write", &error))
     })?;
     part.commit()
 }
@@ -50,6 +54,7 @@ fn draw(entries: &[SheetEntry], strips: &[Option<Strip>]) -> RgbImage {
         let x = GAP + i as u32 % columns * width;
         let y = GAP + i as u32 / columns * height;
         let failure = entry.message();
+        let ink = if failure.is_some() { RED } else { INK };
         match strip {
             Some(strip) => {
                 let picture = &strip.first;
@@ -60,10 +65,10 @@ fn draw(entries: &[SheetEntry], strips: &[Option<Strip>]) -> RgbImage {
                 let paper = if failure.is_some() { PINK } else { GREY };
                 let cell = RgbImage::from_pixel(SIDE, SIDE, paper);
                 imageops::replace(&mut sheet, &cell, x.into(), y.into());
-                wrapped(&mut sheet, x + 6, y + 6, failure.as_deref().unwrap_or("no picture"));
+                let text = failure.as_deref().unwrap_or("no picture");
+                wrapped(&mut sheet, [x + 6, y + 6], text, ink);
             }
         }
-        let ink = if failure.is_some() { RED } else { INK };
         line(&mut sheet, x, y + SIDE + 3, entry.name(), ink);
     }
     sheet
@@ -72,20 +77,20 @@ fn draw(entries: &[SheetEntry], strips: &[Option<Strip>]) -> RgbImage {
 /// Draws one line of text, cut off at the width of a thumbnail.
 fn line(sheet: &mut RgbImage, x: u32, y: u32, text: &str, ink: [u8; 3]) {
     let most = (SIDE / FONT.character_size.width) as usize;
-    let text: String = text.chars().take(most).collect();
+    let shown = |c: char| if c.is_control() { ' ' } else { c };
+    let text: String = text.chars().take(most).map(shown).collect();
     let size = sheet.dimensions().into();
     let put = |x, y, color| sheet.put_pixel(x, y, Rgb(color));
     draw_text(size, put, (&text, FONT), [x, y], ink);
 }
 
 /// Draws a text over a whole cell, broken into lines.
-fn wrapped(sheet: &mut RgbImage, x: u32, y: u32, text: &str) {
+fn wrapped(sheet: &mut RgbImage, [x, y]: [u32; 2], text: &str, ink: [u8; 3]) {
     let most = ((SIDE - 12) / FONT.character_size.width) as usize;
     let characters: Vec<char> = text.chars().collect();
     let lines = characters.chunks(most).take(((SIDE - 12) / 11) as usize);
     for (i, characters) in lines.enumerate() {
-        let text: String =
-            characters.iter().map(|c| if c.is_control() { ' ' } else { *c }).collect();
-        line(sheet, x, y + 11 * i as u32, &text, RED);
+        let text: String = characters.iter().collect();
+        line(sheet, x, y + 11 * i as u32, &text, ink);
     }
 }

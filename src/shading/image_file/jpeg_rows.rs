@@ -1,6 +1,6 @@
 //! Decodes a JPEG into a temporary file, so that few of its pixels are in memory at once.
 
-use std::fs::File;
+use std::cell::Cell;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -37,31 +37,17 @@ pub fn max_bytes(width: u32) -> u64 {
 }
 
 /// Reads an image whose rows are in order into `tiles`. It has 1 or 3 channels. `pixels` is as
-/// large as the image. The errors are those of the crate `image`, which reads the smaller images
-/// with the same decoder.
+/// large as the image. If the data end early, the rest is grey. The errors are those of the crate
+/// `image`, which reads the smaller images with the same decoder.
 ///
 /// # Errors
-/// Damaged files; errors of the disk.
+/// Other damage; errors of the disk.
 pub fn read(path: &Path, tiles: Tiles, mut pixels: FilePages) -> Result<(Tiles, Option<Stamp>)> {
-    let failed = |error| explain(path, image_error(error));
     let (width, height) = tiles.size();
     let row_bytes = pixels.bytes().len() / height as usize;
     let is_grey = row_bytes == width as usize;
     let (file, stamp) = open(path)?;
-    let file = Releasing { file: file.into_inner(), pixels: pixels.release() };
-    let options = DecoderOptions::default()
-        .jpeg_set_out_colorspace(if is_grey { ColorSpace::Luma } else { ColorSpace::RGB })
-        .set_strict_mode(false)
-        .set_max_width(usize::MAX)
-        .set_max_height(usize::MAX);
-    let file = Buffered { file: BufReader::with_capacity(READ_BYTES, file), position: 0 };
-    let mut decoder = JpegDecoder::new_with_options(file, options);
-    decoder.decode_headers().map_err(failed)?;
-    if decoder.dimensions() != Some((width as usize, height as usize)) {
-        let problem = Problem::new(name(path), "was changed while it was read");
-        return Err(Error::new(ErrorKind::Retry, problem));
-    }
-    decoder.decode_into(pixels.bytes()).map_err(failed)?;
+    decode(path, file.into_inner(), [width, height], &mut pixels)?;
     pixels.release().leave_memory();
 
     let mut writer = TileWriter::new(tiles, &name(path))?;
@@ -79,20 +65,67 @@ pub fn read(path: &Path, tiles: Tiles, mut pixels: FilePages) -> Result<(Tiles, 
     Ok((writer.finish()?, stamp))
 }
 
-/// A file. Each time that it is read, the pixels decoded so far leave memory.
-struct Releasing {
-    file: File,
-    pixels: Release,
-}
-
-impl Read for Releasing {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        self.pixels.leave_memory();
-        self.file.read(bytes)
+/// Decodes an image of this size. The decoder takes a failed read for the end of the data, so such
+/// an error is kept aside.
+fn decode(
+    path: &Path,
+    file: impl Read + Seek,
+    size: [u32; 2],
+    pixels: &mut FilePages,
+) -> Result<()> {
+    let failure = Cell::new(None);
+    let file = Releasing { file, pixels: pixels.release(), failure: &failure };
+    let result = decode_file(path, file, size, pixels.bytes());
+    match failure.into_inner() {
+        Some(error) => Err(Error::io(path, "read the texture", &error)),
+        None => result,
     }
 }
 
-impl Seek for Releasing {
+fn decode_file(
+    path: &Path,
+    file: Releasing<impl Read + Seek>,
+    [width, height]: [u32; 2],
+    pixels: &mut [u8],
+) -> Result<()> {
+    let failed = |error| explain(path, image_error(error));
+    let is_grey = pixels.len() == width as usize * height as usize;
+    let options = DecoderOptions::default()
+        .jpeg_set_out_colorspace(if is_grey { ColorSpace::Luma } else { ColorSpace::RGB })
+        .set_strict_mode(false)
+        .set_max_width(usize::MAX)
+        .set_max_height(usize::MAX);
+    let file = Buffered { file: BufReader::with_capacity(READ_BYTES, file), position: 0 };
+    let mut decoder = JpegDecoder::new_with_options(file, options);
+    decoder.decode_headers().map_err(failed)?;
+    if decoder.dimensions() != Some((width as usize, height as usize)) {
+        let problem = Problem::new(name(path), "was changed while it was read");
+        return Err(Error::new(ErrorKind::Retry, problem));
+    }
+    decoder.decode_into(pixels).map_err(failed)
+}
+
+/// A file. Each time that it is read, the pixels decoded so far leave memory.
+struct Releasing<'a, F> {
+    file: F,
+    pixels: Release,
+    /// The last error of the file, but for interruptions.
+    failure: &'a Cell<Option<io::Error>>,
+}
+
+impl<F: Read> Read for Releasing<'_, F> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.pixels.leave_memory();
+        self.file.read(bytes).inspect_err(|error| {
+            let code = error.raw_os_error();
+            if let Some(code) = code.filter(|_| error.kind() != io::ErrorKind::Interrupted) {
+                self.failure.set(Some(io::Error::from_raw_os_error(code)));
+            }
+        })
+    }
+}
+
+impl<F: Seek> Seek for Releasing<'_, F> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.file.seek(to)
     }
@@ -100,12 +133,12 @@ impl Seek for Releasing {
 
 /// A buffered file. The decoder often goes back some bytes, which keeps this buffer. `BufReader`
 /// alone would read its buffer again.
-struct Buffered {
-    file: BufReader<Releasing>,
+struct Buffered<F> {
+    file: BufReader<F>,
     position: u64,
 }
 
-impl Read for Buffered {
+impl<F: Read> Read for Buffered<F> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let length = self.file.read(bytes)?;
         self.position += length as u64;
@@ -113,7 +146,7 @@ impl Read for Buffered {
     }
 }
 
-impl BufRead for Buffered {
+impl<F: Read> BufRead for Buffered<F> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         self.file.fill_buf()
     }
@@ -124,7 +157,7 @@ impl BufRead for Buffered {
     }
 }
 
-impl Seek for Buffered {
+impl<F: Read + Seek> Seek for Buffered<F> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.position = match to {
             SeekFrom::Current(by) => {
@@ -149,5 +182,56 @@ fn image_error(error: DecodeErrors) -> ImageError {
             ImageError::Limits(LimitError::from_kind(LimitErrorKind::DimensionError))
         }
         error => ImageError::Decoding(DecodingError::new(format(), error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    /// A file whose disk fails from a byte on.
+    struct Failing {
+        file: Cursor<Vec<u8>>,
+        good: u64,
+    }
+
+    impl Read for Failing {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            const EIO: i32 = 5;
+            match self.good.saturating_sub(self.file.position()) {
+                0 => Err(io::Error::from_raw_os_error(EIO)),
+                left => self.file.by_ref().take(left).read(bytes),
+            }
+        }
+    }
+
+    impl Seek for Failing {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.file.seek(to)
+        }
+    }
+
+    #[test]
+    fn a_disk_that_fails_is_no_end_of_the_data() {
+        let noise = |x: u32, y: u32| x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b);
+        let image = image::GrayImage::from_fn(512, 512, |x, y| [(noise(x, y) >> 24) as u8].into());
+        let mut file = Cursor::new(Vec::new());
+        image.write_to(&mut file, ImageFormat::Jpeg).unwrap();
+        let data = file.into_inner();
+        let length = data.len() as u64;
+        assert!(length > 2 * READ_BYTES as u64, "{length}");
+        // `None` if this machine has no disk for temporary files.
+        let Some(mut pixels) = FilePages::new(512 * 512) else { return };
+        for (good, fails) in [(u64::MAX, false), (length - 9, true), (length / 2, true), (0, true)]
+        {
+            let file = Failing { file: Cursor::new(data.clone()), good };
+            let result = decode(Path::new("a.jpg"), file, [512, 512], &mut pixels);
+            let message = result.err().map(|error| error.to_string());
+            assert_eq!(message.is_some(), fails, "{good} of {length}: {message:?}");
+            let disk = |text: String| text.contains("cannot read the texture");
+            assert!(message.is_none_or(disk), "{good} of {length}");
+        }
     }
 }
