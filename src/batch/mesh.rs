@@ -192,6 +192,8 @@ impl Run<'_> {
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
         let warnings = self.warn(built.input, &picture::oddity_warnings(&oddities));
+        let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
+        let xxh3 = xxh3.inspect_err(|error| self.end_if_retry(error))?;
         self.finished(&counts);
         let record = FrameRecord {
             index: frame.index,
@@ -201,7 +203,7 @@ impl Run<'_> {
                 .iter()
                 .map(|path| seen_from(path, &self.job.folder).to_owned())
                 .collect(),
-            xxh3: paths.iter().map(|path| sum(path)).collect::<Result<_>>()?,
+            xxh3,
             again: frame.again.clone(),
             fingerprint: frame.fingerprint.clone(),
             render_s,

@@ -129,8 +129,14 @@ pub fn run(args: &SubmitArgs) -> Result<()> {
         return print::text(&(commands.join("\n") + "\n"));
     }
     let array = submit(&frames)?;
-    let sheet = submit(&sheet(&array))?;
-    print::text(&format!("{array}\n{sheet}\n"))
+    // Printed before the next step, which may fail.
+    print::text(&format!("{array}\n"))?;
+    let sheet = sheet(&array);
+    let submitted = submit(&sheet).map_err(|error| {
+        let command = farm::command_line("sbatch", &sheet);
+        error.help(format!("job {array} renders all frames; only the sheet is missing: {command}"))
+    })?;
+    print::text(&format!("{submitted}\n"))
 }
 
 /// Loads the job as its tasks will load it.
@@ -169,12 +175,10 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
     }
     let program = std::env::current_exe();
     let program = program.map_err(|error| Error::io("lightpath".as_ref(), "find", &error))?;
-    for option in args.sbatch.iter().chain(&args.time) {
+    let options = args.sbatch.iter().map(|option| ("--sbatch", option));
+    for (flag, option) in options.chain(args.time.iter().map(|time| ("--time", time))) {
         if option.contains(char::is_control) {
-            return Err(Error::invalid(
-                "--sbatch",
-                "found a line break or another control character",
-            ));
+            return Err(Error::invalid(flag, "found a line break or another control character"));
         }
     }
     let folder = absolute(&job.folder)?;
@@ -249,7 +253,7 @@ impl Needs {
         match first_error {
             Some(error) if needs.memory == 0 => Err(error),
             // A batch holds up to two meshes: the next one loads while the current one renders. A
-            // quarter of one is the reserve.
+            // quarter of both is the reserve.
             _ => {
                 needs.memory = needs.memory.saturating_mul(2);
                 needs.memory = needs.memory.saturating_add(needs.memory / 4);
@@ -311,7 +315,9 @@ fn submit(words: &[String]) -> Result<String> {
             let problem = |what: &str| Problem::new("slurm", format!("{what}: {stderr}"));
             match UNREACHABLE.iter().any(|text| stderr.contains(text)) {
                 true => Err(Error::new(ErrorKind::Retry, problem("sbatch reached no controller"))
-                    .help("submit again when `scontrol ping` says UP")),
+                    .help(
+                        "submit again when `scontrol ping` says UP and `squeue` lists no such job",
+                    )),
                 false => Err(Error::new(ErrorKind::Invalid, problem("sbatch refused"))),
             }
         }

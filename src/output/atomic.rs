@@ -16,7 +16,7 @@ use std::sync::Mutex;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::{files, paths, threads};
+use crate::{farm, files, paths, threads};
 
 /// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
@@ -78,6 +78,10 @@ impl PartFile {
         let Some(name) = target.file_name() else {
             return Err(Error::invalid(place(), "found no file name to write to"));
         };
+        // `file_name` ignores a slash at the end, but a rename does not.
+        if target.as_os_str().as_encoded_bytes().ends_with(b"/") || target.ends_with(".") {
+            return Err(Error::invalid(place(), "found a slash at the end of a file's name"));
+        }
         match std::fs::metadata(target) {
             Ok(data) if data.is_dir() => {
                 let message = "cannot write a file here: it is a folder";
@@ -180,8 +184,7 @@ impl Sweep {
         let parts = folders.entry(folder.to_owned()).or_insert_with(|| parts_in(folder));
         let parts = target.file_name().and_then(|name| parts.remove(name)).unwrap_or_default();
         drop(folders);
-        let abandoned = parts.iter().filter(|part| lock::is_abandoned(part));
-        abandoned.filter(|part| std::fs::remove_file(part).is_ok()).count()
+        parts.iter().filter(|part| lock::remove_if_abandoned(part)).count()
     }
 }
 
@@ -218,18 +221,22 @@ mod lock {
     use std::path::Path;
 
     use rustix::fs::{FlockOperation, flock};
+    use rustix::io::Errno;
 
-    /// Locks a new file. Returns false if another process has removed the file in the meantime. A
-    /// failed lock is ignored: on a file system without locks, no file is ever swept.
+    /// Locks a new file. Returns false if another process has removed the file in the meantime, or
+    /// holds its lock to remove it. Other failures are ignored: on a file system without locks, no
+    /// file is ever swept.
     pub fn lock_new(file: &File) -> bool {
-        let _ = flock(file, FlockOperation::NonBlockingLockExclusive);
-        file.metadata().map_or(true, |data| data.nlink() > 0)
+        let locked = flock(file, FlockOperation::NonBlockingLockExclusive);
+        locked != Err(Errno::WOULDBLOCK) && file.metadata().map_or(true, |data| data.nlink() > 0)
     }
 
-    /// Returns true if the file can be locked, so that no process holds its lock.
-    pub fn is_abandoned(path: &Path) -> bool {
-        File::open(path)
-            .is_ok_and(|file| flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok())
+    /// Removes the file if it can be locked, so that no process holds its lock. Holds the lock
+    /// until the file is removed: its writer may be about to lock it.
+    pub fn remove_if_abandoned(path: &Path) -> bool {
+        let Ok(file) = File::open(path) else { return false };
+        let locked = flock(&file, FlockOperation::NonBlockingLockExclusive);
+        locked.is_ok() && std::fs::remove_file(path).is_ok()
     }
 }
 
@@ -240,7 +247,7 @@ mod lock {
         true
     }
 
-    pub fn is_abandoned(_: &std::path::Path) -> bool {
+    pub fn remove_if_abandoned(_: &std::path::Path) -> bool {
         false
     }
 }
@@ -261,7 +268,7 @@ fn folder_error(target: &Path, error: &std::io::Error) -> Error {
         Err(missing) if missing.kind() == std::io::ErrorKind::NotFound => {
             let message = format!("cannot {what}: there is no such folder");
             Error::invalid(folder.display().to_string(), message)
-                .help(format!("mkdir -p {}", folder.display()))
+                .help(farm::command_line("mkdir", &["-p".into(), folder.display().to_string()]))
         }
         Ok(data) if !data.is_dir() => {
             let message = format!("cannot {what}: found a file, expected a folder");

@@ -85,6 +85,9 @@ impl ExrReader {
             return Err(refused(path, "tiles or deep data", "scanlines"));
         }
         let display = header.shared_attributes.display_window;
+        if display.position.x() != 0 || display.position.y() != 0 {
+            return Err(refused(path, "a frame that does not begin at 0, 0", "one that does"));
+        }
         let (origin, size) = (header.own_attributes.layer_position, header.layer_size);
         let side = |start: i32, size: usize| {
             let start = u32::try_from(start).ok()?;
@@ -98,9 +101,6 @@ impl ExrReader {
             }
             _ => return Err(refused(path, "pixels outside of the frame", "a crop of it")),
         };
-        if display.position.x() != 0 || display.position.y() != 0 {
-            return Err(refused(path, "a frame that does not begin at 0, 0", "one that does"));
-        }
         let mut channels = Vec::new();
         for channel in &header.channels.list {
             if channel.sampling.x() != 1 || channel.sampling.y() != 1 {
@@ -167,7 +167,8 @@ impl ExrReader {
         let blocks = Blocks::read_from_buffered(BufReader::new(file), true).map_err(failed)?;
         let (first, end) = ((y0 - window.y0) as usize, (y1 - window.y0) as usize);
         let chunks = blocks
-            .filter_chunks(false, |_, _, block| {
+            // `true` refuses a table of offsets that names a chunk twice.
+            .filter_chunks(true, |_, _, block| {
                 let (y, height) = (block.pixel_position.1, block.pixel_size.1);
                 y < end && y + height > first
             })

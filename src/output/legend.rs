@@ -14,6 +14,8 @@ const LARGE: u32 = 500;
 const MAX_TICKS: f64 = 7.0;
 /// Maximum number of characters of a property's name; the rest is not drawn.
 const MAX_NAME: usize = 24;
+/// Label of the values that are not finite.
+const NOT_FINITE: &str = "NaN, inf";
 const PAPER: [u8; 3] = [244, 245, 247];
 const INK: [u8; 3] = [28, 33, 38];
 
@@ -49,7 +51,9 @@ impl Legend {
         let (letter, line) = (font.character_size.width, font.character_size.height);
         let ticks = self.ticks();
         let name: String = self.name.chars().take(MAX_NAME).collect();
-        let longest = ticks.iter().map(|(_, text)| text.len()).max().unwrap_or(0) as u32;
+        let labels = ticks.iter().map(|(_, text)| text.as_str());
+        let labels = labels.chain(self.nan.map(|_| NOT_FINITE));
+        let longest = labels.map(str::len).max().unwrap_or(0) as u32;
         let (pad, bar, tick) = (line / 2, line, line / 3);
         let scale = bar + tick + pad / 2 + letter * longest;
         let inner = scale.max(letter * name.chars().count() as u32);
@@ -78,7 +82,7 @@ impl Legend {
         if let Some(nan) = self.nan {
             y += tall + pad;
             canvas.fill([x, y], [bar, line], nan);
-            canvas.text(font, [x + bar + tick + pad / 2, y], "NaN, inf");
+            canvas.text(font, [x + bar + tick + pad / 2, y], NOT_FINITE);
         }
     }
 
@@ -98,8 +102,9 @@ impl Legend {
         let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * 10f64.powf(power));
         let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
         let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
-        // Far from zero, `first` and `first + 1` may round to the same f64.
-        if !(last - first < MAX_TICKS) || !(first + 1.0 > first) {
+        // Far from zero, a number and the next may round to the same f64.
+        let distinct = first + 1.0 > first && last - 1.0 < last;
+        if !(last - first < MAX_TICKS) || !distinct || !step.is_finite() {
             return self.range.map(|end| (end, format!("{end:e}"))).into();
         }
         let largest = low.abs().max(high.abs());
@@ -181,6 +186,7 @@ mod tests {
             ["1.0000e8", "1.0001e8", "1.0002e8", "1.0003e8", "1.0004e8", "1.0005e8"]
         );
         assert_eq!(texts([1e300, 1.0000000000000002e300]).len(), 2, "no digits for steps");
+        assert_eq!(texts([-1.7e308, 1.7e308]), ["-1.7e308", "1.7e308"], "no finite width");
         for range in [[-1.0, 1.0], [3.7, 912.0], [-0.001, 0.02], [1e5, 1.0001e5]] {
             let ticks = legend(range).ticks();
             assert!((2..=7).contains(&ticks.len()), "{range:?} {ticks:?}");
@@ -189,6 +195,23 @@ mod tests {
                 assert!((text.parse::<f64>().unwrap() - value).abs() < 1e-9 * value.abs().max(1.0));
             }
         }
+    }
+
+    #[test]
+    fn every_label_lies_on_the_panel() {
+        let (size, background) = ([600, 600], [9, 9, 9]);
+        let mut bytes = background.repeat(600 * 600);
+        let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };
+        let legend = Legend { nan: Some([255, 0, 255]), ..legend([0.0, 10.0]) };
+        legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+        let pixel = |x: usize, y: usize| &bytes[3 * (y * 600 + x)..][..3];
+        let on_panel = |x: usize| (0..600).any(|y| pixel(x, y) == PAPER);
+        let right = (0..600).rev().find(|&x| on_panel(x)).expect("a panel");
+        assert!(right < 599, "{right}");
+        let drawn = |x: usize| {
+            (0..600).any(|y| ![&background, &PAPER].contains(&pixel(x, y).try_into().unwrap()))
+        };
+        assert!((right..600).all(|x| !drawn(x)), "ink at the panel's border or beside it");
     }
 
     #[test]

@@ -99,8 +99,8 @@ impl CollapseSuspect {
 /// A warning about `collapsed` edges of a mesh; `None` if there are none.
 fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem> {
     let message = format!(
-        "{collapsed} edges of {} collapse: their ends differ in the file, but are one point in single \
-         precision around the scene's origin, where the step between numbers is up to {ulp:.2e}",
+        "collapsed edges of {}: {collapsed}. Their ends differ in the file, but are one point in \
+         single precision around the scene's origin, where the step between numbers is up to {ulp:.2e}",
         path.display(),
     );
     let help = "bring the shapes of the scene closer together, or render them apart";

@@ -181,7 +181,7 @@ fn numbers(entry: &TimingEntry) -> [String; 8] {
     ]
 }
 
-/// Formats a ratio with its interval: `1.16 [1.15, 1.17]`.
+/// Formats a ratio with its interval: `1.160 [1.150, 1.170]`.
 pub fn ratio(r: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", r.value, r.low, r.high)
 }
@@ -213,7 +213,9 @@ pub fn agreement(scene: &SceneResult) -> Vec<String> {
             ));
         }
     }
-    if lines.is_empty() {
+    if scene.agreement.is_empty() {
+        lines.push("answers: not compared, there is one backend".into());
+    } else if lines.is_empty() {
         lines.push("answers: the same for every ray".into());
     }
     lines

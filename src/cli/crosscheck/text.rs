@@ -64,7 +64,8 @@ pub fn report(report: &CrosscheckReport) -> String {
             out,
             "picture of {b} against {a}: {:.4}% of {} pixels the same; of the rest {} at outlines, \
              {} by wrong rays of {a}, {} of {b}, {} unexplained, {} not looked into",
-            100.0 * picture.same as f64 / picture.pixels as f64,
+            // Rounded down: 100% means all.
+            (1e6 * picture.same as f64 / picture.pixels.max(1) as f64).floor() / 1e4,
             units::count(picture.pixels),
             units::count(picture.explained),
             units::count(picture.wrong[0]),

@@ -44,6 +44,7 @@ pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     resolution(&world, facts);
     precision(&world, facts);
     let mut warnings: Vec<Problem> = loaded.warnings.iter().chain(&more).cloned().collect();
+    let what = if footprint.is_ok() { "memory" } else { "memory without the accelerator" };
     match footprint {
         Ok(footprint) => prediction = prediction.with(&footprint),
         Err(error) => warnings.extend(error.problems.into_iter().map(|problem| {
@@ -52,7 +53,7 @@ pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
         })),
     }
     let memory =
-        format!("memory: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
+        format!("{what}: about {} at most: {prediction}", units::bytes(prediction.peak_bytes));
     facts.add("memory", json!(prediction), memory);
     facts.add("scene_hash", json!(loaded.hash), format!("hash {}", loaded.hash));
     let texts: Vec<String> = warnings.iter().map(Problem::to_string).collect();
@@ -108,20 +109,21 @@ fn precision(world: &World, facts: &mut Facts) {
 }
 
 fn contents(scene: &Scene, facts: &mut Facts) {
-    let mut counts = [0usize; 4];
+    let mut counts = [0usize; 5];
     for shape in &scene.shapes {
         counts[match shape.kind {
             ShapeKind::Sphere { .. } => 0,
             ShapeKind::Plane { .. } => 1,
             ShapeKind::Triangle { .. } => 2,
-            ShapeKind::Trimesh(_) | ShapeKind::Instance { .. } => 3,
+            ShapeKind::Trimesh(_) => 3,
+            ShapeKind::Instance { .. } => 4,
         }] += 1;
     }
-    let [spheres, planes, triangles, meshes] = counts;
-    let shapes =
-        json!({ "sphere": spheres, "plane": planes, "triangle": triangles, "trimesh": meshes });
+    let [spheres, planes, triangles, meshes, instances] = counts;
+    let shapes = json!({ "sphere": spheres, "plane": planes, "triangle": triangles,
+                         "trimesh": meshes, "instance": instances });
     let line = format!(
-        "shapes: {}, {}, {}, {}",
+        "shapes: {}, {}, {}, {}{}",
         units::plural(spheres, "sphere"),
         units::plural(planes, "plane"),
         units::plural(triangles, "triangle"),
@@ -129,6 +131,10 @@ fn contents(scene: &Scene, facts: &mut Facts) {
             "1 mesh".to_string()
         } else {
             format!("{} meshes", units::count(meshes as u64))
+        },
+        match instances {
+            0 => String::new(),
+            _ => format!(", {}", units::plural(instances, "instance")),
         }
     );
     facts.add("shapes", shapes, line);

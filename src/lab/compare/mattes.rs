@@ -32,8 +32,10 @@ pub struct ComparedMattes {
 
 /// Kind of cryptomatte that a layer belongs to: `CryptoObject` for `CryptoObject00.R`.
 pub fn kind<'a>(layer: &str, names: &'a Names) -> Option<&'a str> {
-    let (ranks, _) = layer.rsplit_once('.')?;
-    let known = names.get_key_value(ranks.trim_end_matches(|c: char| c.is_ascii_digit()))?;
+    let (ranked, _) = layer.rsplit_once('.')?;
+    // A kind may end with a digit, too.
+    let (kind, rank) = ranked.split_at_checked(ranked.len().checked_sub(2)?)?;
+    let known = names.get_key_value(kind).filter(|_| rank.bytes().all(|c| c.is_ascii_digit()))?;
     Some(known.0)
 }
 
@@ -76,7 +78,7 @@ pub fn read_names<'a>(
 pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> ComparedMattes {
     let channel = |rank: usize, suffix: &str| {
         let name = format!("{kind}{rank:02}.{suffix}");
-        layers.iter().find(|layer| layer.test.name == name)
+        layers.iter().find(|layer| layer.test.name.eq_ignore_ascii_case(&name))
     };
     let pair = |i: usize| {
         let [id, coverage] = [["R", "G"], ["B", "A"]][i % 2];
@@ -95,7 +97,8 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
             };
             for (side, (id, coverage)) in [of(|c| &c.test), of(|c| &c.reference)].iter().enumerate()
             {
-                if *coverage > 0.0 {
+                // Not `> 0.0`: a NaN must not be left out.
+                if *coverage != 0.0 {
                     let at = here.iter().position(|(known, _)| known == id);
                     let at = at.unwrap_or(here.len());
                     here.resize(here.len().max(at + 1), (*id, [0.0; 2]));

@@ -29,6 +29,8 @@ impl Crop {
                 let crop = Self { corner: [x, y], size };
                 let [a, b] = [values, reference].map(|v| crop.cut(v, width));
                 let error = ValueErrors::of(&a, &b).relmse;
+                // NaN and infinities count as the largest error.
+                let error = if error.is_finite() { error } else { f64::INFINITY };
                 if error > best.0 {
                     best = (error, crop);
                 }

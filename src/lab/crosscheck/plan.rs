@@ -56,7 +56,8 @@ impl<'g> CheckPackets<'g> {
         };
         let source = RaySource::ALL[index / self.each];
         let mut random = Random::new(self.seed as u64, index as u64);
-        let shadow = index % 2 == 1;
+        // Every source has both kinds, if it has more than one packet.
+        let shadow = index % self.each % 2 == 1;
         let packet = aim.packet(source, shadow, &mut random);
         let coherence = Coherence::Unordered;
         QueryPacket { source: source.name().into(), shadow, coherence, packet }

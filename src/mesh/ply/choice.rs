@@ -69,8 +69,11 @@ pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Resu
         ColorChoice::Faces => Ok(chosen(MeshElement::Face, faces)),
         ColorChoice::Property(name) => {
             let found = property(header, name);
-            let usable = |element| !options.points || element == MeshElement::Vertex;
-            let Some((element, at, kind)) = found.filter(|found| usable(found.0)) else {
+            if found.is_some_and(|(which, ..)| options.points && which == MeshElement::Face) {
+                let message = format!("{name:?} is a property of faces, and only points are drawn");
+                return Err(Error::invalid(place, message));
+            }
+            let Some((which, at, kind)) = found else {
                 let known = scalars(header);
                 let message = format!("{file} has no scalar property {name:?}");
                 let near = did_you_mean(name, known.iter().map(String::as_str));
@@ -79,9 +82,9 @@ pub(super) fn choose(header: &Header, file: &str, options: &ReadOptions) -> Resu
                     None => choices(header),
                 }));
             };
-            let name = name.rsplit('.').next().unwrap_or(name).to_string();
-            let (scalar, property) = (Some((at, kind)), Some((name, element)));
-            Ok(Choice { scalar, property, ..chosen(element, None) })
+            let own = element(header, which).map(|element| element.properties[at].name.clone());
+            let property = own.map(|name| (name, which));
+            Ok(Choice { scalar: Some((at, kind)), property, ..chosen(which, None) })
         }
     }
 }
@@ -162,6 +165,9 @@ fn choices(header: &Header) -> String {
         more => format!(" and {more} more"),
     };
     let shown: Vec<&str> = names.iter().take(MAX_LISTED).map(String::as_str).collect();
+    if shown.is_empty() {
+        return "it has no scalar properties".to_string();
+    }
     format!("its scalar properties are {}{more}", shown.join(", "))
 }
 

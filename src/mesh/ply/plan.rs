@@ -200,6 +200,9 @@ pub(super) fn plan(header: &Header, file: &str, options: &ReadOptions) -> Result
 
 fn no_faces(header: &Header, vertex: &VertexPlan, file: &str) -> Error {
     let points = header.elements[vertex.element].count;
+    if points == 0 {
+        return Error::invalid(file, "has no faces and no points");
+    }
     Error::invalid(file, format!("has no faces: it is a point cloud of {points} points"))
         .help("draw its points as spheres: --points RADIUS; or make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
 }

@@ -24,7 +24,11 @@ pub(super) fn check(
     let bad = finite.iter().filter(|finite| !**finite).count();
     if bad == finite.len() {
         let count = finite.len();
-        let message = format!("no point is left of {count}: {bad} are not finite");
+        let message = match count {
+            0 => "has no points".to_string(),
+            1 => "its only point is not finite".to_string(),
+            _ => format!("all {count} points are not finite"),
+        };
         return Err(Error::invalid(context.name, message));
     }
     let Some(first) = finite.iter().position(|finite| !finite) else { return Ok(()) };

@@ -194,6 +194,16 @@ fn scalars_of_every_type_keep_their_values() {
 }
 
 #[test]
+fn a_name_with_dots_is_kept_whole() {
+    for (property, request) in [("quality.v2", "quality.v2"), ("std.dev.", "vertex.std.dev.")] {
+        let declared = format!("float {property}");
+        let ply = vertices(3, &[&declared], |i, _| i as f64).faces(&[&[0, 1, 2]]);
+        let mesh = requested(&ply, ColorChoice::Property(request)).unwrap();
+        assert_eq!(mesh.property.unwrap().name, property);
+    }
+}
+
+#[test]
 fn a_property_that_has_another_use_can_be_shown_too() {
     let more = ["float nx", "float ny", "float nz"];
     let ply = vertices(4, &more, |i, k| (i + k) as f64).faces(&[&[0, 1, 2], &[1, 2, 3]]);
@@ -248,7 +258,8 @@ fn points_are_read_without_their_faces() {
     let more = [&RGB[..], &["float nx", "float ny", "float nz", "float quality"]].concat();
     let ply = vertices(5, &more, |i, k| (10 * k + i) as f64);
     let with_faces = ply.clone().faces(&[&[0, 1, 2], &[0, 1, 99]]);
-    for ply in [&ply, &with_faces] {
+    let with_areas = self::with_faces(ply.clone(), &[&[0, 1, 2]], &["float area"], |_, _| 0.0);
+    for (ply, has_area) in [(&ply, false), (&with_faces, false), (&with_areas, true)] {
         for encoding in ALL {
             let bytes = ply.write(encoding);
             let options = ReadOptions::default().points(true);
@@ -262,6 +273,10 @@ fn points_are_read_without_their_faces() {
             assert_eq!(values(&mesh), [60.0, 61.0, 62.0, 63.0, 64.0]);
             let color = ColorRequest { source: ColorChoice::Faces, place: "" };
             assert!(read_ply_bytes(&bytes, "t.ply", options.color(color)).is_err());
+            let color = ColorRequest { source: ColorChoice::Property("face.area"), place: "" };
+            let error = read_ply_bytes(&bytes, "t.ply", options.color(color)).unwrap_err();
+            let of_faces = error.to_string().contains("is a property of faces");
+            assert_eq!(of_faces, has_area, "{error}");
         }
     }
 }
@@ -286,5 +301,5 @@ fn points_that_are_not_finite_are_refused_or_dropped() {
     }
     let none = Ply::new().element("vertex", &XYZ, Vec::new()).write(ALL[1]);
     let error = read_ply_bytes(&none, "t.ply", ReadOptions::default().points(true)).unwrap_err();
-    assert!(error.to_string().contains("no point is left of 0"), "{error}");
+    assert!(error.to_string().contains("t.ply: has no points"), "{error}");
 }

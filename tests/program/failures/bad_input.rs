@@ -213,6 +213,15 @@ fn output_folders() {
     table.check();
 }
 
+#[test]
+fn a_slash_after_a_file_name_is_refused_before_the_render() {
+    let refusals = refusals();
+    let done = refusals.run(&["render", "good.json", "-o", "out/x", "--stats", "out/s.json/"]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("a slash at the end"), "{}", done.stderr());
+    assert!(!refusals.scratch.path("out/x.exr").exists());
+}
+
 /// The output folder belongs to another user. A test run by root runs the program as nobody.
 #[test]
 fn a_folder_without_write_permission() {

@@ -231,4 +231,14 @@ fn a_controller_out_of_reach_is_worth_a_retry() {
         assert_eq!(done.code(), code, "{}", done.stderr());
         assert!(done.stderr().contains(said), "{}", done.stderr());
     }
+    // The frames are submitted, the sheet is not: to submit all again would render twice.
+    let once =
+        "#!/bin/sh\nif [ -e once ]; then echo refused >&2; exit 1; fi\ntouch once\necho 77\n";
+    scratch.write("bin/sbatch", once);
+    let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
+    let done = program::Done::of(command.env("PATH", &path));
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stdout().lines().any(|line| line == "77"), "{}", done.stdout());
+    let help = "job 77 renders all frames; only the sheet is missing: sbatch ";
+    assert!(done.stderr().contains(help), "{}", done.stderr());
 }
