@@ -157,7 +157,8 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
     let chunks = match args.frames_per_task {
         Some(per_task) => Chunks { frames, per_task: per_task.min(frames) },
         None => {
-            let known = args.frame_seconds.or_else(|| median(&job.folder));
+            let known =
+                args.frame_seconds.or_else(|| frame_seconds(batch::journal(&job.folder), per_mesh));
             let frame_seconds = known.unwrap_or(needs.frame_seconds);
             let seconds = 60.0 * f64::from(args.minutes);
             Chunks::new(frames, per_mesh, frame_seconds, seconds, u64::from(args.max_tasks))
@@ -263,18 +264,25 @@ impl Needs {
     }
 }
 
-/// Returns the median seconds per frame from the journals of earlier runs; `None` if there are
-/// none.
-fn median(folder: &Path) -> Option<f64> {
-    let mut seconds: Vec<f64> = batch::journal(folder)
-        .into_iter()
-        .filter_map(|record| match record {
-            JournalRecord::Frame(frame) => Some(frame.render_s + frame.write_s),
-            _ => None,
-        })
-        .collect();
-    seconds.sort_by(f64::total_cmp);
-    seconds.get(seconds.len() / 2).copied().filter(|median| *median > 0.0)
+/// Returns the seconds per frame by the journals of earlier runs: the median of a frame, and its
+/// share of the median of loading and building a mesh for `per_mesh` frames. `None` without frames.
+fn frame_seconds(journal: impl IntoIterator<Item = JournalRecord>, per_mesh: u64) -> Option<f64> {
+    let (mut frames, mut meshes) = (Vec::new(), Vec::new());
+    for record in journal {
+        match record {
+            JournalRecord::Frame(frame) => frames.push(frame.render_s + frame.write_s),
+            JournalRecord::Mesh(mesh) => meshes.push(mesh.load_s + mesh.build_s),
+            _ => {}
+        }
+    }
+    let share = median(meshes).unwrap_or(0.0) / per_mesh.max(1) as f64;
+    median(frames).map(|frame| frame + share).filter(|seconds| *seconds > 0.0)
+}
+
+/// Returns the upper median; `None` of nothing.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 /// Returns an absolute path as a command-line argument.
@@ -321,5 +329,31 @@ fn submit(words: &[String]) -> Result<String> {
                 false => Err(Error::new(ErrorKind::Invalid, problem("sbatch refused"))),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_has_its_share_of_loading_and_building() {
+        let record = |json: &str| serde_json::from_str::<JournalRecord>(json).unwrap();
+        let mesh = record(
+            r#"{"event": "mesh", "input": "a.ply", "triangles": 1, "load_s": 5, "build_s": 1,
+                "bytes": 1, "camera": null, "warnings": []}"#,
+        );
+        let frame = |seconds: f64| {
+            record(&format!(
+                r#"{{"event": "frame", "index": 0, "input": "a.ply", "frame": 0, "outputs": [],
+                    "render_s": {seconds}, "write_s": 0.5, "rays": {{}}, "peak_bytes": 1,
+                    "warnings": []}}"#
+            ))
+        };
+        let all = || [mesh.clone(), frame(9.0), frame(1.0), frame(2.0)];
+        assert_eq!(frame_seconds(all(), 1), Some(8.5));
+        assert_eq!(frame_seconds(all(), 4), Some(4.0));
+        assert_eq!(frame_seconds([mesh.clone()], 1), None);
+        assert_eq!(frame_seconds([frame(3.0)], 1), Some(3.5));
     }
 }
