@@ -79,7 +79,8 @@ impl PartFile {
             return Err(Error::invalid(place(), "found no file name to write to"));
         };
         // `file_name` ignores a slash at the end, but a rename does not.
-        if target.as_os_str().as_encoded_bytes().ends_with(b"/") || target.ends_with(".") {
+        let bytes = target.as_os_str().as_encoded_bytes();
+        if bytes.ends_with(b"/") || bytes.ends_with(b"/.") {
             return Err(Error::invalid(place(), "found a slash at the end of a file's name"));
         }
         match std::fs::metadata(target) {
@@ -296,6 +297,15 @@ mod tests {
         assert!(!path("a.exr.dead12.part").exists());
         assert!(["b.exr.dead12.part", "a.exr", "a.part"].iter().all(|name| path(name).exists()));
         alive.commit().unwrap();
+    }
+
+    #[test]
+    fn a_slash_at_the_end_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.exr/", "a.exr/."] {
+            let error = PartFile::create(&folder.path().join("").join(name)).unwrap_err();
+            assert!(error.to_string().contains("a slash at the end"), "{error}");
+        }
     }
 
     #[cfg(unix)]
