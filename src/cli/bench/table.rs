@@ -214,7 +214,7 @@ pub fn agreement(scene: &SceneResult) -> Vec<String> {
         }
     }
     if scene.agreement.is_empty() {
-        lines.push("answers: not compared, there is one backend".into());
+        lines.push("answers: not compared".into());
     } else if lines.is_empty() {
         lines.push("answers: the same for every ray".into());
     }

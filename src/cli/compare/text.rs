@@ -71,7 +71,7 @@ pub fn heading(layer: &Compared) -> String {
 pub fn number(metric: Metric, value: f64) -> String {
     match metric {
         _ if value == 0.0 => "0".into(),
-        _ if !value.is_finite() => value.to_string().to_lowercase(),
+        _ if !value.is_finite() => value.to_string(),
         Metric::Psnr => format!("{value:.2}"),
         Metric::Ssim | Metric::Flip | Metric::HdrFlip => format!("{value:.6}"),
         _ => format!("{value:.4e}"),

@@ -97,8 +97,7 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
             };
             for (side, (id, coverage)) in [of(|c| &c.test), of(|c| &c.reference)].iter().enumerate()
             {
-                // Not `> 0.0`: a NaN must not be left out.
-                if *coverage != 0.0 {
+                if *coverage > 0.0 {
                     let at = here.iter().position(|(known, _)| known == id);
                     let at = at.unwrap_or(here.len());
                     here.resize(here.len().max(at + 1), (*id, [0.0; 2]));
@@ -123,4 +122,20 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
     let mut all: Vec<Matte> = sums.into_values().collect();
     all.sort_by(|a, b| b.differs.total_cmp(&a.differs).then_with(|| a.name.cmp(&b.name)));
     ComparedMattes { all, map }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_may_end_with_a_digit() {
+        let names: Names =
+            ["CryptoObject", "Asset1"].map(|kind| (kind.to_string(), BTreeMap::new())).into();
+        assert_eq!(kind("CryptoObject02.A", &names), Some("CryptoObject"));
+        assert_eq!(kind("Asset100.R", &names), Some("Asset1"));
+        for other in ["CryptoObject.R", "Asset1.R", "Asset.R", "R", "P.X"] {
+            assert_eq!(kind(other, &names), None, "{other}");
+        }
+    }
 }

@@ -84,7 +84,7 @@ impl Group {
     }
 }
 
-/// Where the geometry holds a primitive or an instance.
+/// Where the geometry holds a primitive. An instance is found by its index alone.
 #[derive(Debug, Clone, Copy)]
 pub struct PrimitiveId {
     /// Scene-wide index of the primitive.
@@ -111,7 +111,7 @@ impl PrimitiveId {
     }
 
     /// Returns the box of a sphere or of an instance.
-    fn round_or_instance_bounds(&self, geometry: &Geometry) -> Bounds3 {
+    fn sphere_or_instance_bounds(&self, geometry: &Geometry) -> Bounds3 {
         match self.index.checked_sub(geometry.own_count()) {
             None => {
                 let (lower, upper) = geometry.spheres[self.prim as usize].bounds();
@@ -128,7 +128,7 @@ impl PrimitiveId {
     fn bounds(&self, geometry: &Geometry) -> Bounds3 {
         match self.corners(geometry) {
             Some(corners) => Bounds3::from_points(&corners),
-            None => self.round_or_instance_bounds(geometry),
+            None => self.sphere_or_instance_bounds(geometry),
         }
     }
 }

@@ -148,10 +148,10 @@ impl<T: Tier> Packet<'_, T> {
     /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
     /// [`exact`](crate::accel::bvh::exact).
     ///
-    /// The slack is 32u (u = 2^-24) of the coordinate farthest from the origin. Rounding adds up
-    /// to 4u of it: 1u each in `depths`, `at`, `lower` or `upper`, and its sum with the slack.
-    /// Together they are less than the 64u by which [`exact`](crate::accel::bvh::exact) widens the
-    /// box. The caller has compared the depth along the dominant axis.
+    /// The slack is 32u (u = 2^-24) of the coordinate farthest from the origin, and rounding adds
+    /// 4u of it. Together they are less than the 64u by which
+    /// [`exact`](crate::accel::bvh::exact) widens the box. The caller has compared the depth along
+    /// the dominant axis.
     #[inline(always)]
     fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
         let mut outside = [0i32; LANES];
