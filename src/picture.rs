@@ -152,6 +152,8 @@ pub struct PictureHeader<'a> {
     pub spp: Option<&'a str>,
     /// Colours of the plate behind the PNG's pixels, row by row, as linear light.
     pub over: Option<&'a [[f32; 3]]>,
+    /// True if the file is a part that keeps every bit.
+    pub exact: bool,
     /// Position of the picture in a sequence.
     pub sequence: exr::Sequence,
     /// Render time in seconds, if the file is to hold it.
@@ -195,6 +197,7 @@ pub fn write(
             sequence: says.sequence,
             render_seconds: says.render_seconds,
             float: storage.float,
+            exact: says.exact,
             compression: storage.compression,
             multipart: storage.multipart,
         },
@@ -209,8 +212,7 @@ pub fn write(
 /// The first contradiction.
 pub fn check_storage(scene: &Scene, storage: Storage) -> Result<()> {
     let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
-    let lossy = storage.compression == exr::Compression::Dwaa;
-    if lossy && scene.layers.iter().any(mattes) {
+    if storage.compression.is_lossy() && scene.layers.iter().any(mattes) {
         let message =
             "found dwaa with cryptomatte: its losses change the ids, so mattes cannot be found";
         return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));

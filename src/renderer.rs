@@ -178,7 +178,7 @@ impl LoadedScene {
 
     fn load(source: Source, overrides: &[&str], meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
         let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
-        let Loaded { mut scene, warnings, .. } = scene::load(source, &overrides)?;
+        let Loaded { mut scene, mut warnings, .. } = scene::load(source, &overrides)?;
         let mut ready = Vec::new();
         for (name, material, mesh) in meshes {
             let of_name = |m: &scene::CheckedMaterial| m.name.as_deref() == Some(material);
@@ -187,6 +187,7 @@ impl LoadedScene {
                     format!("found the material {material:?}, which the scene does not have");
                 return Err(Error::invalid(name, message));
             };
+            warnings.retain(|warning| warning.message != scene::unused_material(material));
             // No file name contains a NUL, so this path cannot be the path of a file.
             let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
@@ -371,5 +372,23 @@ impl PictureWriter {
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
         picture::write(files, film, scene, header, storage, &Monitor::default())?;
         Ok(Outputs::names(prefix.as_ref()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Positions;
+
+    #[test]
+    fn a_material_of_a_mesh_from_memory_is_used() {
+        let scene = r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 60,
+              "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "materials": { "clay": {}, "chalk": {} }, "shapes": [] } }"#;
+        let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).unwrap();
+        let loaded = LoadedScene::with_meshes(scene, &[], vec![("mesh", "clay", mesh)]).unwrap();
+        let [warning] = loaded.warnings() else { panic!("{:?}", loaded.warnings()) };
+        assert!(warning.message.contains("chalk"), "{warning}");
     }
 }

@@ -139,7 +139,9 @@ pub fn sides(camera: &CheckedCamera) -> Vec<(DVec3, f64)> {
     let [x, y, z] = axes(camera);
     let (columns, rows) = (f64::from(camera.width), f64::from(camera.height));
     match camera.projection {
-        Projection::Perspective { fov_deg, .. } => {
+        // A point of the lens sees past the sides of the frustum, out of focus.
+        Projection::Perspective { lens: Some(_), .. } => vec![(z, 0.0)],
+        Projection::Perspective { fov_deg, lens: None } => {
             let tan = (fov_deg.to_radians() / 2.0).tan();
             let wide = tan * columns / rows;
             [z, z * wide + x, z * wide - x, z * tan + y, z * tan - y].map(|n| (n, 0.0)).to_vec()

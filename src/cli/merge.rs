@@ -1,7 +1,7 @@
 //! `lightpath merge`: merges the parts of a picture into the files that one render would have
 //! written.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -49,7 +49,9 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let pool = args.workers.pool()?;
     let parts = Parts::open(&args.parts)?;
-    let (part, prefix) = (&parts.part, paths::prefix(Some(&args.output), &args.output));
+    let part = &parts.part;
+    let first = args.parts.first().map_or(Path::new(""), PathBuf::as_path);
+    let prefix = paths::prefix(Some(&args.output), first);
     let mut attributes = parts.attributes();
     let manifests = match args.files.crypto_sidecar {
         true => picture::manifests(&mut attributes, &prefix)?,
@@ -84,6 +86,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
             sequence: parts.sequence(),
             render_seconds: None,
             float: part.files.float,
+            exact: false,
             compression: part.files.compression,
             multipart: part.files.multipart,
         },
@@ -101,10 +104,21 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         for warning in picture::oddity_warnings(&oddities) {
             progress.message(&format!("warning: {warning}"));
         }
-        if !parts.exact() {
+        if !parts.is_one_scene() {
             progress.message(
-                "note: the parts hold 16-bit floats: the EXR has the bytes of one render, \
-                 values of the PNG may differ by one step; render the parts with --part",
+                "warning: a mesh of the parts came through a pipe: whether the parts show one \
+                 scene was not checked",
+            );
+        }
+        if parts.lossy() {
+            progress.message(
+                "note: the parts have lost precision in their compression: the EXR does not have \
+                 the bytes of one render; render the parts with --part",
+            );
+        } else if !parts.exact() {
+            progress.message(
+                "note: the parts hold 16-bit floats: the EXR has the bytes of one render, values \
+                 of the PNG may differ; render the parts with --part",
             );
         }
     }

@@ -3,10 +3,13 @@
 //! A job with a monitor ([`watch`]) stops at the first signal and removes its unfinished files. A
 //! second signal does not wait for the job. A command without a monitor ([`end_at_once`]) ends at
 //! the first signal. Before the process ends, its unfinished files are removed.
+//!
+//! A signal that was ignored when the process began stays ignored.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
@@ -16,6 +19,10 @@ use crate::error::{Error, Result};
 use crate::monitor::Monitor;
 use crate::output::atomic::remove_parts;
 
+/// Time after the first signal within which another one is the same request. `timeout` signals the
+/// process and then the group that it is in.
+const SAME_REQUEST: Duration = Duration::from_millis(200);
+
 /// Handles signals until the process ends, for a job that polls the monitor. The first signal is
 /// stored in the monitor. The second signal removes unfinished files and ends the process.
 ///
@@ -23,11 +30,15 @@ use crate::output::atomic::remove_parts;
 /// The system refuses the signal handler or the thread.
 pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
     let monitor = Arc::clone(monitor);
-    spawn(move |signal| {
-        // A signal was stored before: the user does not want to wait for the job.
-        if monitor.signal.swap(signal, Relaxed) != 0 {
-            end(signal);
+    let mut first = None;
+    spawn(move |signal| match first {
+        None => {
+            first = Some(Instant::now());
+            monitor.signal.store(signal, Relaxed);
         }
+        // The user does not want to wait for the job.
+        Some(first) if first.elapsed() > SAME_REQUEST => end(signal),
+        Some(_) => {}
     })
 }
 
@@ -52,11 +63,11 @@ fn end(signal: i32) {
 /// Starts a thread that calls `act` for every signal that ends a job.
 fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("<signals>".as_ref(), "watch", &error);
-    let mut ending = vec![SIGINT, SIGTERM, SIGQUIT];
-    // `nohup` ignores SIGHUP so that the job survives its terminal.
-    if !is_ignored(SIGHUP) {
-        ending.push(SIGHUP);
-    }
+    // `nohup` ignores SIGHUP so that the job survives its terminal. A script ignores SIGINT and
+    // SIGQUIT for a job that it starts with `&`.
+    let mut ending = vec![SIGHUP, SIGINT, SIGQUIT];
+    ending.retain(|&signal| !is_ignored(signal));
+    ending.push(SIGTERM);
     let mut signals = Signals::new(ending).map_err(failed)?;
     let thread = std::thread::Builder::new().name("signals".into());
     thread.spawn(move || signals.forever().for_each(&mut act)).map_err(failed)?;

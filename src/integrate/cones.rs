@@ -25,7 +25,7 @@ impl Cones {
     /// share the pixel.
     pub fn new(world: &World) -> Self {
         // Igehy 1999, "Tracing Ray Differentials"; n samples a pixel are 1/sqrt(n) pixels apart.
-        let share = 1.0 / f64::from(world.spp).sqrt();
+        let share = 1.0 / f64::from(world.cone_spp).sqrt();
         let frame = world.frame.map(|side| side - 2 * world.overscan);
         let [first, spread] = world.camera.cone(frame).map(|width| (width * share) as f32);
         Self { first, spread, widths: [0.0; LANES] }

@@ -93,6 +93,16 @@ impl Parts {
         self.open.iter().all(|open| open.part.exact)
     }
 
+    /// Returns true if values of the parts were changed by their compression.
+    pub fn lossy(&self) -> bool {
+        self.part.files.compression.is_lossy() && !self.exact()
+    }
+
+    /// Returns true if the parts were compared by the scene and its files.
+    pub fn is_one_scene(&self) -> bool {
+        self.open.len() == 1 || self.part.fingerprint.is_some()
+    }
+
     /// Returns the text attributes of the merged picture.
     pub fn attributes(&self) -> Vec<(String, String)> {
         let all = self.open.iter().take(1).flat_map(|open| open.reader.attributes.clone());

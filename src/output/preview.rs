@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::film::{ChannelKind, Film};
 
+use super::exr::layer_of;
 use super::srgb;
 
 /// How the values of a layer are mapped.
@@ -68,12 +69,8 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
 /// last index is repeated.
 fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
     let all = film.planes.channels.iter().enumerate();
-    let belongs = |name: &str| match name.strip_prefix(layer) {
-        Some(rest) => rest.is_empty() || rest.starts_with('.') || rest.starts_with("00."),
-        None => false,
-    };
     let found: Vec<usize> = all
-        .filter(|(_, channel)| belongs(&channel.name) && !channel.name.ends_with(".A"))
+        .filter(|(_, channel)| layer_of(&channel.name) == layer && !channel.name.ends_with(".A"))
         .map(|(i, _)| i)
         .collect();
     let last = *found.last()?;

@@ -1,52 +1,67 @@
 //! `cameras.bin` and `images.bin` of COLMAP. All numbers are little-endian.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use super::bytes::bytes;
 use super::colmap_model::{Image, MODELS, Sensor};
 use crate::error::{Error, Result};
 
 /// Bytes of a point of a picture: x, y, the id of a 3D point.
 const POINT_BYTES: u64 = 24;
 
+/// Maximum length of a text in bytes, with its end: longer than any path.
+const MAX_TEXT_BYTES: u64 = 1 << 16;
+
 /// A file, read from front to back.
-struct Reader<'b> {
-    name: String,
-    all: &'b [u8],
-    at: usize,
+struct Reader<'p> {
+    path: &'p Path,
+    file: BufReader<File>,
+    /// Number of bytes before the next one.
+    at: u64,
+    /// Number of bytes from the next one to the end.
+    left: u64,
 }
 
-impl<'b> Reader<'b> {
-    fn new(path: &Path, all: &'b [u8]) -> Self {
-        Self { name: path.display().to_string(), all, at: 0 }
+impl<'p> Reader<'p> {
+    fn open(path: &'p Path) -> Result<Self> {
+        let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let (left, file) = opened.map_err(|error| Error::io(path, "read", &error))?;
+        Ok(Self { path, file: BufReader::new(file), at: 0, left })
     }
 
     fn place(&self) -> String {
-        format!("{}: byte {}", self.name, self.at)
+        format!("{}: byte {}", self.path.display(), self.at)
     }
 
-    fn take(&mut self, count: u64, what: &str) -> Result<&'b [u8]> {
-        let left = &self.all[self.at..];
-        match usize::try_from(count).ok().filter(|count| *count <= left.len()) {
-            Some(count) => {
-                self.at += count;
-                Ok(&left[..count])
-            }
-            None => {
-                let message = format!(
-                    "found the end of the file, expected {what}: {count} bytes where {} are left",
-                    left.len()
-                );
-                Err(Error::invalid(self.place(), message).help("the file is cut short"))
-            }
+    /// Passes over `count` bytes by `pass`.
+    fn advance(
+        &mut self,
+        count: u64,
+        what: &str,
+        pass: impl FnOnce(&mut BufReader<File>) -> std::io::Result<()>,
+    ) -> Result<()> {
+        if count > self.left {
+            let left = self.left;
+            let message = format!(
+                "found the end of the file, expected {what}: {count} bytes where {left} are left"
+            );
+            return Err(Error::invalid(self.place(), message).help("the file is cut short"));
         }
+        pass(&mut self.file).map_err(|error| Error::io(self.path, "read", &error))?;
+        (self.at, self.left) = (self.at + count, self.left - count);
+        Ok(())
+    }
+
+    fn skip(&mut self, count: u64, what: &str) -> Result<()> {
+        // A file has fewer than 2^63 bytes.
+        self.advance(count, what, |file| file.seek_relative(count as i64))
     }
 
     fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N]> {
-        let bytes = self.take(N as u64, what)?;
         let mut array = [0; N];
-        array.copy_from_slice(bytes);
+        self.advance(N as u64, what, |file| file.read_exact(&mut array))?;
         Ok(array)
     }
 
@@ -69,20 +84,22 @@ impl<'b> Reader<'b> {
 
     /// A text that ends with a zero byte.
     fn text(&mut self, what: &str) -> Result<String> {
-        let left = &self.all[self.at..];
-        let end = left.iter().position(|byte| *byte == 0);
-        let Some(end) = end else {
+        let mut text = Vec::new();
+        let read = self.file.by_ref().take(MAX_TEXT_BYTES).read_until(0, &mut text);
+        read.map_err(|error| Error::io(self.path, "read", &error))?;
+        if text.pop() != Some(0) {
             return Err(Error::invalid(self.place(), format!("found no end of {what}"))
-                .help("the file is cut short"));
-        };
-        let text = std::str::from_utf8(&left[..end])
+                .help("the file is cut short or damaged"));
+        }
+        let count = text.len() as u64 + 1;
+        let text = String::from_utf8(text)
             .map_err(|_| Error::invalid(self.place(), format!("found {what} that is not UTF-8")))?;
-        self.at += end + 1;
-        Ok(text.to_string())
+        (self.at, self.left) = (self.at + count, self.left.saturating_sub(count));
+        Ok(text)
     }
 
     fn end(&self) -> Result<()> {
-        match self.all.len() - self.at {
+        match self.left {
             0 => Ok(()),
             more => {
                 let message = format!("found {more} bytes after the last entry, expected the end");
@@ -94,8 +111,7 @@ impl<'b> Reader<'b> {
 
 /// Reads the cameras of a `cameras.bin`, by id.
 pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
-    let all = bytes(path)?;
-    let mut file = Reader::new(path, &all);
+    let mut file = Reader::open(path)?;
     let mut sensors = HashMap::new();
     for _ in 0..file.u64("the number of cameras")? {
         let id = file.u32("the number of a camera")?;
@@ -126,8 +142,7 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
 
 /// Reads the pictures of an `images.bin`, in the order of the file.
 pub fn images(path: &Path) -> Result<Vec<Image>> {
-    let all = bytes(path)?;
-    let mut file = Reader::new(path, &all);
+    let mut file = Reader::open(path)?;
     let mut images = Vec::new();
     for _ in 0..file.u64("the number of pictures")? {
         let place = file.place();
@@ -139,7 +154,7 @@ pub fn images(path: &Path) -> Result<Vec<Image>> {
         let camera = file.u32("the number of a camera")?;
         let name = file.text("the name of a picture")?;
         let points = file.u64("the number of points")?;
-        file.take(points.saturating_mul(POINT_BYTES), "points of a picture")?;
+        file.skip(points.saturating_mul(POINT_BYTES), "points of a picture")?;
         let [w, x, y, z, tx, ty, tz] = numbers;
         let (rotation, translation) = ([w, x, y, z], [tx, ty, tz]);
         images.push(Image { rotation, translation, camera, name, place });

@@ -103,10 +103,13 @@ pub fn images(path: &Path) -> Result<Vec<Image>> {
         let (rotation, translation) = ([w, x, y, z], [tx, ty, tz]);
         images.push(Image { rotation, translation, camera, name, place: words.place });
         if let Some((number, points)) = lines.next() {
-            if points.split_whitespace().count() % 3 != 0 {
+            let is_number = |word: &str| word.parse::<f64>().is_ok();
+            if points.split_whitespace().count() % 3 != 0
+                || !points.split_whitespace().all(is_number)
+            {
                 let place = format!("{}:{number}", path.display());
-                let message =
-                    "found a line of points that is not made of threes, expected X Y POINT3D_ID";
+                let message = "found a line of points that is not made of three numbers each, \
+                               expected X Y POINT3D_ID";
                 return Err(Error::invalid(place, message)
                     .help("each picture has two lines; the second may be empty"));
             }

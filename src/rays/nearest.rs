@@ -104,7 +104,8 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
         return b;
     }
     let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+    // `d1 - d3` is the squared length of `ab`, which is 0 if a and b coincide.
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
         return a + ab * (d1 / (d1 - d3));
     }
     let cp = p - c;
@@ -122,4 +123,25 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     }
     let sum = va + vb + vc;
     a + ab * (vb / sum) + ac * (vc / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every order of three corners of which two coincide, and of three equal ones.
+    #[test]
+    fn the_nearest_point_of_a_segment_is_found_in_every_order() {
+        let (a, b) = (DVec3::ZERO, DVec3::X);
+        for (p, expected) in [
+            (DVec3::new(0.5, 1.0, 0.0), DVec3::new(0.5, 0.0, 0.0)),
+            (DVec3::new(-2.0, 1.0, 0.0), a),
+            (DVec3::new(3.0, 0.0, 1.0), b),
+        ] {
+            for corners in [[a, a, b], [a, b, a], [b, a, a], [b, b, a], [b, a, b], [a, b, b]] {
+                assert_eq!(nearest_on_triangle(corners, p), expected, "{corners:?}");
+            }
+            assert_eq!(nearest_on_triangle([a; 3], p), a);
+        }
+    }
 }

@@ -113,7 +113,7 @@ impl RayScene {
     /// # Errors
     /// - `Invalid`: no mesh, a mesh without faces, an index out of range, or a vertex of a face
     ///   that is not finite or beyond 1e18.
-    /// - `Limit`: more than 2^32 - 2 triangles.
+    /// - `Limit`: more than 2^32 - 2 triangles, or 2^30 - 1 for [`RayBackend::Bvh`].
     /// - `Unsupported`: Embree cannot be loaded, or this build does not have it.
     /// - `Retry`: there is too little memory.
     /// - `Interrupted`: the monitor was stopped.

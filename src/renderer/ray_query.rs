@@ -149,7 +149,7 @@ fn pack(rays: &[Ray], origin: DVec3) -> (Mask, RayPacket) {
         // Unlike `max`, this keeps NaN.
         packet.rays.tnear[i] = if ray.t_min < 0.0 { 0.0 } else { ray.t_min as f32 };
         packet.rays.tfar[i] = ray.t_max as f32;
-        packet.rays.leaving[i] = ray.leaving;
+        packet.rays.leaving[i] = if outside.is_some() { ray.leaving } else { NONE };
     }
     (packet.rays.possible(&active), packet)
 }
@@ -186,6 +186,19 @@ mod tests {
             assert_eq!(start(beside)[0], (beside.origin[0] - origin.x) as f32);
         }
         assert!(moved > 0, "the way through world space rounds none of these points");
+    }
+
+    /// A ray leaves a triangle only where its hit was.
+    #[test]
+    fn a_ray_whose_origin_was_moved_may_hit_any_triangle() {
+        let corners = vec![[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+        let mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).unwrap();
+        let scene = LoadedScene::of_mesh(mesh).unwrap();
+        let renderer = scene.renderer().unwrap();
+        let hit = renderer.closest(&[Ray::new([1.0, 1.0, 5.0], [0.0, 0.0, -1.0])])[0].unwrap();
+        let ray = hit.ray([0.0, 0.0, -1.0]);
+        assert_eq!(renderer.occluded(&[ray]), [false]);
+        assert_eq!(renderer.occluded(&[Ray { origin: [1.0, 1.0, 5.0], ..ray }]), [true]);
     }
 
     #[test]

@@ -29,7 +29,7 @@ mod write;
 
 pub use crate::nearest::{did_you_mean, list, nearest};
 pub use backend::{Backend, BackendFlags, EmbreeMode};
-pub use check::{IN_MEMORY, MAX_PIXELS, begins_as_ply};
+pub use check::{IN_MEMORY, MAX_PIXELS, begins_as_ply, unused_material};
 pub use checked::*;
 pub use description::SceneDescription;
 pub use document::{Document, escaped};

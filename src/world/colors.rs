@@ -3,9 +3,10 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Problem, Result};
-use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property};
+use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property, Scalars};
 use crate::output::legend::Legend;
 use crate::output::srgb;
+use crate::scene::written::MAX_COLOR;
 use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
 use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
 
@@ -53,7 +54,15 @@ pub(super) fn take(
             return Ok((Some(colors), Some(legend)));
         }
     };
-    let stored = stored.map(|(element, values)| {
+    let stored = stored.map(|(element, mut values)| {
+        let mut alpha = alpha;
+        let replaced = replace_unusable(&mut values, alpha.as_mut());
+        if replaced > 0 {
+            let message = format!(
+                "{replaced} colours are not finite or beyond {MAX_COLOR:e}; they are white"
+            );
+            warnings.push(Problem::new(spec.path.display().to_string(), message));
+        }
         let space = match values {
             Colors::F32(_) => ColorSpace::Linear,
             Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
@@ -63,6 +72,31 @@ pub(super) fn take(
         MeshColors { element, source, first_sphere: 0 }
     });
     Ok((stored, None))
+}
+
+/// Replaces colours that cannot be multiplied with light: they become white, which leaves the
+/// material's colour. Returns their number.
+fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>) -> u64 {
+    let is_usable = |value: f64| value.abs() <= MAX_COLOR;
+    let mut replaced = 0;
+    if let Colors::F32(colors) = colors {
+        let unusable = |rgb: &&mut [f32; 3]| !rgb.iter().all(|&c| is_usable(c.into()));
+        let all = colors.par_iter_mut().with_min_len(1 << 14);
+        replaced += all.filter(unusable).map(|rgb| *rgb = [1.0; 3]).count();
+    }
+    // Without alpha, the colour is white.
+    match alpha {
+        Some(Scalars::F32(alpha)) => {
+            let all = alpha.par_iter_mut().with_min_len(1 << 14);
+            replaced += all.filter(|a| !is_usable(f64::from(**a))).map(|a| *a = 0.0).count();
+        }
+        Some(Scalars::F64(alpha)) => {
+            let all = alpha.par_iter_mut().with_min_len(1 << 14);
+            replaced += all.filter(|a| !is_usable(**a)).map(|a| *a = 0.0).count();
+        }
+        _ => {}
+    }
+    replaced as u64
 }
 
 /// Range of the finite values of a property.

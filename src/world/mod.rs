@@ -122,6 +122,9 @@ pub struct World {
     pub adaptive_shadows: bool,
     /// Camera samples per pixel; the maximum in an adaptive render.
     pub spp: u32,
+    /// Camera samples that share the cone of a pixel; those of the first pass in an adaptive
+    /// render.
+    pub cone_spp: u32,
     /// Largest number of mirror bounces.
     pub nbounces: u32,
     /// Seed of all random choices.
@@ -288,6 +291,7 @@ impl World {
             overscan: 0,
             adaptive_shadows: scene.adaptive_shadows,
             spp: scene.spp,
+            cone_spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,
             sampler: scene.sampler,

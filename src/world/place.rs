@@ -363,6 +363,10 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
                 false => "triangles with bad vertices were dropped (--repair)",
             },
         ),
+        (
+            notes.textures_repaired,
+            "faces with a texnumber out of range are shown without a texture (--repair)",
+        ),
         (notes.faces_too_small, "faces with fewer than three corners were skipped"),
     ];
     let path = spec.path.display().to_string();

@@ -1,6 +1,6 @@
 //! Merged parts of a picture have the bytes of one render, or are refused with a reason.
 
-use crate::support::program::{Done, Scratch};
+use crate::support::program::{Done, PYRAMID, Scratch};
 
 /// Lights, mirrors, an area light, a lens, antialiasing, shapes that share a name.
 const SCENE: &str = r#"{
@@ -227,6 +227,98 @@ fn tiles_and_samples_of_a_crop_with_previews_and_sidecars() {
     }
     let compared = scratch.run(&["compare", "merged.exr", "whole.exr", "--fail-above", "max=0"]);
     assert_eq!(compared.code(), 0, "{}{}", compared.stdout(), compared.stderr());
+}
+
+#[test]
+fn previews_are_selected_as_by_render() {
+    let scratch = scratch();
+    for tile in ["1/2", "2/2"] {
+        let flags = ["--aov", "all", "--spp", "1", "--tile", tile];
+        render(&scratch, &format!("part{}", &tile[..1]), &flags);
+    }
+    let all = ["--aov", "all", "--spp", "1"];
+    for layers in ["N,all,Z", "Z,N,Z", "light", "shadow,light_sun", "components", "cryptomatte"] {
+        let new = || Scratch::new();
+        let (one, other) = (new(), new());
+        let prefix = |folder: &Scratch| folder.path("x").display().to_string();
+        render(&scratch, &prefix(&one), &[&all[..], &["--png-layer", layers]].concat());
+        let parts = ["part1.exr", "part2.exr", "--quiet", "--png-layer", layers];
+        scratch.run(&[&["merge", "-o", &prefix(&other)], &parts[..]].concat()).good();
+        assert_eq!(one.names(), other.names(), "{layers}");
+        assert!(one.names().len() > 3, "{layers}: {:?}", one.names());
+    }
+    let none = merge(&scratch, &["part1.exr", "part2.exr"], &["--png-layer", "lights"]);
+    refused(&none, &["lights", "the parts do not have", "light_sun"]);
+}
+
+#[test]
+fn a_folder_gets_the_name_of_the_first_part() {
+    let scratch = scratch();
+    for tile in ["1/2", "2/2"] {
+        render(&scratch, &format!("part{}", &tile[..1]), &["--spp", "1", "--tile", tile]);
+    }
+    scratch.write("out/x", "");
+    scratch.run(&["merge", "part1.exr", "part2.exr", "-o", "out"]).good();
+    assert!(scratch.path("out/part1.exr").is_file() && scratch.path("out/part1.png").is_file());
+    let done = scratch.run(&["merge", "part1.exr", "part2.exr", "-o", "."]);
+    refused(&done, &["would overwrite an input"]);
+}
+
+#[test]
+fn notes_say_what_parts_have_lost() {
+    let scratch = scratch();
+    let crops = [["0", "0", "75", "20"], ["0", "20", "75", "53"]];
+    for (compression, note) in [
+        ("dwaa", "have lost precision in their compression"),
+        ("zip", "hold 16-bit floats: the EXR has the bytes of one render"),
+    ] {
+        for float in [&[][..], &["--float"]] {
+            let mut parts = Vec::new();
+            for (i, crop) in crops.iter().enumerate() {
+                let flags = ["--spp", "1", "--compression", compression, "--crop"];
+                render(&scratch, &format!("{i}"), &[&flags[..], &crop[..], float].concat());
+                parts.push(format!("{i}.exr"));
+            }
+            let done = scratch.run(&["merge", &parts[0], &parts[1], "-o", "merged"]).good();
+            let noted = !(compression == "zip" && float == ["--float"]);
+            assert_eq!(done.stderr().contains(note), noted, "{compression}: {}", done.stderr());
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn parts_of_a_mesh_from_a_pipe_get_a_warning() {
+    let scratch = Scratch::new();
+    let ball =
+        r#"{ "type": "sphere", "center": [0.9, -0.2, 0.4], "radius": 0.7, "material": "chalk" }"#;
+    assert!(SCENE.contains(ball));
+    let mesh = r#"{ "type": "trimesh", "path": "pipe.ply", "material": "chalk" }"#;
+    scratch.write("s.json", &SCENE.replace(ball, mesh));
+    let pipe = scratch.pipe("pipe.ply");
+    for tile in ["1/2", "2/2"] {
+        let pipe = pipe.clone();
+        let writer = std::thread::spawn(move || std::fs::write(pipe, PYRAMID).unwrap());
+        render(&scratch, &format!("part{}", &tile[..1]), &["--spp", "1", "--tile", tile]);
+        writer.join().unwrap();
+    }
+    let done = scratch.run(&["merge", "part1.exr", "part2.exr", "-o", "merged"]).good();
+    assert!(done.stderr().contains("was not checked"), "{}", done.stderr());
+}
+
+#[test]
+fn drawn_lights_with_a_catcher_are_cut_between_packets() {
+    let scratch = Scratch::new();
+    let floor = r#""v3": [-4, -1, -4],"#;
+    assert!(SCENE.contains(floor));
+    scratch.write("s.json", &SCENE.replace(floor, &format!(r#"{floor} "shadow_catcher": true,"#)));
+    let flags = ["--spp", "32", "--emitter-samples", "1"];
+    render(&scratch, "whole", &flags);
+    render(&scratch, "a", &[&flags[..], &["--samples", "0..16"]].concat());
+    render(&scratch, "b", &[&flags[..], &["--samples", "16..32"]].concat());
+    same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+    let cut = [&["render", "s.json"], &flags[..], &["--samples", "0..8"]].concat();
+    refused(&scratch.run(&cut), &["multiples of 16", "shadow catcher", "0..16"]);
 }
 
 #[test]

@@ -213,6 +213,25 @@ fn info_names_every_error_of_every_file() {
 }
 
 #[test]
+fn info_refuses_the_texture_numbers_that_a_render_refuses() {
+    let scratch = Scratch::new();
+    let text = "ply\nformat ascii 1.0\ncomment TextureFile a.png\ncomment TextureFile b.png\n\
+                element vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                property float s\nproperty float t\nelement face 1\n\
+                property list uchar int vertex_indices\nproperty int texnumber\nend_header\n\
+                0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2 7\n";
+    scratch.write("t.ply", text);
+    for command in ["info", "render"] {
+        let done = scratch.run(&[command, "t.ply"]);
+        assert_eq!(done.code(), 2, "{command}: {}", done.stdout());
+        assert!(done.stderr().contains("texnumber 7 is out of range"), "{}", done.stderr());
+    }
+    let repaired = scratch.run(&["render", "t.ply", "--repair", "--size", "8x8", "--spp", "1"]);
+    let expected = "1 faces with a texnumber out of range are shown without a texture (--repair)";
+    assert!(repaired.good().stderr().contains(expected));
+}
+
+#[test]
 fn info_describes_a_mesh() {
     let scratch = Scratch::new();
     scratch.write("m.ply", program::PYRAMID);

@@ -123,6 +123,21 @@ fn command(args: &[&str]) -> Command {
     command
 }
 
+/// Returns a command that runs `command` with the default actions of signals. The shell that started
+/// the tests may ignore some of them, as for a job in the background or of `nohup`.
+pub fn interruptible(command: &Command) -> Command {
+    let mut env = Command::new("env");
+    env.arg("--default-signal=HUP,INT,QUIT").arg(command.get_program()).args(command.get_args());
+    env.current_dir(command.get_current_dir().unwrap());
+    for (name, value) in command.get_envs() {
+        match value {
+            Some(value) => env.env(name, value),
+            None => env.env_remove(name),
+        };
+    }
+    env
+}
+
 /// Sends a signal to a process.
 #[track_caller]
 pub fn send(signal: &str, process: u32) {

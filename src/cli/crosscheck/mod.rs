@@ -169,6 +169,7 @@ fn check(
     let mut job = load::load(request(args, input), monitor)?;
     let outputs = OutputFlags(vec![("--save FILE.json", &args.save)]);
     outputs.refuse_overwrites(job.inputs(input))?;
+    let saved = args.save.as_ref().map(|path| load::saved(&job, path)).transpose()?;
     signals::watch(monitor)?;
     let progress = Progress::start(ProgressMode::Auto, render_progress::meter(monitor));
     let mut outputs = outputs.create()?;
@@ -191,17 +192,19 @@ fn check(
         report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
-    if let Some(path) = &args.save {
-        let scene = serde_json::from_str(&load::saved(&job, path)?).unwrap_or_default();
-        let saved = Saved { scene, findings: report.findings.clone() };
-        outputs.write_json("--save", &saved)?;
-    }
     if args.json {
         let mut value = json!(report);
         value["failures"] = report.failures().into();
         print::json(&value)?;
     } else {
         print::text(&text::report(&report))?;
+    }
+    if let Some(text) = saved {
+        let scene = serde_json::from_str(&text).unwrap_or_default();
+        outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })?;
+    }
+    if !args.json {
+        print::paths(&outputs.written())?;
     }
     Error::failed("crosscheck", report.failures())
 }
@@ -243,6 +246,7 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
     let primitives = *world.geometry.bases().last().unwrap_or(&0);
     let mut results = Vec::new();
     for (index, finding) in saved.findings.iter().enumerate() {
+        monitor.check()?;
         let wrong =
             |message: String| Error::invalid(format!("{place} (/findings/{index})"), message);
         let case = finding.case().map_err(wrong)?;

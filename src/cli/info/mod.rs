@@ -128,7 +128,7 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     }
     let memory_limit = memory::limit_of_machine();
     let subject = Subject { no_mmap: args.no_mmap, memory_limit, ..Subject::new(path) };
-    let wanted = mesh::ReadOptions::default().points(cloud).textures(false);
+    let wanted = mesh::ReadOptions::default().points(cloud);
     let mesh = studio::read(&subject, wanted, &Monitor::default())?;
     if cloud {
         points(&mesh, facts);

@@ -9,7 +9,7 @@ use crate::output::atomic::PartFile;
 use crate::output::tonemap::{Depth, PixelFormat};
 use crate::output::{exr, png, preview as pictures};
 use crate::paths;
-use crate::scene::{Layer, Scene};
+use crate::scene::{Layer, LightGroups, Scene};
 
 /// Returns the layers of `render --png-layer` and the paths of their pictures.
 ///
@@ -63,20 +63,30 @@ pub fn named_previews(
             written.push(layer.to_string());
         }
     }
+    // The parts name their light groups only in the names of layers.
+    let prefixes = ["light_", "shadow_"];
+    let of_layer = |layer: &String| {
+        prefixes.iter().find_map(|prefix| layer.strip_prefix(prefix).map(str::to_string))
+    };
+    let groups =
+        LightGroups { names: written.iter().filter_map(of_layer).collect(), of: Vec::new() };
     let mut shown: Vec<String> = Vec::new();
     for name in names {
-        let these = match name.as_str() {
-            "all" => written.clone(),
-            name if written.iter().any(|known| known == name) => vec![name.to_string()],
-            name => {
-                let message = format!("found the layer {name:?}, which the parts do not have");
-                let help = format!("they have: {}", written.join(", "));
-                return Err(Error::invalid("--png-layer", message).help(help));
+        let named = Layer::from_word(name, &groups).unwrap_or_default();
+        let named: Vec<String> = named.into_iter().map(|layer| layer.name(&groups)).collect();
+        let wanted = |layer: &&String| name == "all" || name == *layer || named.contains(layer);
+        let these: Vec<&String> = written.iter().filter(wanted).collect();
+        if these.is_empty() && name != "all" {
+            let message = format!("found the layer {name:?}, which the parts do not have");
+            let help = format!("they have: {}", written.join(", "));
+            return Err(Error::invalid("--png-layer", message).help(help));
+        }
+        for layer in these {
+            if !shown.contains(layer) {
+                shown.push(layer.clone());
             }
-        };
-        shown.extend(these);
+        }
     }
-    shown.dedup();
     Ok(shown.into_iter().map(|name| preview(prefix, name)).collect())
 }
 

@@ -49,12 +49,16 @@ struct RenderFiles {
     dataset: dataset::DatasetFiles,
     /// Files of `--stats` and `--write-scene`.
     texts: TextOutputs,
+    /// Text of `--write-scene`.
+    scene: String,
 }
 
 impl RenderFiles {
-    fn create(options: &RenderOptions) -> Result<Self> {
-        let RenderOptions { prefix, plan, storage, previews, .. } = options;
+    fn create(options: &RenderOptions, job: &SceneJob) -> Result<Self> {
+        let RenderOptions { prefix, plan, storage, previews, write_scene, .. } = options;
+        let saved = write_scene.as_ref().map(|target| load::saved(job, target));
         Ok(Self {
+            scene: saved.transpose()?.unwrap_or_default(),
             picture: picture::PictureFiles::create(prefix, plan, *storage)?,
             previews: layers::open_previews(previews.clone())?,
             dataset: options.dataset.create()?,
@@ -78,7 +82,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
-    let files = RenderFiles::create(&options)?;
+    let files = RenderFiles::create(&options, &job)?;
     let run = RenderRun {
         job: &job,
         threads,
@@ -162,8 +166,8 @@ impl RenderRun<'_> {
 
         let counting = self.options.dataset.counting_plan(&self.options.plan, &world)?;
         let plan = counting.as_ref().unwrap_or(&self.options.plan);
-        if let Some(most) = self.options.adaptive.map(|adaptive| adaptive.most) {
-            world.spp = most;
+        if let Some(adaptive) = self.options.adaptive {
+            (world.spp, world.cone_spp) = (adaptive.most, adaptive.first);
         }
         let (counts, taken) = self.trace(&world, accelerator.as_ref(), &mut film, plan)?;
         let rendered = self.start.elapsed().as_secs_f64();
@@ -245,12 +249,13 @@ impl RenderRun<'_> {
             scene_hash: hash,
             spp: Some(&spp),
             over: behind.as_deref(),
+            exact: options.part.exact,
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
             legend: world.legend.as_ref(),
             ..PictureHeader::default()
         };
-        let RenderFiles { mut picture, previews, dataset, mut texts } = files;
+        let RenderFiles { mut picture, previews, dataset, mut texts, scene: saved } = files;
         let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let seen = (plan, world, scene);
         previews.extend(dataset.write(film, seen, |part| picture.add(part))?);
@@ -258,10 +263,7 @@ impl RenderRun<'_> {
             picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
-        if let Some(target) = &options.write_scene {
-            let text = load::saved(self.job, target)?;
-            texts.write("--write-scene", || text)?;
-        }
+        texts.write("--write-scene", || saved)?;
         stats.seconds.write = started.elapsed().as_secs_f64();
         stats.seconds.total = self.start.elapsed().as_secs_f64();
         stats.memory.peak_bytes = memory::peak_bytes();

@@ -10,7 +10,7 @@ use crate::integrate::{Pattern, TILE};
 use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
 use crate::merge::{PartDescription, PictureFormat, part};
 use crate::picture::Storage;
-use crate::scene::{Backend, MAX_PIXELS, Scene};
+use crate::scene::{Backend, MAX_PIXELS, Role, Scene};
 
 use super::args::RenderArgs;
 
@@ -167,7 +167,7 @@ impl PicturePart {
             tile: self.tile,
             samples: [self.samples.start, self.samples.end],
             of: scene.spp,
-            exact: self.exact || storage.float,
+            exact: self.exact || storage.float && !storage.compression.is_lossy(),
             files,
             layout: self.layout.clone(),
         };
@@ -224,8 +224,9 @@ fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
     Ok((overscan, window))
 }
 
-/// Refuses a range of samples that cuts a packet if the scene has adaptive shadows, which decide
-/// about whole packets.
+/// Refuses a range of samples that cuts a packet if the light of a sample depends on the packet:
+/// adaptive shadows decide about whole packets, and no light is drawn for packets with a shadow
+/// catcher.
 ///
 /// # Errors
 /// `Invalid` for such a range.
@@ -233,11 +234,18 @@ fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
     let packet = Pattern::for_spp(scene.spp).samples;
     let cut = |at: u32| at % packet != 0 && at != scene.spp;
     let Range { start, end } = *samples;
-    if !scene.can_skip_shadow_rays() || !(cut(start) || cut(end)) {
+    let catcher = scene.shapes.iter().any(|shape| shape.role == Role::ShadowCatcher);
+    let together = match (scene.can_skip_shadow_rays(), scene.emitter_samples.is_some() && catcher)
+    {
+        (true, _) => "adaptive shadows decide about",
+        (false, true) => "with a shadow catcher, emittersamples draws lights for",
+        (false, false) => return Ok(()),
+    };
+    if !(cut(start) || cut(end)) {
         return Ok(());
     }
     let message = format!(
-        "found {start}..{end}, expected multiples of {packet} or the end, {}: adaptive shadows decide about {packet} \
+        "found {start}..{end}, expected multiples of {packet} or the end, {}: {together} {packet} \
          samples of a pixel together",
         scene.spp
     );

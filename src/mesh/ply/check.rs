@@ -62,7 +62,10 @@ impl Tally {
     }
 
     pub(super) fn write(&self, notes: &mut Notes) {
-        notes.textures = self.textures.keys().filter(|number| **number >= 0).count() as u64;
+        let named = 0..notes.texture_files as i64;
+        notes.textures =
+            self.textures.keys().filter(|number| named.contains(number)).count() as u64;
+        notes.textures_repaired = self.bad_textures;
         notes.faces = self.faces;
         notes.faces_too_small = self.too_small;
         notes.polygons_split = self.split;

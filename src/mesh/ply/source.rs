@@ -94,6 +94,10 @@ pub(super) fn failed(path: &Path, packing: Option<Packing>, error: &std::io::Err
             Error::invalid(name, format!("cannot unpack the {} data: {error}", packing.name()))
                 .help("the file is cut short or damaged: write it again")
         }
+        (Some(packing), E::FileTooLarge) => {
+            Error::invalid(name, format!("cannot unpack the {} data: {error}", packing.name()))
+                .help("pack it without --ultra and --long, or raise --max-memory")
+        }
         _ => Error::io(path, "read", error),
     }
 }

@@ -71,14 +71,23 @@ impl Packing {
     }
 }
 
+/// Returns the kind of an error of the zstd library: too large a window, no memory, damaged data.
+fn kind_of(error: &str) -> ErrorKind {
+    match error {
+        "Frame requires too much memory for decoding" => ErrorKind::FileTooLarge,
+        "Allocation error : not enough memory" => ErrorKind::OutOfMemory,
+        _ => ErrorKind::InvalidData,
+    }
+}
+
 /// Reads all frames of a zstd file.
 struct Frames<'a, R: Read>(Decoder<'a, BufReader<R>>);
 
 impl<R: Read> Read for Frames<'_, R> {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         self.0.read(out).map_err(|error| match error.kind() {
-            // The library reports damaged data with this kind.
-            ErrorKind::Other => Error::new(ErrorKind::InvalidData, error.to_string()),
+            // The library reports everything with this kind, and only names tell what it is.
+            ErrorKind::Other => Error::new(kind_of(&error.to_string()), error.to_string()),
             _ => error,
         })
     }
@@ -154,9 +163,9 @@ mod tests {
             let packed = frame(window, 100);
             let read =
                 Packing::Zstd.open(&packed[..], length, None).unwrap().read_to_string(&mut out);
-            read.map(|_| out).map_err(|error| error.to_string())
+            read.map(|_| out).map_err(|error| error.kind())
         };
-        let refused = Err("Frame requires too much memory for decoding".to_owned());
+        let refused = Err(ErrorKind::FileTooLarge);
         // Windows of 1 KiB and 128 MiB, then a little more, 512 MiB, 2 GiB and the largest that 8
         // bits can express.
         for window in [0x00, 0x88] {

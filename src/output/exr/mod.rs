@@ -105,10 +105,11 @@ impl Blocks<'_> {
         let (header, sources) = (&self.headers[index.layer], &self.parts[index.layer].sources);
         let top = index.pixel_position.y();
         let rows = top..top + index.pixel_size.height();
+        let exact = self.options.exact;
         match self.options.compression {
             Compression::Zip | Compression::Zips if cfg!(target_endian = "little") => {
                 let bytes = &mut zip.raw;
-                dispatch(isa, Fill { bytes, film: self.film, sources, rows });
+                dispatch(isa, Fill { bytes, film: self.film, sources, rows, exact });
                 let block = CompressedScanLineBlock {
                     y_coordinate: header.own_attributes.layer_position.y() + top as i32,
                     compressed_pixels_le: zip.compress(isa),
@@ -118,7 +119,7 @@ impl Blocks<'_> {
             }
             _ => {
                 let mut data = Vec::new();
-                dispatch(isa, Fill { bytes: &mut data, film: self.film, sources, rows });
+                dispatch(isa, Fill { bytes: &mut data, film: self.film, sources, rows, exact });
                 UncompressedBlock { index: *index, data }.compress_to_chunk(self.headers)
             }
         }

@@ -37,6 +37,11 @@ impl Compression {
             Self::Dwaa => "dwaa",
         }
     }
+
+    /// Returns true if the method changes values.
+    pub fn is_lossy(self) -> bool {
+        self == Self::Dwaa
+    }
 }
 
 /// The camera in OpenEXR's convention: row vectors times matrices.
@@ -77,6 +82,8 @@ pub struct Options<'a> {
     pub render_seconds: Option<f32>,
     /// True for 32-bit floats in place of halves.
     pub float: bool,
+    /// True if floats that are not finite keep their bits, as in the part of a picture.
+    pub exact: bool,
     /// Compression of the blocks.
     pub compression: Compression,
     /// True for one part of the file per layer.

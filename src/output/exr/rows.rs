@@ -21,6 +21,8 @@ pub struct Fill<'a, 'b> {
     pub film: &'a Film,
     pub sources: &'a [ValueSource<'a>],
     pub rows: Range<usize>,
+    /// True if floats keep all bits.
+    pub exact: bool,
 }
 
 impl Kernel for Fill<'_, '_> {
@@ -28,7 +30,7 @@ impl Kernel for Fill<'_, '_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { bytes, film, sources, rows } = self;
+        let Self { bytes, film, sources, rows, exact } = self;
         let width = film.window.width() as usize;
         let stride = film.planes.channels.len();
         let row_bytes = width * sources.iter().map(|source| size(source.kind)).sum::<usize>();
@@ -65,7 +67,7 @@ impl Kernel for Fill<'_, '_> {
                             }
                         }
                     }
-                    store(source.kind, &mut floats[..count], to);
+                    store(source.kind, exact, &mut floats[..count], to);
                 }
             }
         }
@@ -78,12 +80,14 @@ fn size(kind: ChannelKind) -> usize {
     if kind == ChannelKind::Half { 2 } else { 4 }
 }
 
-/// Writes at most [`BATCH`] values in the type of the file.
+/// Writes at most [`BATCH`] values in the type of the file. Only with `exact`, floats may be NaN or
+/// infinite.
 #[inline(always)]
-fn store(kind: ChannelKind, floats: &mut [f32], to: &mut [u8]) {
+fn store(kind: ChannelKind, exact: bool, floats: &mut [f32], to: &mut [u8]) {
     if kind != ChannelKind::Half {
         for (to, float) in to.chunks_exact_mut(4).zip(floats) {
-            to.copy_from_slice(&finite(*float).to_ne_bytes());
+            let value = if exact { *float } else { finite(*float) };
+            to.copy_from_slice(&value.to_ne_bytes());
         }
         return;
     }

@@ -1,8 +1,6 @@
 //! Checks calibrated cameras. The pose must be a rotation and a translation, the intrinsics must
 //! belong to the frame, and the distortion must not fold inside the frame.
 
-use std::sync::Arc;
-
 use glam::{DMat3, DVec3};
 
 use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
@@ -45,8 +43,8 @@ impl Check<'_, '_> {
         if !sized {
             return None;
         }
-        match Inverse::new(calibration, distortion, [camera.width, camera.height]) {
-            Ok(inverse) => Some(Projection::Distorted(calibration, distortion, Arc::new(inverse))),
+        match Inverse::shared(calibration, distortion, [camera.width, camera.height]) {
+            Ok(inverse) => Some(Projection::Distorted(calibration, distortion, inverse)),
             Err(fold) => {
                 let key = distortion.culprit(fold.radius).map(|key| format!("/{key}"));
                 let pointer = format!("/camera/distortion{}", key.unwrap_or_default());

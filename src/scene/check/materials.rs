@@ -19,6 +19,11 @@ pub(super) struct Materials {
     names: BTreeMap<String, (usize, bool)>,
 }
 
+/// Returns the warning about a material of the scene file that no shape uses.
+pub fn unused_material(name: &str) -> String {
+    format!("found the material {name:?}, which no shape uses")
+}
+
 impl Check<'_, '_> {
     /// Checks `/scene/materials` and makes the named materials.
     pub(super) fn named_materials(&mut self) -> Materials {
@@ -43,7 +48,7 @@ impl Check<'_, '_> {
     pub(super) fn unused(&mut self, materials: &Materials) {
         for (name, (_, used)) in &materials.names {
             if !used {
-                let message = format!("found the material {name:?}, which no shape uses");
+                let message = unused_material(name);
                 self.problems.warn(&join("/scene/materials", name), message, None);
             }
         }

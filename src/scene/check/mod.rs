@@ -17,6 +17,7 @@ mod overview;
 mod shapes;
 
 pub use self::camera::MAX_PIXELS;
+pub use self::materials::unused_material;
 pub use files::{CONVERT, IN_MEMORY, begins_as_ply, near_file};
 
 use std::path::Path;

@@ -393,3 +393,24 @@ fn shapes_outside_of_the_view_are_told() {
         }
     }
 }
+
+/// Rays from the edge of a lens reach points beside the frustum of its middle.
+#[test]
+fn a_thin_lens_sees_beside_its_frustum() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("p.ply"), crate::support::program::PYRAMID).unwrap();
+    for (center, outside) in [([0.7, 0.0, -1.0], false), ([0.7, 0.0, 1.0], true)] {
+        let scene = json!({
+            "camera": { "type": "thinlens", "width": 32, "height": 32, "fov": 10, "aperture": 2,
+                        "focaldistance": 10, "position": [0, 0, 0], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "shapes": [{ "type": "trimesh", "path": "p.ply", "fit": 0.2,
+                                    "center": center, "material": {} }] } });
+        let text = scene.to_string();
+        let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: folder.path() };
+        let scene = scene::load(source, &[]).unwrap().scene;
+        let options = LoadOptions::default();
+        let (_, warnings) = World::load(&scene, options, &Monitor::default()).unwrap();
+        let told = warnings.iter().any(|w| w.message.contains("outside the camera's view"));
+        assert_eq!(told, outside, "{warnings:?}");
+    }
+}

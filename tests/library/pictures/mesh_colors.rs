@@ -212,3 +212,29 @@ fn faces_have_the_textures_of_their_numbers() {
     let error = error.to_string();
     assert!(error.contains("m.ply: face 1: texnumber 2 is out of range"), "{error}");
 }
+
+/// Scanners write NaN for vertices that no photograph saw.
+#[test]
+fn colours_that_are_not_finite_are_white() {
+    let names = ["float red", "float green", "float blue"];
+    for bad in [f64::NAN, f64::INFINITY, -3e20] {
+        // The upper triangle uses the fourth corner.
+        let color = |[x, y]: [f64; 2], k: usize| match (x < 0.0 && y > 0.0, k) {
+            (true, 1) => bad,
+            _ => 0.25,
+        };
+        let (film, warnings) = render(&square(&names, color, &[], |_, _| 0.0), json!({})).unwrap();
+        let [warning] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(warning.message.starts_with("1 colours are not finite"), "{warning}");
+        check(&film, |x, y| [0.25 + 0.75 * ((y - x) / 2.0).max(0.0); 3]);
+    }
+    let alpha = ["float red", "float green", "float blue", "float alpha"];
+    let color = |[x, y]: [f64; 2], k: usize| match (x < 0.0 && y > 0.0, k) {
+        (true, 3) => f64::NAN,
+        (false, 3) => 1.0,
+        _ => 0.0,
+    };
+    let (film, warnings) = render(&square(&alpha, color, &[], |_, _| 0.0), json!({})).unwrap();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    check(&film, |x, y| [((y - x) / 2.0).max(0.0); 3]);
+}

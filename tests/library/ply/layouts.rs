@@ -186,6 +186,10 @@ fn the_texture_of_most_triangles_is_used() {
             let repaired = read_ply_bytes(&bytes, "t.ply", options.repair(true)).unwrap();
             let found = repaired.textures.expect("several textures").indices;
             assert!(found.contains(&u16::MAX) && found.len() == 3);
+            let lost = numbers.iter().filter(|number| !(0.0..2.0).contains(*number)).count();
+            assert_eq!(repaired.notes.textures_repaired, lost as u64);
+            let kept = [0.0, 1.0].iter().filter(|file| numbers.contains(file)).count();
+            assert_eq!(repaired.notes.textures, kept as u64);
             // Without the file's textures, the numbers are not needed.
             let other = read_ply_bytes(&bytes, "t.ply", options.textures(false)).unwrap();
             assert!(other.textures.is_none());

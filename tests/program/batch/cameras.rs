@@ -227,6 +227,24 @@ fn ranges_resume_and_lists_of_frames_count_cameras() {
     assert!(again.contains("0 frames rendered, 3 kept"), "{again}");
 }
 
+/// The points are in a hole of the file. Nothing reads them.
+#[test]
+fn a_model_may_have_more_points_than_memory() {
+    let scratch = scratch();
+    let bytes = images_bin();
+    // The last picture has no points.
+    let (all, count) = bytes.split_at(bytes.len() - 8);
+    assert_eq!(count, 0u64.to_le_bytes());
+    let points = (1u64 << 40) / 24;
+    std::fs::write(scratch.path("binary/images.bin"), [all, &points.to_le_bytes()].concat())
+        .unwrap();
+    let file =
+        std::fs::File::options().append(true).open(scratch.path("binary/images.bin")).unwrap();
+    file.set_len(bytes.len() as u64 + 24 * points).unwrap();
+    batch(&scratch, "binary", &["-o", "out"]).good();
+    assert!(scratch.path("out/scan/a.exr").is_file());
+}
+
 #[test]
 fn bad_lists_are_refused_with_their_place() {
     let scratch = scratch();
@@ -284,6 +302,9 @@ fn bad_lists_are_refused_with_their_place() {
     text("images.txt", "7 left/c d.png", "7", &["expected the name of a picture"]);
     text("images.txt", "left/b.png", "../b.png", &["\"../b.png\"", "stays in its folder"]);
     text("images.txt", "left/b.png", "a.png", &["would both be written"]);
+
+    // Three words of a name and nine numbers look like four points.
+    text("images.txt", "1.5 2.5 -1 3 4 7", "1.5 2.5 -1 3 four 7", &["three numbers each"]);
 
     let cut = |name: &str, bytes: &[u8], parts: &[&str]| {
         std::fs::create_dir_all(scratch.path("cut")).unwrap();

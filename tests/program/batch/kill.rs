@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use crate::support::program::{PYRAMID, Scratch, names_in, send};
+use crate::support::program::{PYRAMID, Scratch, interruptible, names_in, send};
 use crate::support::random::Random;
 
 const MESHES: u32 = 50;
@@ -98,7 +98,7 @@ fn kills_at_random_moments_lose_nothing() {
 fn a_signal_stops_the_batch_and_keeps_finished_frames() {
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
         let scratch = scratch();
-        let mut command = batch(&scratch, "out");
+        let mut command = interruptible(&batch(&scratch, "out"));
         // A render of some minutes.
         command.args(["--set", "/camera/width=600", "--set", "/camera/height=400"]);
         command
@@ -111,6 +111,8 @@ fn a_signal_stops_the_batch_and_keeps_finished_frames() {
             std::thread::sleep(Duration::from_millis(20));
         }
         std::thread::sleep(Duration::from_millis(300));
+        // `timeout` signals the process and then its group, which the process is in.
+        send(signal, child.id());
         send(signal, child.id());
         let mut said = String::new();
         child.stderr.take().unwrap().read_to_string(&mut said).unwrap();

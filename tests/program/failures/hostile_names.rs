@@ -285,3 +285,21 @@ fn patterns_terminate_and_list_each_mesh_once_despite_links() {
         assert!(done.stderr().contains("matches no file"), "{pattern}: {}", done.stderr());
     }
 }
+
+#[test]
+fn a_scene_that_cannot_name_its_mesh_is_refused_before_the_render() {
+    use std::os::unix::ffi::OsStrExt;
+    let scratch = Scratch::new();
+    let folder = scratch.path("").join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("p.ply"), PYRAMID).unwrap();
+    for args in [
+        &["render", "p.ply", "--write-scene", "../s.json"][..],
+        &["crosscheck", "p.ply", "--backends", "bvh,brute", "--save", "../s.json"],
+    ] {
+        let done = Done::of(scratch.command(args).current_dir(&folder));
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains("not UTF-8"), "{}", done.stderr());
+        assert_eq!((names_in(&folder), done.stdout()), (vec!["p.ply".to_string()], String::new()));
+    }
+}

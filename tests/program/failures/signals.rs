@@ -10,7 +10,7 @@ use std::{
 };
 
 use crate::support::backends::on_both;
-use crate::support::program::{self, Scratch, names_in, send};
+use crate::support::program::{self, Scratch, interruptible, names_in, send};
 use lightpath::scene::Backend;
 
 /// A render of some minutes.
@@ -43,7 +43,8 @@ impl Drop for Running {
 /// a fast machine.
 fn started(scratch: &Scratch, file: &str, backend: &str, phase: &str) -> Running {
     let args = ["render", file, "-o", "out/x", "--progress", "json", "--backend", backend];
-    let mut child = Running(scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap());
+    let mut command = interruptible(&scratch.command(&args));
+    let mut child = Running(command.stderr(Stdio::piped()).spawn().unwrap());
     let mut line = String::new();
     let mut stderr = BufReader::new(child.0.stderr.take().unwrap());
     while stderr.read_line(&mut line).unwrap() > 0 {
@@ -106,7 +107,7 @@ fn catches(process: u32, signal: u32) -> bool {
 fn waits(scratch: &Scratch, args: &[&str], path: &str, own: Option<i32>, begun: impl Fn() -> bool) {
     for (signal, code) in [("HUP", 129), ("INT", 130), ("TERM", 143)] {
         let ended = (0..50).map(|_| {
-            let mut command = scratch.command(args);
+            let mut command = interruptible(&scratch.command(args));
             command.env("PATH", path).stdout(Stdio::null()).stderr(Stdio::piped());
             let mut child = Running(command.spawn().unwrap());
             let start = Instant::now();
@@ -159,11 +160,11 @@ fn short_commands_leave_no_file_either() {
 }
 
 #[test]
-fn a_job_of_nohup_outlives_its_terminal() {
+fn a_signal_that_the_shell_ignores_stops_nothing() {
     let _timed = crate::timed();
     let scratch = scratch();
-    let render =
-        "trap '' HUP; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 --quiet";
+    // As `nohup` does, and a script for a job that it starts with `&`.
+    let render = "trap '' HUP INT QUIT; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 16 --quiet";
     let mut command = Command::new("sh");
     command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
     let mut child = Running(command.spawn().unwrap());
@@ -172,7 +173,9 @@ fn a_job_of_nohup_outlives_its_terminal() {
         assert!(start.elapsed() < PROMPT, "it does not begin");
         std::thread::sleep(Duration::from_millis(5));
     }
-    send("HUP", child.0.id());
+    for signal in ["HUP", "INT", "QUIT"] {
+        send(signal, child.0.id());
+    }
     assert_eq!(child.0.wait().unwrap().code(), Some(0));
     assert_eq!(names_in(&scratch.path("out")), ["x.exr", "x.png"]);
 }

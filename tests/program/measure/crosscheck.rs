@@ -88,7 +88,8 @@ fn the_report_is_json_and_does_not_depend_on_threads() {
 /// Writes a file with a finding about `brute`, edited by `edit`. The finding is invented: `brute`
 /// is never wrong.
 fn saved(scratch: &Scratch, edit: impl Fn(&mut Value)) {
-    check(scratch, &["--save", "found.json"]);
+    let done = check(scratch, &["--save", "found.json"]);
+    assert_eq!(done.stdout().lines().last(), Some("found.json"));
     let mut file: Value = serde_json::from_slice(&scratch.read("found.json")).unwrap();
     file["findings"] = serde_json::json!([{
         "backend": "brute", "against": "oracle", "verdict": "leak", "mode": "coherent",

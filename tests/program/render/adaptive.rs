@@ -79,6 +79,26 @@ on_both! {
     }
 }
 
+#[test]
+fn texture_areas_are_those_of_the_first_pass() {
+    let scratch = Scratch::new();
+    let checks = |x: u32, y: u32| image::Luma([if (x + y).is_multiple_of(2) { 255u8 } else { 0 }]);
+    image::GrayImage::from_fn(512, 512, checks).save(scratch.path("t.png")).unwrap();
+    scratch.write(
+        "s.json",
+        r#"{ "camera": { "type": "pinhole", "width": 48, "height": 32, "fov": 40,
+                         "position": [0, 1, 4], "target": [0, 0, 0], "up": [0, 1, 0] },
+             "scene": { "ambient": [1, 1, 1], "shapes": [
+               { "type": "plane", "v0": [-6, 0, 6], "v1": [6, 0, 6], "v2": [6, 0, -6], "v3": [-6, 0, -6],
+                 "material": { "kd": 0, "ka": 1, "tPath": "t.png", "filter": "trilinear" } }] } }"#,
+    );
+    render(&scratch, "go", &["--spp", "16"]);
+    let flags = ["--spp", "16", "--noise", "1", "--max-spp", "4096"];
+    let stats = render(&scratch, "passes", &flags);
+    assert_eq!(stats["samples"]["most"], 16, "no pixel is that noisy");
+    assert!(pixels(&scratch, "go") == pixels(&scratch, "passes"));
+}
+
 on_both! {
     fn the_same_bytes_for_any_threads_and_as_a_crop(backend: Backend) {
         let scratch = Scratch::with(SCENE);

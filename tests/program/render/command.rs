@@ -190,36 +190,6 @@ fn a_mesh_alone_is_framed_and_its_scene_can_be_saved() {
     assert!(scratch.read("p.png") == scratch.read("third.png"));
 }
 
-#[cfg(unix)]
-#[test]
-fn a_signal_leaves_nothing() {
-    use std::{process::Stdio, time::Duration};
-    let scratch = Scratch::new();
-    scratch.write("s.json", SCENE);
-    for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let args =
-            ["render", "s.json", "--size", "2000x2000", "--spp", "64", "--light-samples", "16"];
-        let mut child = scratch.command(&args).stderr(Stdio::piped()).spawn().unwrap();
-        // The part files exist before the first ray.
-        let parts = |names: Vec<String>| names.iter().filter(|n| n.ends_with(".part")).count();
-        for _ in 0..600 {
-            if parts(scratch.names()) == 2 || child.try_wait().unwrap().is_some() {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        std::thread::sleep(Duration::from_millis(300));
-        if child.try_wait().unwrap().is_none() {
-            program::send(signal, child.id());
-        }
-        let done = child.wait_with_output().unwrap();
-        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(scratch.names(), ["s.json"], "{stderr}");
-        assert_eq!(done.status.code(), Some(code), "{stderr}");
-        assert!(stderr.contains("stopped by a signal"), "{stderr}");
-    }
-}
-
 #[test]
 fn inputs_and_outputs_are_never_overwritten() {
     let scratch = Scratch::new();

@@ -139,6 +139,21 @@ fn non_finite_values_are_reported_and_fail_with_strict() {
     assert!(done.stderr().contains("--strict"), "{}", done.stderr());
     assert_eq!(scratch.names(), ["s.json", "x.exr", "x.png"]);
 
+    // Parts keep these values for `merge`.
+    let tiles = ["1/2", "2/2"].map(|tile| {
+        let name = format!("{}.exr", &tile[..1]);
+        let done = scratch.run(&[&flags[..6], &["-o", &name, "--tile", tile]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        name
+    });
+    scratch.run(&[&flags[..6], &["-o", "whole"]].concat()).good();
+    let done = scratch.run(&["merge", &tiles[0], &tiles[1], "-o", "merged", "--strict"]);
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    assert!(done.stderr().contains("NaN or infinite"), "{}", done.stderr());
+    for file in ["exr", "png"] {
+        assert!(scratch.read(&format!("merged.{file}")) == scratch.read(&format!("whole.{file}")));
+    }
+
     let set = "/scene/lightsources/0/id=[1e6, 1, 1]";
     let flags = ["render", "s.json", "--set", set, "--aov", "diffuse", "-o", "x", "--strict"];
     let done = scratch.run(&flags);
@@ -147,6 +162,23 @@ fn non_finite_values_are_reported_and_fail_with_strict() {
     let done = scratch.run(&[&flags[..], &["--float"]].concat());
     assert!(!done.stderr().contains("clamped"), "{}", done.stderr());
     assert!(channels(&scratch, "x.exr").values().all(|kind| kind == "f32"));
+}
+
+#[test]
+fn a_preview_shows_its_own_layer() {
+    let scratch = scratch();
+    let render = |groups: [&str; 2], layers: &str| {
+        let set = |i: usize| format!("/scene/lightsources/{i}/group={}", groups[i]);
+        let sets = [set(0), set(1)];
+        let flags = ["--set", &sets[0], "--set", &sets[1], "--aov", "light", "-o", "x"];
+        let done = render(&scratch, &[&flags[..], &["--png-layer", layers]].concat());
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+    };
+    render(["other", "key"], "light_key");
+    let expected = scratch.read("x.light_key.png");
+    render(["key00", "key"], "light_key,light_key00");
+    assert!(scratch.read("x.light_key.png") == expected);
+    assert!(scratch.read("x.light_key00.png") != expected);
 }
 
 /// Returns the `info` of a part.
