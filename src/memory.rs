@@ -13,7 +13,7 @@ use crate::film::Window;
 use crate::layers::LayerPlan;
 use crate::mesh::{self, ReadOptions};
 use crate::output::tonemap::Depth;
-use crate::scene::{Filter, Scene, ShapeKind, Smooth};
+use crate::scene::{Backend, Filter, Scene, ShapeKind, Smooth};
 use crate::shading::{EnvironmentMap, Texture, WHOLE_TEXELS};
 use crate::units;
 use crate::world::{color_request, own_images};
@@ -143,7 +143,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
     let mut problems = Vec::new();
     // For each shape, its primitives and the bytes of its mesh: instances come after their mesh.
-    let mut meshes = Vec::with_capacity(scene.shapes.len());
+    let mut meshes: Vec<(u64, u64)> = Vec::with_capacity(scene.shapes.len());
     for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
         let mut mesh_bytes = 0u64;
         let primitives = match &shape.kind {
@@ -163,6 +163,10 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let bytes = declared.array_bytes.saturating_add(normals);
                 mesh_bytes = bytes;
                 declared.triangles
+            }
+            // `brute` has a box around every triangle of a copy.
+            ShapeKind::Instance { of, .. } if matches!(scene.backend, Backend::Brute) => {
+                meshes[*of].0
             }
             ShapeKind::Instance { .. } if scene.backend.traces_instances() => INSTANCE_PRIMITIVES,
             ShapeKind::Instance { of, .. } => {

@@ -89,7 +89,7 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     backend : str, optional
         ``"bvh"`` or ``"embree"``, which needs an Embree 4 on the system.
     settings : dict, optional
-        Other values of the scene by JSON pointer, e.g. ``{"/scene/nbounces": 4}``.
+        Other values of the scene by JSON pointer, e.g. ``{"/nbounces": 4}``.
     threads : int, optional
         Number of threads; by default one per processor.
     progress : callable, optional

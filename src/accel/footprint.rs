@@ -22,8 +22,8 @@ impl MemoryFootprint {
     pub const BVH: Self = Self::constant(28.0, 43.0);
     /// `coursework`: measured on scans, rounded up.
     pub const COURSEWORK: Self = Self::constant(136.0, 300.0);
-    /// `brute`: measured on scans, rounded up.
-    pub const BRUTE: Self = Self::constant(6.0, 80.0);
+    /// `brute`: an index and an eighth of a box with the boxes above it, rounded up.
+    pub const BRUTE: Self = Self::constant(11.0, 80.0);
 
     const fn constant(built: f64, peak: f64) -> Self {
         Self {

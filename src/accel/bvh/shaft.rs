@@ -33,6 +33,10 @@ const MARGIN: f32 = 128.0 * f32::EPSILON;
 /// 180u e max(e, f) m.
 const SIDE_MARGIN: f32 = 256.0 * f32::EPSILON;
 
+/// Extent of points, light and scene from which a query returns true: the edge functions multiply
+/// three coordinates, and f32 ends at 3e38.
+const MAX_EXTENT: f32 = 1e12;
+
 /// Returns false only if no shadow ray of a shaft hits anything.
 pub struct MayHit<'a, T> {
     pub tier: T,
@@ -280,6 +284,9 @@ impl Frustum {
             size = max(size, max(low[axis].abs(), high[axis].abs()));
             size = max(size, max(near[axis].abs(), far[axis].abs()));
             octant |= usize::from(near[axis] < low[axis]) << axis;
+        }
+        if !(max(reach, size) < MAX_EXTENT) {
+            return None;
         }
         // At least the slack of `Frustum::new`, 99u of the reach and 6u of the coordinates (u =
         // 2^-24), another 2u of the reach for the inverse, and 6u for the light's rounded points.

@@ -278,3 +278,30 @@ fn every_tier_distinguishes_a_free_light_from_a_hidden_one() {
     assert_eq!(count_empty(1.9, 4.0, 10.0), 0);
     assert_eq!(count_empty(-8.0, 8.0, 10.0), 0);
 }
+
+/// Products of three coordinates overflow from 7e12 on. The signs of some corners of the light are
+/// then NaN.
+#[test]
+fn a_shaft_of_huge_coordinates_is_not_empty_if_a_ray_hits() {
+    for scale in [1.0, 1e11, 1e13, 1e15] {
+        let at = |p: [f32; 3]| p.map(|x| x * scale);
+        let vertices = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, -1.0, 0.0]].map(at).to_vec();
+        let mesh = TriangleMesh::new(vertices, vec![[0, 1, 2]], false);
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few");
+        let tiers = Tiers::new(&geometry);
+        // The first corner lies behind the triangle's plane, the point and the last two before it.
+        let corners = [[-0.5, -1.5, 0.4], [-1.0, 2.0, 0.4], [2.0, 2.0, 0.4], [1.5, 5.5, 0.4]];
+        let (corners, point) = (corners.map(at), at([1.0, 1.0, 0.2]));
+        let mut packet = RayPacket::EMPTY;
+        let towards = [0, 1, 2].map(|axis| corners[0][axis] - point[axis]);
+        put(&mut packet.rays, 0, point, towards);
+        packet.rays.tfar[0] = 1.0;
+        let mut active = Mask::NONE;
+        active.0[0] = -1;
+        assert!(tiers.trace(&active, &packet.rays)[0].is_some(), "{scale}");
+        let origins = &packet.rays.org;
+        let leaving = [NONE; LANES];
+        let shaft = Shaft { active, origins, leaving, between: false, corners: &corners };
+        assert_eq!(tiers.reporting_empty_shaft(&shaft), 0, "{scale}");
+    }
+}
