@@ -1,10 +1,8 @@
-//! Parses the arguments, runs the command, prints its error and sets the exit code.
+//! Runs the program, and sets the exit code also where memory runs out.
 
 mod exhausted;
 
 use std::process::ExitCode;
-
-use clap::Parser;
 
 #[global_allocator]
 static ALLOCATOR: exhausted::FailureRecordingAllocator = exhausted::FailureRecordingAllocator;
@@ -16,17 +14,5 @@ fn main() -> ExitCode {
         exhausted::exit_without_signal_stack(panic);
         others(panic);
     }));
-    let arguments = match lightpath::cli::Arguments::try_parse() {
-        Ok(arguments) => arguments,
-        Err(error) => {
-            return ExitCode::from(lightpath::cli::usage(error));
-        }
-    };
-    match lightpath::cli::run(&arguments) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            lightpath::cli::note(&error.to_string());
-            ExitCode::from(error.exit_code())
-        }
-    }
+    ExitCode::from(lightpath::cli::main(&std::env::args_os().collect::<Vec<_>>(), None))
 }

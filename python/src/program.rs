@@ -1,20 +1,13 @@
 //! The command-line program.
 
-use clap::Parser;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
 use pyo3::prelude::*;
 
-/// Runs the program `lightpath` and returns its exit code. `arguments` begin with the program's
-/// name.
+/// Runs the program `lightpath` and returns its exit code. `words` are its name and its arguments.
+/// `program` is the file that other machines run.
 #[pyfunction]
-pub fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
-    py.detach(|| match lightpath::cli::Arguments::try_parse_from(arguments) {
-        Err(error) => lightpath::cli::usage(error),
-        Ok(arguments) => match lightpath::cli::run(&arguments) {
-            Ok(()) => 0,
-            Err(error) => {
-                lightpath::cli::note(&error.to_string());
-                error.exit_code()
-            }
-        },
-    })
+pub fn main(py: Python<'_>, words: Vec<OsString>, program: PathBuf) -> u8 {
+    py.detach(|| lightpath::cli::main(&words, Some(&program)))
 }

@@ -7,6 +7,13 @@ TETRAHEDRON = (
     np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int64),
 )
 
+# A PLY file.
+TRIANGLE = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+)
+
 
 def cube(half=1):
     """A cube from -half to half in 12 triangles, with outward normals."""

@@ -1,9 +1,5 @@
 """Pictures from Python."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -72,17 +68,3 @@ def test_views_are_made_one_by_one():
     views = lightpath.render_views(cube(), ({"width": w, "height": 4} for w in (4, 8)), spp=1)
     assert next(views)["RGBA"].shape == (4, 4, 4)
     assert next(views)["RGBA"].shape == (4, 8, 4)
-
-
-def test_the_program_is_there():
-    folder = os.path.dirname(os.path.dirname(lightpath.__file__))
-    environment = {**os.environ, "PYTHONPATH": folder}
-
-    def program(*arguments):
-        command = [sys.executable, "-m", "lightpath", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, env=environment)
-
-    assert lightpath.__version__ in program("--version").stdout
-    missing = program("render", "nothing.json")
-    assert missing.returncode == 2 and "nothing.json" in missing.stderr
-    assert program("rendre").returncode == 2

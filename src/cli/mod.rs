@@ -28,9 +28,7 @@ mod submit;
 mod text_file;
 mod version;
 
-pub use args::{Arguments, Command};
-pub use print::note;
-
+use std::ffi::OsString;
 use std::path::Path;
 
 use clap::Parser;
@@ -39,11 +37,31 @@ use clap::error::{ContextKind, ContextValue};
 use crate::error::{Error, Result, printable};
 use crate::memory;
 
+use args::{Arguments, Command};
+
+/// Runs the program, prints its error and returns the exit code.
+///
+/// `words` are its name and its arguments. `program` is the file that other machines run; `None`
+/// for the program of this process.
+pub fn main(words: &[OsString], program: Option<&Path>) -> u8 {
+    let arguments = match Arguments::try_parse_from(words) {
+        Ok(arguments) => arguments,
+        Err(error) => return usage(error, words),
+    };
+    match run(&arguments, words, program) {
+        Ok(()) => 0,
+        Err(error) => {
+            print::note(&error.to_string());
+            error.exit_code()
+        }
+    }
+}
+
 /// Prints help or a usage error and returns the exit code.
-pub fn usage(error: clap::Error) -> u8 {
+fn usage(error: clap::Error, words: &[OsString]) -> u8 {
     // clap repeats arguments unchanged in its message. So the arguments are parsed again, with
     // hidden characters escaped.
-    let words = std::env::args_os().map(|word| printable(&word.to_string_lossy()).into_owned());
+    let words = words.iter().map(|word| printable(&word.to_string_lossy()).into_owned());
     let shown = Arguments::try_parse_from(words).err().unwrap_or(error);
     let error = with_hint(shown);
     let _ = error.print();
@@ -68,7 +86,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 ///
 /// # Errors
 /// The errors of the command. Their kind decides the exit code.
-pub fn run(arguments: &Arguments) -> Result<()> {
+fn run(arguments: &Arguments, words: &[OsString], program: Option<&Path>) -> Result<()> {
     signals::survive_size_limit_signal();
     memory::return_large_arrays();
     if arguments.version {
@@ -83,13 +101,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Render(args)) => render::run(args),
         Some(Command::Batch(args)) => batch::run(args),
         Some(Command::Info(args)) => info::run(args),
-        Some(Command::Bench(args)) => bench::run(args),
+        Some(Command::Bench(args)) => bench::run(args, words),
         Some(Command::Crosscheck(args)) => crosscheck::run(args),
         Some(Command::Accuracy(args)) => accuracy::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Converge(args)) => converge::run(args),
         Some(Command::Merge(args)) => merge::run(args),
-        Some(Command::Submit(args)) => submit::run(args),
+        Some(Command::Submit(args)) => submit::run(args, program),
         Some(Command::Schema { of }) => about::schemas(*of),
         Some(Command::Completions { shell }) => about::completions(*shell),
         Some(Command::Man) => about::man(),

@@ -96,12 +96,13 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
 const RAYS_PER_SECOND: f64 = 5e6;
 const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 
-/// Writes the scripts, and submits them unless `--dry-run` is given.
-pub fn run(args: &SubmitArgs) -> Result<()> {
+/// Writes the scripts, and submits them unless `--dry-run` is given. `program` is the file that the
+/// tasks run; `None` for the program of this process.
+pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
     signals::end_at_once()?;
     let job = load(args)?;
-    let slurm = plan(args, &job)?;
+    let slurm = plan(args, &job, &self::program(program)?)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
         .map(|(name, text)| (folder.join(name), text));
@@ -150,7 +151,25 @@ fn load(args: &SlurmArgs) -> Result<Job> {
     })
 }
 
-fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
+/// Returns the file that the tasks run.
+///
+/// # Errors
+/// If a file was named that does not exist.
+fn program(named: Option<&Path>) -> Result<PathBuf> {
+    match named {
+        None => {
+            std::env::current_exe().map_err(|error| Error::io("lightpath".as_ref(), "find", &error))
+        }
+        Some(file) if file.is_file() => Ok(file.to_owned()),
+        Some(file) => {
+            let message = "found no such file, expected the program `lightpath` for the tasks";
+            Err(Error::invalid(file.display().to_string(), message)
+                .help("run the `lightpath` that pip installed"))
+        }
+    }
+}
+
+fn plan(args: &SlurmArgs, job: &Job, program: &Path) -> Result<Slurm> {
     let per_mesh = u64::from(job.frames());
     let frames = batch::index(job.frames(), job.inputs.len(), 0);
     let needs = Needs::of(job, args)?;
@@ -174,8 +193,6 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
         return Err(Error::invalid("--frames-per-task", message)
             .help("more frames a task, or --max-tasks if the cluster's MaxArraySize allows it"));
     }
-    let program = std::env::current_exe();
-    let program = program.map_err(|error| Error::io("lightpath".as_ref(), "find", &error))?;
     let options = args.sbatch.iter().map(|option| ("--sbatch", option));
     for (flag, option) in options.chain(args.time.iter().map(|time| ("--time", time))) {
         if option.contains(char::is_control) {
@@ -191,7 +208,7 @@ fn plan(args: &SlurmArgs, job: &Job) -> Result<Slurm> {
     let safe = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     Ok(Slurm {
         name: format!("lightpath-{}", stem.chars().map(safe).collect::<String>()),
-        program: absolute(&program)?,
+        program: absolute(program)?,
         job: absolute(&args.job)?,
         folder,
         chunks,

@@ -4,6 +4,7 @@ pub mod args;
 mod page;
 pub mod table;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -31,12 +32,12 @@ const SCENE: &str = include_str!("../../../assets/bench.json");
 /// Rays, rounds and picture size of `--quick`.
 const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 
-/// Measures every scene and writes the results.
-pub fn run(args: &BenchArgs) -> Result<()> {
+/// Measures every scene and writes the results. `words` are the program's name and its arguments.
+pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let settings = settings(args, &monitor)?;
     let then = args.baseline.as_deref().map(read_baseline).transpose()?;
-    let command = std::env::args_os().skip(1).map(|part| part.to_string_lossy().into_owned());
+    let command = words.iter().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = RunStamp { unix_seconds: unix_seconds(), command: command.collect() };
     args.outputs().refuse_overwrites(args.inputs.iter().chain(&args.baseline))?;
     check_inputs(&args.inputs)?;
