@@ -110,8 +110,9 @@ impl Scene {
     }
 
     fn closed(&self, py: Python<'_>) -> PyResult<Vec<bool>> {
-        let pool = self.pool(py)?;
-        Ok(py.detach(|| pool.install(|| self.scene.closed().to_vec())))
+        let (pool, scene) = (self.pool(py)?, &self.scene);
+        let faces = scene.meshes().iter().map(|mesh| mesh.faces().len()).sum();
+        watch::run(py, &pool, faces, None, |monitor| Ok(scene.closed(monitor)?.to_vec()))
     }
 
     fn closest<'py>(

@@ -1,5 +1,7 @@
 //! Which points lie inside the meshes.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 
 use super::batch::{first, fits};
@@ -24,10 +26,15 @@ struct Scratch {
 impl RayScene {
     /// For each mesh, whether it is closed: every edge belongs to an even number of faces. Vertices
     /// with equal coordinates count as one.
-    pub fn closed(&self) -> &[bool] {
-        self.closed.get_or_init(|| {
-            self.meshes.iter().map(|mesh| closed::is_closed(mesh.as_ref())).collect()
+    ///
+    /// # Errors
+    /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
+    pub fn closed(&self, monitor: &Monitor) -> Result<&[bool]> {
+        known(&self.closed, || {
+            let meshes = self.meshes.iter();
+            meshes.map(|mesh| closed::is_closed(mesh.as_ref(), monitor)).collect()
         })
+        .map(Vec::as_slice)
     }
 
     /// Returns whether each point lies inside a mesh or on its surface.
@@ -43,15 +50,21 @@ impl RayScene {
     pub fn contains(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<bool>> {
         check_points(points)?;
         let bvh = self.bvh()?;
-        let (closed, mut inside) =
-            (self.closed(), reserve::filled(false, points.len(), "contains")?);
-        let is_open = closed.contains(&false);
+        let mut inside = reserve::filled(false, points.len(), "contains")?;
+        let closed = self.closed(monitor)?;
+        let corners =
+            |primitive: u32| (!closed[self.place(primitive).0]).then(|| self.corners(primitive));
+        let open = match closed.contains(&false) {
+            true => Some(known(&self.dipoles, || bvh.dipoles(&corners, monitor))?),
+            false => None,
+        };
+        let winding = |dipoles, point| bvh.winding(dipoles, point, &corners);
         progress::fill(&mut inside, monitor, |start, inside| {
             let mut scratch = Scratch::default();
             for (i, inside) in inside.iter_mut().enumerate() {
                 let point = points[start + i];
                 *inside = self.in_closed(&bvh, point, closed, &mut scratch)
-                    || is_open && self.winding_of_open(&bvh, point.into()).abs() >= 0.5;
+                    || open.is_some_and(|open| winding(open, point.into()).abs() >= 0.5);
             }
             Ok(())
         })?;
@@ -68,7 +81,7 @@ impl RayScene {
         let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
         let corners = |primitive: u32| Some(self.corners(primitive));
         let bvh = self.bvh()?;
-        let dipoles = bvh.dipoles(&corners);
+        let dipoles = bvh.dipoles(&corners, monitor)?;
         progress::fill(&mut winding, monitor, |start, winding| {
             for (i, winding) in winding.iter_mut().enumerate() {
                 *winding = bvh.winding(&dipoles, points[start + i].into(), &corners);
@@ -127,14 +140,18 @@ impl RayScene {
         }
         odd.iter().any(|&mesh| closed[mesh])
     }
+}
 
-    fn winding_of_open(&self, bvh: &Bvh, point: DVec3) -> f64 {
-        let corners = |primitive: u32| {
-            (!self.closed()[self.place(primitive).0]).then(|| self.corners(primitive))
-        };
-        let dipoles = self.dipoles.get_or_init(|| bvh.dipoles(&corners));
-        bvh.winding(dipoles, point, &corners)
+/// Returns the value of a cell, which `compute` makes if the cell is empty.
+///
+/// The cell is not locked meanwhile. A thread of a pool that waits for others may begin another
+/// query, which would wait for the cell forever.
+fn known<T>(cell: &OnceLock<T>, compute: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(value) = cell.get() {
+        return Ok(value);
     }
+    let value = compute()?;
+    Ok(cell.get_or_init(|| value))
 }
 
 /// Checks that all points are finite and their coordinates at most 1e18.

@@ -11,6 +11,9 @@ use glam::DVec3;
 
 use super::node::{Child, ChildKind, WIDTH};
 use super::tree::Bvh;
+use crate::error::Result;
+use crate::monitor::Monitor;
+use crate::reserve;
 
 /// Distance of a node or leaf, in units of its radius, beyond which it counts as a dipole.
 const FAR: f64 = 2.0;
@@ -43,19 +46,24 @@ pub type Corners<'a> = &'a (dyn Fn(u32) -> Option<[DVec3; 3]> + Sync);
 
 impl Bvh<'_> {
     /// Computes the dipoles of all nodes and leaves.
-    pub fn dipoles(&self, corners: Corners) -> Dipoles {
+    ///
+    /// # Errors
+    /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
+    pub fn dipoles(&self, corners: Corners, monitor: &Monitor) -> Result<Dipoles> {
+        let filled = |count| reserve::filled(Dipole::default(), count, "winding number");
         let mut dipoles = Dipoles {
-            nodes: vec![Dipole::default(); self.tree.nodes.len()],
-            blocks: vec![Dipole::default(); self.tree.blocks.len()],
+            nodes: filled(self.tree.nodes.len())?,
+            blocks: filled(self.tree.blocks.len())?,
         };
         for (dipole, block) in dipoles.blocks.iter_mut().zip(&self.tree.blocks) {
+            monitor.check()?;
             let used = (0..WIDTH).filter(|i| block.present >> i & 1 != 0);
             let indices = self.tree.indices();
             let all: Vec<_> = used.filter_map(|i| corners(indices.of(block, i))).collect();
             *dipole = Dipole::of_triangles(&all);
         }
         self.dipole_of(Child::node(0), &mut dipoles);
-        dipoles
+        Ok(dipoles)
     }
 
     /// Computes the dipoles of a child and of all nodes below it. Returns the dipole of the child.

@@ -1,10 +1,14 @@
 //! `RayScene` compared with the renderer, and with closed forms where rays and points lie exactly
 //! on vertices and edges. The Python tests compare it with an oracle in integers.
 
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
 use lightpath::{
     ErrorKind, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
     RayBatch, RayScene,
 };
+use rayon::prelude::*;
 
 /// A bumpy ball: a cube whose faces are grids of `n` squares, moved to a sphere of radii 0.7 to 1.
 fn ball(n: i32, middle: [f64; 3]) -> Mesh {
@@ -213,5 +217,46 @@ fn embree_finds_the_same_hits_and_refuses_all_other_queries() {
         embree.winding_number(&origins, &monitor).unwrap_err().kind,
     ];
     assert_eq!(kinds, [ErrorKind::Unsupported; 6]);
-    assert_eq!(embree.closed(), bvh.closed());
+    assert_eq!(embree.closed(&monitor), bvh.closed(&monitor));
+}
+
+/// While a query waits for tasks of its own, its thread may begin another query.
+#[test]
+fn queries_on_a_new_scene_do_not_wait_for_each_other() {
+    let (answered, waiting) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
+        let whole = ball(40, [0.0; 3]);
+        let mut open = whole.clone();
+        open.triangles.pop();
+        for mesh in [whole, open] {
+            let (scene, monitor) = (scene(mesh), Monitor::default());
+            let inside = |_| scene.contains(&[[0.0; 3], [2.0; 3]], &monitor).expect("answers");
+            let all: Vec<_> = pool.install(|| (0..64).into_par_iter().map(inside).collect());
+            answered.send(all).expect("a receiver");
+        }
+    });
+    for _ in 0..2 {
+        let answers = waiting.recv_timeout(Duration::from_secs(60)).expect("no deadlock");
+        assert_eq!(answers, vec![[true, false]; 64]);
+    }
+}
+
+#[test]
+fn a_stopped_monitor_ends_queries_and_what_they_prepare() {
+    let (monitor, points) = (Monitor::default(), [[0.0; 3]]);
+    let mut open = ball(4, [0.0; 3]);
+    open.triangles.pop();
+    let scene = scene(open);
+    monitor.signal.store(2, Relaxed);
+    let errors = [
+        scene.closed(&monitor).unwrap_err(),
+        scene.contains(&points, &monitor).unwrap_err(),
+        scene.winding_number(&points, &monitor).unwrap_err(),
+    ];
+    assert_eq!(errors.map(|error| error.kind), [ErrorKind::Interrupted(2); 3]);
+    // Nothing half-made was kept.
+    let monitor = Monitor::default();
+    assert_eq!(scene.closed(&monitor), Ok(&[false][..]));
+    assert_eq!(scene.contains(&points, &monitor), Ok(vec![true]));
 }
