@@ -180,7 +180,8 @@ class RayScene:
         threads, backend, progress
             As for `RayScene`.
         """
-        return cls(*read_mesh(path), threads=threads, backend=backend, progress=progress)
+        arrays = read_mesh(path, _convert.threads(threads))
+        return cls(*arrays, threads=threads, backend=backend, progress=progress)
 
     @classmethod
     def from_trimesh(cls, mesh, *, threads=None, backend="bvh", progress=None):

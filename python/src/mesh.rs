@@ -1,11 +1,11 @@
 //! Meshes whose vertices and faces stay in the memory of numpy arrays.
 
-use lightpath::{Faces, Mesh, MeshArrays, Positions, Vertices};
+use lightpath::{Faces, Mesh, MeshArrays, Monitor, Positions, Vertices};
 use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::{arrays, errors};
+use crate::{arrays, pools, watch};
 
 /// The rows of a numpy array, and a reference that keeps the array alive.
 struct Rows<T> {
@@ -125,8 +125,11 @@ impl MeshArrays for NumpyMesh {
 pub fn read_mesh<'py>(
     py: Python<'py>,
     path: std::path::PathBuf,
+    threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let mesh = py.detach(|| Mesh::read(&path)).map_err(|error| errors::to_python(py, error))?;
+    let pool = pools::pool(py, threads)?;
+    let read = |monitor: &Monitor| Mesh::read_watched(&path, monitor);
+    let mesh = watch::run(py, &pool, usize::MAX, None, read)?;
     let vertices = match mesh.positions {
         Positions::F32(all) => arrays::table(py, all)?,
         Positions::F64(all) => arrays::table(py, all)?,

@@ -1,5 +1,6 @@
 """Answers of `RayScene`, against closed forms, integers and brute force."""
 
+import os
 import pickle
 import signal
 import subprocess
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 import lightpath
-from shapes import TETRAHEDRON, bumpy_sphere, cube, oracle_contains
+from shapes import TETRAHEDRON, TRIANGLE, bumpy_sphere, cube, oracle_contains
 
 
 def brute_force(vertices, faces, origins, directions):
@@ -382,13 +383,67 @@ def test_a_forked_process_has_its_own_threads(sphere):
     assert counts.tolist() == scene.count([0, 0, 0], [0, 0, 1]).tolist()
 
 
+def test_a_forked_process_reads_a_file(tmp_path):
+    import multiprocessing
+
+    if "fork" not in multiprocessing.get_all_start_methods():
+        pytest.skip("this system does not fork")
+    path = tmp_path / "many.ply"
+    rows = TRIANGLE.replace("face 1", "face 60000").replace("3 0 1 2\n", "3 0 1 2\n" * 60000)
+    path.write_text(rows)
+    faces = lightpath.RayScene.from_ply(path).num_faces
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert pool.apply_async(lightpath.RayScene.from_ply, (path,)).get(20).num_faces == faces
+
+
+def run_script(script, **environment):
+    script = "import sys\nsys.path[:0] = %r\n" % (sys.path,) + textwrap.dedent(script)
+    command, environment = [sys.executable, "-c", script], {**os.environ, **environment}
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs a list of threads")
+def test_a_file_is_read_by_as_many_threads_as_asked(tmp_path):
+    path = tmp_path / "one.ply"
+    path.write_text(TRIANGLE)
+    done = run_script(f"""
+        import os, lightpath
+        before = len(os.listdir("/proc/self/task"))
+        lightpath.RayScene.from_ply({str(path)!r}, threads=1)
+        print(len(os.listdir("/proc/self/task")) - before)
+    """)
+    assert done.stdout == "1\n", done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+@pytest.mark.parametrize("query", ["contains", "winding_number"])
+def test_a_lack_of_memory_is_an_exception(query):
+    # malloc returns freed arrays of 64 KiB and more at once, and the limit leaves half a MiB.
+    done = run_script(f"""
+        import resource, numpy as np, lightpath
+        n = 250
+        x, y = np.meshgrid(np.arange(n, dtype=np.float32), np.arange(n, dtype=np.float32))
+        first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+        faces = np.stack([first, first + 1, first + n, first + n, first + 1, first + n + 1], axis=1)
+        vertices = np.stack([x, y, np.sin(x)], axis=-1).reshape(-1, 3)
+        scene = lightpath.RayScene(vertices, faces.reshape(-1, 3).astype(np.uint32), threads=1)
+        scene.closest_point([[1, 2, 3]])
+        pages = int(open("/proc/self/statm").read().split()[0])
+        limit = pages * resource.getpagesize() + (1 << 19)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+        try:
+            scene.{query}([[1, 2, 3]])
+        except MemoryError as error:
+            message = str(error)
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+        print(message, scene.{query}([[1, 2, 3]]))
+    """, MALLOC_MMAP_THRESHOLD_="65536", MALLOC_ARENA_MAX="1")
+    assert done.returncode == 0 and "no memory for" in done.stdout, (done.returncode, done.stderr)
+
+
 def test_a_ply_file(tmp_path):
     path = tmp_path / "one.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    )
+    path.write_text(TRIANGLE)
     scene = lightpath.RayScene.from_ply(path)
     assert repr(scene) == "RayScene(1 mesh, 1 face)" and scene.nbytes > 0
     with pytest.raises(lightpath.Error, match="nothing.ply"):

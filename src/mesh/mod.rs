@@ -18,6 +18,7 @@ pub use ply::{
 use std::path::Path;
 
 use crate::error::Result;
+use crate::monitor::Monitor;
 
 impl Mesh {
     /// Reads a PLY file, plain or compressed with gzip or zstd, on the threads of the current rayon
@@ -28,5 +29,13 @@ impl Mesh {
     /// triangle uses a missing or non-finite vertex.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         read_ply(path.as_ref(), ReadOptions::default())
+    }
+
+    /// [`Mesh::read`] with a monitor that can stop it.
+    ///
+    /// # Errors
+    /// As [`Mesh::read`]; `Interrupted` if the monitor was stopped.
+    pub fn read_watched(path: impl AsRef<Path>, monitor: &Monitor) -> Result<Self> {
+        read_ply(path.as_ref(), ReadOptions { monitor: Some(monitor), ..ReadOptions::default() })
     }
 }
