@@ -67,7 +67,19 @@ impl LoadedScene {
     /// # Errors
     /// All problems of the scene, or else all problems of its files.
     pub fn read(path: impl AsRef<Path>, overrides: &[&str]) -> Result<Self> {
-        Self::load(Source::File(path.as_ref()), overrides, Vec::new())
+        Self::read_watched(path, overrides, &Monitor::default())
+    }
+
+    /// [`LoadedScene::read`] with a monitor that can stop it.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::read`]; `Interrupted` if the monitor was stopped.
+    pub fn read_watched(
+        path: impl AsRef<Path>,
+        overrides: &[&str],
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Self::load(Source::File(path.as_ref()), overrides, Vec::new(), monitor)
     }
 
     /// Takes a scene from its JSON text. Paths in it are relative to the working folder.
@@ -90,8 +102,21 @@ impl LoadedScene {
         overrides: &[&str],
         meshes: Vec<(&str, &str, Mesh)>,
     ) -> Result<Self> {
+        Self::with_meshes_watched(text, overrides, meshes, &Monitor::default())
+    }
+
+    /// [`LoadedScene::with_meshes`] with a monitor that can stop it.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::with_meshes`]; `Interrupted` if the monitor was stopped.
+    pub fn with_meshes_watched(
+        text: &str,
+        overrides: &[&str],
+        meshes: Vec<(&str, &str, Mesh)>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
-        Self::load(source, overrides, meshes)
+        Self::load(source, overrides, meshes, monitor)
     }
 
     /// Makes a scene of a mesh alone, in its own coordinates, for tracing rays. It has no light, so
@@ -143,12 +168,25 @@ impl LoadedScene {
     /// # Errors
     /// All problems of the overrides; a texture that cannot be read.
     pub fn in_studio(mesh: Mesh, path: impl AsRef<Path>, overrides: &[&str]) -> Result<Self> {
+        Self::in_studio_watched(mesh, path, overrides, &Monitor::default())
+    }
+
+    /// [`LoadedScene::in_studio`] with a monitor that can stop it.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::in_studio`]; `Interrupted` if the monitor was stopped.
+    pub fn in_studio_watched(
+        mesh: Mesh,
+        path: impl AsRef<Path>,
+        overrides: &[&str],
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let subject = Subject::new(path.as_ref());
         let mut user = Overrides::default();
         overrides.iter().for_each(|set| user.set(set));
         let template = Template::studio(Studio::default());
         let shown = studio::show_mesh(&subject, mesh, &template, user, None)?;
-        Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings)
+        Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings, monitor)
     }
 
     /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
@@ -170,13 +208,27 @@ impl LoadedScene {
     /// # Errors
     /// A backend that cannot run here; no memory.
     pub fn renderer(&self) -> Result<Renderer<'_>> {
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        let (geometry, monitor) = (&self.world.geometry, Monitor::default());
-        let accelerator = accel::build(geometry, self.scene.backend, &options, &monitor)?;
-        Ok(Renderer { loaded: self, accelerator, monitor })
+        self.renderer_watched(&Monitor::default())
     }
 
-    fn load(source: Source, overrides: &[&str], meshes: Vec<(&str, &str, Mesh)>) -> Result<Self> {
+    /// [`LoadedScene::renderer`] with a monitor that counts thousandths of the build and can stop
+    /// it.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::renderer`]; `Interrupted` if the monitor was stopped.
+    pub fn renderer_watched(&self, monitor: &Monitor) -> Result<Renderer<'_>> {
+        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
+        let geometry = &self.world.geometry;
+        let accelerator = accel::build(geometry, self.scene.backend, &options, monitor)?;
+        Ok(Renderer { loaded: self, accelerator })
+    }
+
+    fn load(
+        source: Source,
+        overrides: &[&str],
+        meshes: Vec<(&str, &str, Mesh)>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
         let Loaded { mut scene, mut warnings, .. } = scene::load(source, &overrides)?;
         let mut ready = Vec::new();
@@ -203,7 +255,7 @@ impl LoadedScene {
             });
             ready.push((path, mesh));
         }
-        Self::with_ready(scene, ready, warnings)
+        Self::with_ready(scene, ready, warnings, monitor)
     }
 
     /// Loads the files of a scene, except the meshes in `ready`, by the path in the scene.
@@ -211,9 +263,10 @@ impl LoadedScene {
         scene: Scene,
         ready: Vec<(PathBuf, Mesh)>,
         mut warnings: Vec<Problem>,
+        monitor: &Monitor,
     ) -> Result<Self> {
         let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (world, more) = World::load(&scene, options, &Monitor::default())?;
+        let (world, more) = World::load(&scene, options, monitor)?;
         warnings.extend(more);
         let plan = LayerPlan::new(&scene);
         Ok(Self { scene, world, plan, warnings })
@@ -277,7 +330,6 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
 pub struct Renderer<'s> {
     loaded: &'s LoadedScene,
     accelerator: Box<dyn Accelerator + 's>,
-    monitor: Monitor,
 }
 
 impl fmt::Debug for Renderer<'_> {
@@ -293,7 +345,7 @@ impl Renderer<'_> {
     /// # Errors
     /// No memory for the film.
     pub fn render(&self) -> Result<Film> {
-        self.render_watched(&self.monitor)
+        self.render_watched(&Monitor::default())
     }
 
     /// [`Renderer::render`] with a monitor that counts finished pixels and can stop the render.

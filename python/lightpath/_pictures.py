@@ -77,7 +77,7 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     ----------
     scene : str, path-like, dict, RayScene, (vertices, faces), or a mesh of trimesh or Open3D
         A scene: a file (.json), or a dict with the members of the scene format. Or a mesh or mesh
-        file (.ply), which is shown in the built-in studio.
+        file (.ply), which is shown in the built-in studio. Faces that repeat a vertex are left out.
     meshes : dict, optional
         Meshes in world space for a scene as a dict: name -> (material, vertices, faces).
     camera : dict, optional

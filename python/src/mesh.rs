@@ -80,26 +80,6 @@ impl NumpyMesh {
         };
         Ok(Self { vertices, faces })
     }
-
-    /// Copies the arrays to a mesh of the library.
-    ///
-    /// # Errors
-    /// The errors of [`Mesh::new`].
-    pub fn to_mesh(&self) -> lightpath::Result<Mesh> {
-        let positions = match self.vertices() {
-            Vertices::F32(all) => Positions::F32(all.to_vec()),
-            Vertices::F64(all) => Positions::F64(all.to_vec()),
-        };
-        // An index that does not fit becomes `u32::MAX`, which `Mesh::new` reports as out of range.
-        let narrow = |v: i128| u32::try_from(v).unwrap_or(u32::MAX);
-        let triangles = match self.faces() {
-            Faces::U32(all) => all.to_vec(),
-            Faces::I32(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
-            Faces::U64(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
-            Faces::I64(all) => all.iter().map(|f| f.map(|v| narrow(v.into()))).collect(),
-        };
-        Mesh::new(positions, triangles)
-    }
 }
 
 impl MeshArrays for NumpyMesh {

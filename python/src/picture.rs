@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lightpath::{ChannelKind, Film, LoadedScene, Mesh, PictureWriter};
+use lightpath::{ChannelKind, Film, LoadedScene, Mesh, MeshArrays, Monitor, PictureWriter};
+use lightpath::scene::IN_MEMORY;
 use pyo3::prelude::*;
 
 use crate::arrays::column;
@@ -39,15 +40,11 @@ pub fn render(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Picture> {
     let pool = pools::pool(py, threads)?;
-    let source = Source::new(subject).map_err(|error| match error {
-        Unfit::Library(error) => errors::to_python(py, error),
-        Unfit::Python(error) => error,
-    })?;
+    let source = Source::new(subject)?;
     watch::run(py, &pool, usize::MAX, progress, |monitor| {
         let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
-        let loaded = Arc::new(source.load(&overrides)?);
-        monitor.check()?;
-        let renderer = loaded.renderer()?;
+        let loaded = Arc::new(source.load(&overrides, monitor)?);
+        let renderer = loaded.renderer_watched(monitor)?;
         let film = renderer.render_watched(monitor)?;
         let writer = renderer.writer();
         Ok(Picture { loaded: Arc::clone(&loaded), film, writer })
@@ -55,48 +52,46 @@ pub fn render(
 }
 
 enum Source {
-    Text(String, Vec<(String, String, Mesh)>),
-    Studio(Box<Mesh>),
+    Text(String, Vec<(String, String, NumpyMesh)>),
+    Studio(NumpyMesh),
     File(PathBuf),
 }
 
-enum Unfit {
-    Library(lightpath::Error),
-    Python(PyErr),
-}
-
 impl Source {
-    fn new(subject: Subject<'_>) -> Result<Self, Unfit> {
-        let mesh = |vertices: &Bound<'_, PyAny>, faces: &Bound<'_, PyAny>| {
-            let arrays = NumpyMesh::new(vertices, faces).map_err(Unfit::Python)?;
-            arrays.to_mesh().map_err(Unfit::Library)
-        };
+    fn new(subject: Subject<'_>) -> PyResult<Self> {
         match subject {
             Subject::File(path) => Ok(Self::File(path)),
-            Subject::Mesh(vertices, faces) => Ok(Self::Studio(Box::new(mesh(&vertices, &faces)?))),
+            Subject::Mesh(vertices, faces) => Ok(Self::Studio(NumpyMesh::new(&vertices, &faces)?)),
             Subject::Text(text, meshes) => {
                 let mut ready = Vec::new();
                 for (name, material, vertices, faces) in meshes {
-                    ready.push((name, material, mesh(&vertices, &faces)?));
+                    ready.push((name, material, NumpyMesh::new(&vertices, &faces)?));
                 }
                 Ok(Self::Text(text, ready))
             }
         }
     }
 
-    fn load(self, overrides: &[&str]) -> lightpath::Result<LoadedScene> {
+    fn load(self, overrides: &[&str], monitor: &Monitor) -> lightpath::Result<LoadedScene> {
         match self {
             Self::Text(text, meshes) => {
-                let meshes = meshes.iter().map(|(n, m, mesh)| (&n[..], &m[..], mesh.clone()));
-                LoadedScene::with_meshes(&text, overrides, meshes.collect())
+                let mut ready = Vec::new();
+                for (name, material, arrays) in &meshes {
+                    ready.push((&name[..], &material[..], arrays.to_mesh(&format!("{name}: "))?));
+                }
+                LoadedScene::with_meshes_watched(&text, overrides, ready, monitor)
             }
-            Self::Studio(mesh) => LoadedScene::of_mesh_in_studio(*mesh, overrides),
+            Self::Studio(arrays) => {
+                let mesh = arrays.to_mesh("")?;
+                LoadedScene::in_studio_watched(mesh, IN_MEMORY, overrides, monitor)
+            }
             Self::File(path) => {
                 let is_scene = path.extension().is_some_and(|end| end == "json");
                 if is_scene {
-                    return LoadedScene::read(path, overrides);
+                    return LoadedScene::read_watched(path, overrides, monitor);
                 }
-                LoadedScene::in_studio(Mesh::read(&path)?, &path, overrides)
+                let mesh = Mesh::read_watched(&path, monitor)?;
+                LoadedScene::in_studio_watched(mesh, &path, overrides, monitor)
             }
         }
     }

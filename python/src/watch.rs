@@ -18,7 +18,7 @@ const PERIOD: Duration = Duration::from_millis(50);
 const FEW: usize = 1 << 14;
 
 /// Runs `work`, which has about `items` items, in `pool`. Calls `progress(done, total)` every
-/// [`PERIOD`], and once more after success.
+/// [`PERIOD`], and once more after success, but not while the total is 0.
 ///
 /// # Errors
 /// The error of `work`, or the exception that the callback or a signal handler raises. The
@@ -76,5 +76,8 @@ pub fn run<T: Send>(
 fn report(progress: Option<&Bound<'_, PyAny>>, monitor: &Monitor) -> PyResult<()> {
     let Some(progress) = progress else { return Ok(()) };
     let (done, total) = (monitor.done.load(Relaxed), monitor.total.load(Relaxed));
+    if total == 0 {
+        return Ok(());
+    }
     progress.call1((done.min(total), total)).map(drop)
 }

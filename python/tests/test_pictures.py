@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lightpath
-from shapes import cube
+from shapes import bumpy_sphere, cube
 
 SCENE = {
     "spp": 1,
@@ -45,8 +45,29 @@ def test_all_problems_of_a_scene_are_listed():
         lightpath.render(3)
     with pytest.raises(ValueError, match="meshes: expected only"):
         lightpath.render(cube(), meshes={})
-    with pytest.raises(ValueError, match="triangle 0"):
+    with pytest.raises(ValueError, match=r"^faces\[0, 1\]: found vertex 9, expected 0 to 7"):
         lightpath.render((cube()[0], cube()[1] + 7))
+    with pytest.raises(ValueError, match=r"^box: faces\[0, 0\]: found vertex -1, expected 0 to 7"):
+        lightpath.render(SCENE, meshes={"box": ("clay", cube()[0], cube()[1] - 1)})
+
+
+def test_a_face_that_repeats_a_vertex_is_left_out():
+    vertices, faces = cube()
+    more = np.concatenate([[[0, 0, 1]], faces])
+    options = {"camera": {"width": 16, "height": 16}, "spp": 1}
+    pictures = [lightpath.render(mesh, **options)["RGBA"] for mesh in ((vertices, faces), (vertices, more))]
+    assert (pictures[0] == pictures[1]).all()
+    assert lightpath.RayScene(vertices, more)._repr_png_()[:4] == b"\x89PNG"
+    with pytest.raises(lightpath.Error, match="found no face of three different vertices"):
+        lightpath.render((vertices, more[:1]))
+
+
+def test_progress_has_a_total():
+    steps = []
+    mesh = bumpy_sphere(6)
+    options = {"camera": {"width": 32, "height": 32}, "spp": 1}
+    lightpath.render(mesh, progress=lambda done, total: steps.append((done, total)), **options)
+    assert steps[-1] == (1024, 1024) and all(total > 0 for _, total in steps)
 
 
 def test_files(tmp_path):
@@ -68,3 +89,5 @@ def test_views_are_made_one_by_one():
     views = lightpath.render_views(cube(), ({"width": w, "height": 4} for w in (4, 8)), spp=1)
     assert next(views)["RGBA"].shape == (4, 4, 4)
     assert next(views)["RGBA"].shape == (4, 8, 4)
+
+

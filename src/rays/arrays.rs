@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Positions};
+use crate::reserve;
 use crate::simd::prefetch;
 
 /// Largest magnitude of a coordinate.
@@ -139,6 +140,48 @@ pub trait MeshArrays: Send + Sync {
     fn vertices(&self) -> Vertices<'_>;
     /// Vertex indices of the faces.
     fn faces(&self) -> Faces<'_>;
+
+    /// Copies the arrays to a mesh, without the faces that repeat a vertex. `place` begins the
+    /// places of errors.
+    ///
+    /// # Errors
+    /// - `Invalid`: no face of three different vertices, an index out of range, or a vertex of a
+    ///   face that is not finite or beyond 1e18.
+    /// - `Retry`: there is too little memory.
+    fn to_mesh(&self, place: &str) -> Result<Mesh>
+    where
+        Self: Sized,
+    {
+        check(self, place)?;
+        let positions = match self.vertices() {
+            Vertices::F32(all) => Positions::F32(copy(all)?),
+            Vertices::F64(all) => Positions::F64(copy(all)?),
+        };
+        let faces = self.faces();
+        let mut triangles = Vec::new();
+        reserve::exact(&mut triangles, faces.len(), "faces")?;
+        // The caller's arrays may have changed since they were checked. `Mesh::new` refuses
+        // `u32::MAX`.
+        let narrow =
+            |index: Option<u64>| index.map_or(u32::MAX, |v| v.try_into().unwrap_or(u32::MAX));
+        let all = (0..faces.len()).map(|i| faces.get(i).map(narrow));
+        triangles.extend(all.filter(|[a, b, c]| a != b && b != c && c != a));
+        if triangles.is_empty() {
+            let message = "found no face of three different vertices, expected at least one";
+            return Err(Error::invalid(format!("{place}faces"), message));
+        }
+        let dropped = (faces.len() - triangles.len()) as u64;
+        let mut mesh = Mesh::new(positions, triangles)?;
+        mesh.notes.degenerate_dropped = dropped;
+        Ok(mesh)
+    }
+}
+
+fn copy<T: Copy>(all: &[T]) -> Result<Vec<T>> {
+    let mut own = Vec::new();
+    reserve::exact(&mut own, all.len(), "vertices")?;
+    own.extend_from_slice(all);
+    Ok(own)
 }
 
 impl MeshArrays for Mesh {

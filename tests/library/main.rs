@@ -84,4 +84,5 @@ mod rays {
 mod scene {
     mod errors;
     mod fingerprint;
+    mod watched;
 }

@@ -5,8 +5,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use lightpath::{
-    ErrorKind, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
-    RayBatch, RayScene,
+    ErrorKind, Faces, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
+    RayBatch, RayScene, Vertices,
 };
 use rayon::prelude::*;
 
@@ -259,4 +259,34 @@ fn a_stopped_monitor_ends_queries_and_what_they_prepare() {
     let monitor = Monitor::default();
     assert_eq!(scene.closed(&monitor), Ok(&[false][..]));
     assert_eq!(scene.contains(&points, &monitor), Ok(vec![true]));
+}
+
+/// Arrays with signed indices.
+struct Signed(Vec<[f32; 3]>, Vec<[i64; 3]>);
+
+impl MeshArrays for Signed {
+    fn vertices(&self) -> Vertices<'_> {
+        Vertices::F32(&self.0)
+    }
+
+    fn faces(&self) -> Faces<'_> {
+        Faces::I64(&self.1)
+    }
+}
+
+#[test]
+fn arrays_become_a_mesh_without_faces_that_repeat_a_vertex() {
+    let mesh = |faces: &[[i64; 3]]| {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        Signed(corners, faces.to_vec()).to_mesh("box: ")
+    };
+    let made = mesh(&[[0, 0, 1], [0, 1, 2], [2, 1, 2]]).expect("a mesh");
+    assert_eq!((made.triangles, made.notes.degenerate_dropped), (vec![[0, 1, 2]], 2));
+    for (faces, message) in [
+        ([[0, 1, 2], [1, -1, 2]], "box: faces[1, 1]: found vertex -1, expected 0 to 2"),
+        ([[0, 1, 1], [2, 1, 2]], "box: faces: found no face of three different vertices"),
+    ] {
+        let error = mesh(&faces).unwrap_err();
+        assert!(error.to_string().contains(message), "{error}");
+    }
 }
