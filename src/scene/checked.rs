@@ -87,6 +87,24 @@ impl Scene {
         self.adaptive_shadows && self.lights.iter().any(spares)
     }
 
+    /// Number of point and area lights: those that `emitter_samples` draws from.
+    pub fn placed_lights(&self) -> usize {
+        let placed = |light: &&CheckedLight| {
+            matches!(light.kind, LightKind::Point { .. } | LightKind::Area { .. })
+        };
+        self.lights.iter().filter(placed).count()
+    }
+
+    /// Returns true if the `samples` of any light have an effect. Lights that shading points draw
+    /// have one point each, except under a shadow catcher.
+    pub fn uses_light_samples(&self) -> bool {
+        let placed = self.placed_lights();
+        let draws = self.emitter_samples.is_some_and(|samples| placed > samples as usize);
+        let drawn = |kind: &LightKind| matches!(kind, LightKind::Area { .. }) && draws;
+        let ignored = |kind: &LightKind| drawn(kind) && !self.has_catchers();
+        self.lights.iter().any(|light| light.kind.has_extent() && !ignored(&light.kind))
+    }
+
     /// Returns the images of the environments.
     pub fn maps(&self) -> impl Iterator<Item = &MapUse> {
         self.lights.iter().filter_map(|light| match &light.kind {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::scene::checked::{CheckedLight, FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
+use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
 
 use super::context::Check;
 
@@ -59,10 +59,7 @@ impl Check<'_, '_> {
             let message = "found 0 although a material has `kr` > 0; mirrors do not reflect";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
-        let placed = |light: &&CheckedLight| {
-            matches!(light.kind, LightKind::Point { .. } | LightKind::Area { .. })
-        };
-        let placed = scene.lights.iter().filter(placed).count();
+        let placed = scene.placed_lights();
         if scene.emitter_samples.is_some_and(|samples| samples as usize >= placed) {
             let message =
                 format!("found no fewer than the {placed} point and area lights; all are used");

@@ -294,6 +294,42 @@ fn a_sun_of_size_0_has_no_light_samples() {
     assert!(added(2) < 2 * added(0), "{} {}", added(0), added(2));
 }
 
+/// A drawn light has one point, whatever its number of samples.
+#[test]
+fn drawn_lights_have_no_light_samples() {
+    let scratch = scratch();
+    let start = SCENE.find("{ \"type\": \"arealight\"").unwrap();
+    let end = SCENE.find(" }],\n    \"shapes\"").unwrap() + 2;
+    let lights = |lights: &[&str]| SCENE.replace(&SCENE[start..end], &lights.join(", "));
+    let (area, sun) = (
+        &SCENE[start..end],
+        r#"{ "type": "sun", "angle": 5, "direction": [0, -1, 0], "id": [1, 1, 1] }"#,
+    );
+    scratch.write("s.json", &lights(&[area, area]));
+    scratch.write("sun.json", &lights(&[area, area, sun]));
+    let catcher = lights(&[area, area])
+        .replace("\"radius\": 0.7,", "\"radius\": 0.7, \"shadow_catcher\": true,");
+    scratch.write("catcher.json", &catcher);
+    let study = |scene: &str, draws: u32| {
+        let draws = format!("/emittersamples={draws}");
+        let flags = ["--spp", "2", "--repeats", "1", "--budget", "20", "--json", "r.json"];
+        let all = ["converge", scene, "--quiet", "--sampler", "sobol", "--set", &draws];
+        scratch.run(&[&all[..], &flags].concat()).good();
+        let points = json(&scratch, "r.json")["points"].as_array().unwrap().clone();
+        points.iter().map(|point| point["light_samples"].as_u64()).collect::<Vec<_>>()
+    };
+    let all = [Some(1), Some(4), Some(16)];
+    assert_eq!(study("s.json", 1), [None]);
+    // These lights are not drawn.
+    assert_eq!(study("s.json", 2), all);
+    assert_eq!(study("sun.json", 1), all);
+    assert_eq!(study("catcher.json", 1), all);
+    let flags = ["converge", "s.json", "--set", "/emittersamples=1", "--light-samples", "4"];
+    let done = scratch.run(&flags);
+    let message = "--light-samples: has no effect: `emittersamples` draws lights";
+    assert!(done.code() == 2 && done.stderr().contains(message), "{}", done.stderr());
+}
+
 #[test]
 fn bad_input_is_refused_before_anything_is_rendered() {
     let scratch = scratch();
