@@ -6,6 +6,7 @@
 //! - `X Y Z` are one layer of data, and so is the `Y` of a named layer.
 //! - Every other channel is a layer by itself: `A`, `Z`, `albedo.A`.
 //! - A part's name is the name of its layer if its channels have none.
+//! - A layer named `rgb`, `rgba` or `beauty` is the picture itself.
 //! - Integers and cryptomattes are ids.
 //!
 //! PNG: decoded to linear light, premultiplied by alpha.
@@ -123,7 +124,7 @@ fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<PictureLayer>> {
     Ok(layers.into_values().collect())
 }
 
-/// Returns whether a part of this name is the picture itself.
+/// Returns whether a part or layer of this name is the picture itself.
 fn is_beauty(name: &str) -> bool {
     ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
@@ -171,6 +172,16 @@ fn of_part(
             _ => format!("{own}.{prefix}"),
         };
         groups.entry(group).or_default().insert(last.to_string(), channel);
+    }
+    // `beauty.R` is the `R` of the picture itself, unless the part has an `R` without a name, too.
+    let named: Vec<_> = groups.keys().filter(|group| is_beauty(group)).cloned().collect();
+    for name in named {
+        let channels = groups.remove(&name).unwrap_or_default();
+        let itself = groups.entry(String::new()).or_default();
+        match channels.keys().any(|channel| itself.contains_key(channel)) {
+            true => drop(groups.insert(name, channels)),
+            false => itself.extend(channels),
+        }
     }
     let mut layers = Vec::new();
     for (group, mut channels) in groups {

@@ -73,10 +73,12 @@ pub fn compare(
     let both_exr = test.format == FileFormat::Exr && reference.format == FileFormat::Exr;
     let names = |p: &Picture| p.layers.iter().map(|l| l.shown().to_string()).collect::<Vec<_>>();
     let (own, other) = (names(&test), names(&reference));
-    let missing = |a: &[String], b: &[String]| -> Vec<String> {
-        a.iter().filter(|name| !b.contains(name)).cloned().collect()
+    let missing = |a: &Picture, b: &Picture| {
+        let known = |name: &str| b.layers.iter().any(|layer| layer.name == name);
+        let alone = a.layers.iter().filter(|layer| !known(&layer.name));
+        alone.map(|layer| layer.shown().to_string()).collect()
     };
-    let alone = [missing(&own, &other), missing(&other, &own)];
+    let alone = [missing(&test, &reference), missing(&reference, &test)];
     let chosen = |layer: &PictureLayer| {
         settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
     };

@@ -479,3 +479,37 @@ fn parts_have_the_layers_that_one_part_has() {
     assert_eq!(meanings.collect::<Vec<_>>(), ["ids", "data", "data"]);
     assert!(layers.iter().all(|layer| metric(layer, "differ") == 0.0), "{report}");
 }
+
+#[test]
+fn a_layer_named_beauty_is_the_picture_itself() {
+    let scratch = Scratch::new();
+    two_pixels(&scratch, "plain.exr", [1.0, 0.5, 0.0, 2.0, 2.0, 2.0]);
+    let named = |name: &str| {
+        let channel = |(c, data): &(&str, FlatSamples)| (format!("{name}.{c}"), data.clone());
+        let own: Vec<_> = light([0.5; 6]).iter().map(channel).collect();
+        own.into_iter().chain([("Z".to_string(), floats(&[1.0; 2]))])
+    };
+    let write = |file: &str, channels: &[(String, FlatSamples)]| {
+        let channels: Vec<_> = channels.iter().map(|(c, data)| (&**c, data.clone())).collect();
+        write_exr(&scratch.path(file), [2, 1], &channels);
+    };
+    let compare = |test: &str, reference: &str| {
+        let done = scratch.run(&["compare", test, reference, "--json"]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        json(&done)
+    };
+    for name in ["beauty", "rgb", "RGBA"] {
+        write("named.exr", &named(name).collect::<Vec<_>>());
+        let report = compare("named.exr", "plain.exr");
+        let layers = report["layers"].as_array().unwrap();
+        assert_eq!((layers.len(), &layers[0]["name"]), (1, &"beauty".into()));
+        assert!(metric(&layers[0], "max") == 1.5, "{report}");
+        assert_eq!(report["only_in_image"], serde_json::json!(["Z"]));
+    }
+    // Beside a picture without a name, it is a layer of its own, and only one file has it.
+    let plain = light([1.0; 6]).into_iter().map(|(c, data)| (c.to_string(), data));
+    write("both.exr", &plain.chain(named("beauty")).collect::<Vec<_>>());
+    let report = compare("both.exr", "plain.exr");
+    assert!(metric(&report["layers"][0], "max") == 1.0, "{report}");
+    assert_eq!(report["only_in_image"], serde_json::json!(["Z", "beauty"]));
+}
