@@ -74,7 +74,8 @@ pub fn read_names<'a>(
 
 /// Compares the mattes of one kind. `layers` must contain all its ranks.
 ///
-/// The result is empty if ids or coverages of the first rank are missing.
+/// The result is empty if ids or coverages of the first rank are missing. The pixels are those of
+/// `layers[0]`. A channel is 0 where it has no pixel.
 pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) -> ComparedMattes {
     let channel = |rank: usize, suffix: &str| {
         let name = format!("{kind}{rank:02}.{suffix}");
@@ -85,15 +86,20 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
         Some([channel(i / 2, id)?, channel(i / 2, coverage)?])
     };
     let pairs: Vec<[&&Compared; 2]> = (0..2 * layers.len()).map_while(pair).collect();
-    let Some([first, _]) = pairs.first() else { return ComparedMattes::default() };
+    let frame = match layers.first() {
+        Some(first) if !pairs.is_empty() => &first.test,
+        _ => return ComparedMattes::default(),
+    };
+    let count = frame.size[0] * frame.size[1];
     let mut sums: BTreeMap<u32, Matte> = BTreeMap::new();
-    let mut map = Vec::with_capacity(first.test.values.len());
+    let mut map = Vec::with_capacity(count);
     let mut here: Vec<(u32, [f32; 2])> = Vec::new();
-    for pixel in 0..first.test.values.len() {
+    for pixel in 0..count {
         here.clear();
         for [ids, coverages] in &pairs {
             let of = |layer: fn(&Compared) -> &PictureLayer| {
-                (layer(ids).values[pixel].to_bits(), layer(coverages).values[pixel])
+                let [id, coverage] = [ids, coverages].map(|c| value(layer(c), frame, pixel));
+                (id.to_bits(), coverage)
             };
             for (side, (id, coverage)) in [of(|c| &c.test), of(|c| &c.reference)].iter().enumerate()
             {
@@ -122,6 +128,17 @@ pub fn compare(kind: &str, names: &BTreeMap<u32, String>, layers: &[&Compared]) 
     let mut all: Vec<Matte> = sums.into_values().collect();
     all.sort_by(|a, b| b.differs.total_cmp(&a.differs).then_with(|| a.name.cmp(&b.name)));
     ComparedMattes { all, map }
+}
+
+/// Value of a layer of one channel at a pixel of `frame`; 0 outside the layer.
+fn value(layer: &PictureLayer, frame: &PictureLayer, pixel: usize) -> f32 {
+    let at = [pixel % frame.size[0], pixel / frame.size[0]];
+    let from = |k: usize| i64::from(frame.origin[k]) - i64::from(layer.origin[k]);
+    let [x, y] = [0, 1].map(|k| usize::try_from(at[k] as i64 + from(k)).unwrap_or(usize::MAX));
+    match x < layer.size[0] && y < layer.size[1] {
+        true => layer.values[y * layer.size[0] + x],
+        false => 0.0,
+    }
 }
 
 #[cfg(test)]

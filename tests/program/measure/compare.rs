@@ -513,3 +513,38 @@ fn a_layer_named_beauty_is_the_picture_itself() {
     assert!(metric(&report["layers"][0], "max") == 1.0, "{report}");
     assert_eq!(report["only_in_image"], serde_json::json!(["Z", "beauty"]));
 }
+
+/// Parts of one file may have different data windows.
+#[test]
+fn a_rank_of_mattes_may_be_smaller_than_the_first() {
+    let scratch = Scratch::new();
+    let text = |text: &str| Text::new_or_none(text).unwrap();
+    let part = |rank: &str, (width, x): (usize, i32), shares: [f32; 2]| {
+        let own = |c: &str, value: f32| {
+            AnyChannel::new(text(&format!("Mask{rank}.{c}")), floats(&vec![value; width]))
+        };
+        let ids = [("R", "G", 1.0, shares[0]), ("B", "A", 2.0, shares[1])];
+        let list = ids.iter().flat_map(|(id, of, n, share)| [own(id, *n), own(of, *share)]);
+        let mut attributes = LayerAttributes::named(text(&format!("Mask{rank}")));
+        attributes.layer_position.0 = x;
+        let value = AttributeValue::Text(text("Mask"));
+        attributes.other.insert(text("cryptomatte/1234567/name"), value);
+        let channels = AnyChannels::sort(list.collect());
+        Layer::new((width, 1), attributes, Encoding::SMALL_LOSSLESS, channels)
+    };
+    let write = |name: &str, shares: [f32; 2]| {
+        let image = Image::empty(ImageAttributes::with_size((4, 1)))
+            .with_layer(part("00", (4, 0), [0.5, 0.0]))
+            .with_layer(part("01", (2, 1), shares));
+        image.write().non_parallel().to_file(scratch.path(name)).unwrap();
+    };
+    write("a.exr", [0.0, 0.25]);
+    write("b.exr", [0.0, 0.5]);
+    let done = scratch.run(&["compare", "a.exr", "b.exr", "--html", "page.html"]);
+    assert_eq!(done.code(), 0, "{}", done.stderr());
+    let page = String::from_utf8(scratch.read("page.html")).unwrap();
+    assert!(page.contains("mattes differ in 2 of 4 pixels"), "{page}");
+    for pixels in ["0.50", "1.00", "2.00"] {
+        assert!(page.contains(pixels), "{pixels}: {page}");
+    }
+}
