@@ -272,6 +272,12 @@ fn directions_of_any_length_are_accepted() {
         let camera = load_value(&minimal(), &[&lookat, &up]).unwrap().scene.camera;
         assert_eq!(camera.lookat.normalize(), glam::DVec3::Y, "{length}");
         assert_eq!(camera.up.normalize(), glam::DVec3::Z, "{length}");
+        let sun = format!(
+            r#"/scene/lightsources=[{{"type":"sun","direction":[0,-{length},0],"id":[1,1,1]}}]"#
+        );
+        let lights = load_value(&minimal(), &[&sun]).unwrap().scene.lights;
+        let LightKind::Sun { towards, .. } = lights[0].kind else { unreachable!() };
+        assert_eq!(towards, glam::DVec3::Y, "{length}");
     }
 }
 

@@ -151,7 +151,7 @@ impl Check<'_, '_> {
 }
 
 /// Returns the direction unchanged, or scaled if its square would overflow or underflow f64.
-fn scaled_to_range(direction: Direction) -> DVec3 {
+pub(super) fn scaled_to_range(direction: Direction) -> DVec3 {
     let direction = DVec3::from(direction.0);
     let largest = direction.abs().max_element();
     if largest == 0.0 || (1e-100..=1e100).contains(&largest) {

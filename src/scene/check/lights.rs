@@ -6,9 +6,10 @@ use glam::DVec3;
 
 use crate::scene::checked::{CheckedLight, LightKind, MapUse};
 use crate::scene::description::{
-    AreaLight, Color, Emission, EnvironmentDescription, LightDescription, Name, Sky,
+    AreaLight, Color, Direction, Emission, EnvironmentDescription, LightDescription, Name, Sky,
 };
 
+use super::camera::scaled_to_range;
 use super::context::Check;
 use super::geometry::is_flat;
 
@@ -96,6 +97,7 @@ impl Check<'_, '_> {
             self.problems.error(pointer, message, None);
             return DVec3::Y;
         };
+        let towards = scaled_to_range(Direction(towards.to_array()));
         if towards == DVec3::ZERO {
             let message = "found a zero vector, expected a direction";
             self.problems.error(&format!("{pointer}/direction"), message, None);
