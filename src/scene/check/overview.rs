@@ -24,7 +24,7 @@ impl Check<'_, '_> {
             spheres.iter().filter(holds).map(|(i, ..)| *i)
         };
         let enclosing: Vec<usize> = around(scene.camera.position).collect();
-        for i in &enclosing {
+        for i in enclosing.iter().filter(|&&i| scene.shapes[i].visible.camera) {
             let message = format!(
                 "found the camera inside the sphere /scene/shapes/{i}; it sees only the inner side"
             );
@@ -48,7 +48,8 @@ impl Check<'_, '_> {
                     continue;
                 }
             };
-            if let Some(i) = around(point).find(|i| !enclosing.contains(i)) {
+            let shades = |i: &usize| scene.shapes[*i].visible.shadow && !enclosing.contains(i);
+            if let Some(i) = around(point).find(shades) {
                 let message = format!(
                     "found the light inside the sphere /scene/shapes/{i}, so everything outside the sphere is in its shadow"
                 );

@@ -424,6 +424,15 @@ fn warnings() {
     let light = r#"/scene/lightsources=[{"type":"pointlight","position":[0,0,0.5],"id":[1,1,1]}]"#;
     let loaded = text(with(CAMERA, sphere()).as_bytes(), &[light]).unwrap();
     says(loaded.warnings[0].to_string(), &["found the light inside the sphere"]);
+    // Rays that do not hit the sphere pass through it.
+    for (kind, warned) in [("camera", [false, true]), ("shadow", [true, false])] {
+        let hidden = format!("/scene/shapes/0/visible/{kind}=false");
+        for (set, warned) in ["/camera/position=[0,0.5,0]", light].into_iter().zip(warned) {
+            let loaded = text(with(CAMERA, sphere()).as_bytes(), &[&hidden, set]).unwrap();
+            let told = loaded.warnings.iter().any(|w| w.message.contains("inside the sphere"));
+            assert_eq!(told, warned, "{kind} {set}: {:?}", loaded.warnings);
+        }
+    }
     for (samples, warned) in [(4, true), (5, false)] {
         let lights = format!(
             r#"/scene/lightsources=[{{"type":"arealight","v0":[3,3,3],"v1":[4,3,3],"v2":[3,3,4],"id":[1,1,1],"samples":{samples}}}]"#
