@@ -72,9 +72,9 @@ struct Node {
 const BOUNDS: usize = 10;
 
 /// Bounds of the light of some lights. First the middle and radius of a sphere that holds them.
-/// Then the sum of the largest channels of their colours, as a fraction of the whole tree's. Then
-/// the cone of their normals: axis, cosine and sine. The cosine is -1 if a light shines in all
-/// directions.
+/// Then the sum of the largest absolute channels of their colours, as a fraction of the whole
+/// tree's. Then the cone of their normals: axis, cosine and sine. The cosine is -1 if a light
+/// shines in all directions.
 #[derive(Debug, Clone, Copy)]
 struct LightBounds([f32; BOUNDS]);
 
@@ -134,7 +134,8 @@ struct Item {
 
 impl Item {
     fn new(index: u32, light: &Light) -> Option<Self> {
-        let power = light.diffuse.max_element() + light.specular.max_element();
+        // A negative colour takes light away, and has to be drawn as often.
+        let power = light.diffuse.abs().max_element() + light.specular.abs().max_element();
         let (low, high, facing) = match &light.emitter {
             Emitter::Point(position) => (*position, *position, Facing::ALL),
             Emitter::Area(area) => {

@@ -90,6 +90,27 @@ fn drawn_lights_have_the_mean_of_all_lights() {
     }
 }
 
+/// Lights of negative colour take light away. Some have only one channel below 0.
+#[test]
+fn drawn_lights_may_be_negative() {
+    let mut scene = room("linear");
+    for (i, light) in scene["scene"]["lightsources"].as_array_mut().unwrap().iter_mut().enumerate()
+    {
+        match i % 5 {
+            0 => light["id"] = json!([-0.03, -0.05, -0.01]),
+            1 => light["id"] = json!([-0.2, 0.01, 0]),
+            _ => {}
+        }
+    }
+    let (all, drawn) = (means(&scene, &[]), means(&scene, &["/emittersamples=5"]));
+    let last = all.len() - 1;
+    for (i, (a, b)) in all.iter().zip(&drawn).enumerate() {
+        let error = a[1].hypot(b[1]) + 1e-5 * a[0].abs();
+        let bound = if i == last { 3.0 } else { 4.5 };
+        assert!((a[0] - b[0]).abs() <= bound * error, "{i}: {a:?} {b:?}");
+    }
+}
+
 #[test]
 fn as_many_draws_as_lights_gather_all() {
     let scene = room("linear");
