@@ -204,7 +204,7 @@ pub(super) fn load_mesh_images(
                     let texture = one(&path, None, limits.less(taken));
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
-                        warn_of_negative(&place, &path, &texture, &mut log.warnings);
+                        warn_of_texels(&place, &path, &texture, &mut log.warnings);
                         log.read.0.push((path.clone(), texture.stamp()));
                         textures.push(texture);
                         textures.len() as u32 - 1
@@ -241,15 +241,16 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
             warnings.push(Problem::new(&spec.place, message));
         }
     }
-    if texture.had_alpha() {
-        let message = format!("the alpha channel of {} is ignored", spec.path.display());
-        warnings.push(Problem::new(&spec.place, message));
-    }
-    warn_of_negative(&spec.place, &spec.path, texture, warnings);
+    warn_of_texels(&spec.place, &spec.path, texture, warnings);
 }
 
-/// Warns of texels below 0: no real surface has them, and they make radiance negative.
-fn warn_of_negative(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
+/// Warns of alpha, and of texels below 0: no real surface has them, and they make radiance
+/// negative.
+fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
+    if texture.had_alpha() {
+        let message = format!("the alpha channel of {} is ignored", path.display());
+        warnings.push(Problem::new(place, message));
+    }
     let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
     let message = format!(
         "found {} in {}, the first at ({x}, {y}); they are kept, so the surfaces they cover have \

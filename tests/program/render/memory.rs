@@ -177,6 +177,14 @@ fn the_image_of_a_mesh_is_predicted() {
     };
     let one = ply("", "");
     let two = ply("property int texnumber\n", " 0").replace("3 0 2 3\n", "3 0 2 3 1\n");
+    // Alpha is dropped, and told once for each image.
+    image::RgbaImage::new(320, 480).save(scratch.path("second.png")).unwrap();
+    scratch.write("own.ply", &two);
+    let mesh = json!([{ "type": "trimesh", "path": "own.ply", "material": {} }]);
+    scratch.write("s.json", &with_shapes(mesh));
+    let said = scratch.run(&["render", "s.json", "-o", "x"]).good().stderr();
+    assert_eq!(said.matches("the alpha channel of second.png is ignored").count(), 1, "{said}");
+    image::RgbImage::new(320, 480).save(scratch.path("second.png")).unwrap();
     for (text, images) in [(one, 3 * 640 * 480), (two, 3 * 960 * 480)] {
         scratch.write("own.ply", &text);
         let mesh = |more: Value| {
