@@ -117,10 +117,18 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     Ok(Opened { source, stamp, by_rows, bytes })
 }
 
-/// Limits on what the decoders allocate themselves. `check_size` limits the rest.
+/// Bytes that a file's metadata may take, such as colour profiles and XMP. Nobody counts them
+/// before the file is read.
+const METADATA_BYTES: u64 = 64 << 20;
+
+/// Limit in bytes on what the decoders allocate themselves. `check_size` limits the rest.
+pub(super) fn decoder_limit(max_bytes: u64) -> u64 {
+    max_bytes.saturating_add(METADATA_BYTES)
+}
+
 fn limits(max_bytes: u64) -> Limits {
     let mut limits = Limits::default();
-    limits.max_alloc = Some(max_bytes);
+    limits.max_alloc = Some(decoder_limit(max_bytes));
     limits
 }
 

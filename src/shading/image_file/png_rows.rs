@@ -6,7 +6,7 @@ use image::ImageError;
 use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
 use png::{ColorType, DecodingError as PngError};
 
-use super::header::{explain, name, open};
+use super::header::{decoder_limit, explain, name, open};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
 use crate::shading::tiles::{TileWriter, Tiles};
@@ -19,7 +19,7 @@ use crate::shading::tiles::{TileWriter, Tiles};
 pub fn read(path: &Path, tiles: Tiles, max_bytes: u64) -> Result<(Tiles, Option<Stamp>)> {
     let failed = |error| explain(path, image_error(error));
     let (file, stamp) = open(path)?;
-    let bytes = usize::try_from(max_bytes).unwrap_or(usize::MAX);
+    let bytes = usize::try_from(decoder_limit(max_bytes)).unwrap_or(usize::MAX);
     let mut decoder = png::Decoder::new_with_limits(file, png::Limits { bytes });
     decoder.set_transformations(png::Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(failed)?;

@@ -422,3 +422,18 @@ fn an_image_in_tiles_may_be_larger_than_the_memory() {
         assert_eq!(read_tiles(&path, size.decoding - 1).unwrap_err().kind, ErrorKind::Limit);
     }
 }
+
+/// The metadata of a file does not count against the memory of its pixels.
+#[test]
+fn metadata_needs_no_room_among_the_pixels() {
+    let (_folder, path) = file("text.png", b"");
+    let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 64, 64);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.add_itxt_chunk("XML:com.adobe.xmp".into(), "x".repeat(1 << 18)).unwrap();
+    encoder.write_header().unwrap().write_image_data(&[7; 3 * 64 * 64]).unwrap();
+    let needed = [u64::MAX, 0].map(|whole| super::size(&path, whole).unwrap().1.decoding);
+    assert!(needed.iter().all(|bytes| *bytes < 1 << 18), "{needed:?}");
+    assert!(read(&path, None, needed[0]).is_ok());
+    assert!(read(&path, None, needed[0] - 1).is_err());
+    assert!(read_tiles(&path, needed[0].max(needed[1])).is_ok());
+}

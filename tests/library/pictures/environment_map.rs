@@ -332,6 +332,18 @@ fn an_image_above_the_limit_of_memory_is_refused_by_its_header() {
     assert!(error.to_string().contains("--max-memory leaves") && error.exit_code() == 2, "{error}");
 }
 
+/// Editors write XMP texts of many kilobytes, more than a small image needs.
+#[test]
+fn an_image_may_have_metadata() {
+    let folder = Scratch::new();
+    let path = folder.path("sky.png");
+    let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 64, 32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.add_itxt_chunk("XML:com.adobe.xmp".into(), "x".repeat(1 << 17)).unwrap();
+    encoder.write_header().unwrap().write_image_data(&[200; 3 * 64 * 32]).unwrap();
+    load(&down(), environment(&path), &[ground()], &[]).unwrap();
+}
+
 #[test]
 fn images_that_are_no_radiance_are_refused() {
     let folder = Scratch::new();
