@@ -8,7 +8,7 @@ use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 use super::texel_filter::bilinear;
-use super::texel_image::{TexelImage, linear_rgb};
+use super::texel_image::{Part, TexelImage, linear_rgb};
 use super::tiles::{self, Band, SIDE, TileWriter, Tiles};
 use crate::error::Result;
 use crate::reserve;
@@ -37,7 +37,8 @@ enum LevelTexels {
     Words(Vec<[u16; 3]>),
     /// Words in a temporary file.
     Tiles(Arc<Tiles>),
-    Floats(Vec<[f32; 3]>),
+    /// Floats, without texels to which only texels contribute that the image leaves out.
+    Floats(Part),
 }
 
 /// The area of a texture that one sample stands for: a parallelogram with these sides, in (u, v).
@@ -60,7 +61,7 @@ impl Level {
         match &self.texels {
             LevelTexels::Words(words) => from_words(words[at]),
             LevelTexels::Tiles(tiles) => tiles.with(|cache| from_bytes(cache.texel(tiles, x, y))),
-            LevelTexels::Floats(floats) => Vec3::from(floats[at]),
+            LevelTexels::Floats(part) => part.texel(x, y),
         }
     }
 
@@ -78,23 +79,23 @@ impl Level {
         }
     }
 
-    /// Means over the texels of a larger image. `words`: all values are in [0, 1].
+    /// Means over the texels of a larger image. `part` has the columns and rows to keep as floats;
+    /// the others are black. Without it, all values are in [0, 1].
     fn halve(
         size: (u32, u32),
         texel: impl Fn(usize, usize) -> Vec3 + Sync,
-        words: bool,
+        part: Option<(Range<u32>, Range<u32>)>,
         what: &str,
     ) -> Result<Self> {
         let (width, height) = half(size);
-        let count = width as usize * height as usize;
-        let texels = if words {
-            let mut all = reserve::filled([0u16; 3], count, what)?;
-            means(size, texel, 0, to_words, &mut all);
-            LevelTexels::Words(all)
+        let texels = if let Some((columns, rows)) = part {
+            let mut all = reserve::filled([0f32; 3], columns.len() * rows.len(), what)?;
+            means(size, texel, (&columns, rows.start), |mean| mean.to_array(), &mut all);
+            LevelTexels::Floats(Part { texels: all.into_flattened(), columns, rows })
         } else {
-            let mut all = reserve::filled([0f32; 3], count, what)?;
-            means(size, texel, 0, |mean| mean.to_array(), &mut all);
-            LevelTexels::Floats(all)
+            let mut all = reserve::filled([0u16; 3], width as usize * height as usize, what)?;
+            means(size, texel, (&(0..width), 0), to_words, &mut all);
+            LevelTexels::Words(all)
         };
         Ok(Self { width, height, texels })
     }
@@ -123,7 +124,8 @@ impl Level {
             band.read(tiles, ends[0].start as usize..ends[1].end as usize, what)?;
             rows.resize((last + 1 - first) as usize * width as usize, [0; WORD_BYTES]);
             let texel = |x, y| texel(band.texel(tiles, x, y));
-            means(tiles.size(), texel, first, |mean| to_bytes(to_words(mean)), &mut rows);
+            let convert = |mean| to_bytes(to_words(mean));
+            means(tiles.size(), texel, (&(0..width), first), convert, &mut rows);
             match &mut writer {
                 Some(writer) => {
                     let mut rows = rows.chunks_exact(width as usize);
@@ -193,11 +195,40 @@ pub fn max_bytes(mut size: (u32, u32), whole: u64) -> u64 {
     bytes
 }
 
-/// Computes the rows from `first` of an image of half `size`: means of the larger image's texels.
+/// Memory of all smaller copies of an image of floats, in bytes. The image is black outside of
+/// `part`.
+pub fn float_bytes(mut size: (u32, u32), mut part: (Range<u32>, Range<u32>)) -> u64 {
+    let mut bytes = 0u64;
+    while size != (1, 1) {
+        part = half_part(size, part);
+        size = half(size);
+        let texels = (part.0.len() as u64).saturating_mul(part.1.len() as u64);
+        bytes = bytes.saturating_add(texels.saturating_mul(size_of::<[f32; 3]>() as u64));
+    }
+    bytes
+}
+
+/// Columns and rows of the next smaller copy to which the texels of a part contribute.
+fn half_part(
+    (width, height): (u32, u32),
+    (columns, rows): (Range<u32>, Range<u32>),
+) -> (Range<u32>, Range<u32>) {
+    let (w, h) = half((width, height));
+    let side = |part: Range<u32>, large: u32, small: u32| {
+        let [start, end] = [part.start, part.end].map(|at| u64::from(at) * u64::from(small));
+        // An image of no texels is refused later.
+        let large = u64::from(large.max(1));
+        (start / large) as u32..end.div_ceil(large) as u32
+    };
+    (side(columns, width, w), side(rows, height, h))
+}
+
+/// Computes rows of an image of half `size`, from the row `first`: means of the larger image's
+/// texels.
 fn means<T: Send>(
     (width, height): (u32, u32),
     texel: impl Fn(usize, usize) -> Vec3 + Sync,
-    first: u32,
+    (columns, first): (&Range<u32>, u32),
     convert: impl Fn(Vec3) -> T + Sync,
     out: &mut [T],
 ) {
@@ -212,8 +243,8 @@ fn means<T: Send>(
         sum
     };
     out.par_iter_mut().enumerate().for_each(|(i, out)| {
-        let i = i as u32;
-        *out = convert(mean(i % w, first + i / w));
+        let (row, column) = (i / columns.len(), i % columns.len());
+        *out = convert(mean(columns.start + column as u32, first + row as u32));
     });
 }
 
@@ -241,19 +272,22 @@ impl MipMap {
     /// # Errors
     /// `Retry` if the system refuses the memory.
     pub fn new(image: &TexelImage, whole: u64, what: &str) -> Result<Self> {
-        let words = image.is_stored_as_bytes();
+        let mut part = (!image.is_stored_as_bytes()).then(|| image.stored_part());
         let mut levels: Vec<Level> = Vec::new();
         let mut size = image.size();
         while size != (1, 1) {
+            part = part.map(|part| half_part(size, part));
             let next = match (levels.last(), image.tiles()) {
                 (None, Some((tiles, linear))) => {
                     Level::halve_tiles(tiles, |rgb| linear_rgb(rgb, linear), whole, what)
                 }
-                (None, None) => Level::halve(size, |x, y| image.texel(x, y), words, what),
+                (None, None) => Level::halve(size, |x, y| image.texel(x, y), part.clone(), what),
                 (Some(Level { texels: LevelTexels::Tiles(tiles), .. }), _) => {
                     Level::halve_tiles(tiles, from_bytes, whole, what)
                 }
-                (Some(level), _) => Level::halve(size, |x, y| level.texel(x, y), words, what),
+                (Some(level), _) => {
+                    Level::halve(size, |x, y| level.texel(x, y), part.clone(), what)
+                }
             }?;
             size = (next.width, next.height);
             levels.push(next);
@@ -266,7 +300,7 @@ impl MipMap {
         let bytes = self.levels.iter().map(|level| match &level.texels {
             LevelTexels::Words(words) => size_of_val(&words[..]) as u64,
             LevelTexels::Tiles(tiles) => tiles.bytes(),
-            LevelTexels::Floats(floats) => size_of_val(&floats[..]) as u64,
+            LevelTexels::Floats(part) => size_of_val(&part.texels[..]) as u64,
         });
         bytes.sum()
     }
@@ -357,6 +391,37 @@ mod tests {
             }
             let last = map.levels.last().unwrap();
             assert_eq!((last.width, last.height), (1, 1));
+        }
+    }
+
+    /// Copies of a part of an image have the texels of copies of the whole image, and hardly more.
+    #[test]
+    fn copies_of_a_part_leave_the_same_texels_out() {
+        let parts = [(0..64, 0..64), (3..20, 40..64), (63..64, 0..1), (5..5, 9..9), (7..8, 0..61)];
+        for (size, (columns, rows)) in
+            [(64, 64), (37, 61), (64, 3)].into_iter().flat_map(|s| parts.clone().map(|p| (s, p)))
+        {
+            let within = |side: Range<u32>, size: u32| side.start.min(size)..side.end.min(size);
+            let (columns, rows) = (within(columns, size.0), within(rows, size.1));
+            let value = |x: u32, y: u32| [(x * 37 + y * 101) as f32, x as f32, 1.0];
+            let all = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+            let inside = |x: u32, y: u32| columns.contains(&x) && rows.contains(&y);
+            let black = |(x, y)| if inside(x, y) { value(x, y) } else { [0.0; 3] };
+            let whole = TexelImage::from_floats(size, all.clone().flat_map(black).collect());
+            let kept = all.filter(|&(x, y)| inside(x, y)).flat_map(|(x, y)| value(x, y));
+            let part = TexelImage::from_part(size, columns.clone(), rows.clone(), kept.collect());
+            let [whole, map] =
+                [&whole, &part].map(|image| MipMap::new(image, u64::MAX, "test").unwrap());
+            for (a, b) in whole.levels.iter().zip(&map.levels) {
+                assert_eq!((a.width, a.height), (b.width, b.height));
+                for at in 0..a.width as usize * a.height as usize {
+                    let (x, y) = (at % a.width as usize, at / a.width as usize);
+                    assert_eq!(a.texel(x, y), b.texel(x, y), "{size:?} {columns:?} {rows:?}");
+                }
+            }
+            let stored = part.stored_part();
+            assert_eq!(map.bytes(), float_bytes(size, stored));
+            assert!(map.bytes() <= part.bytes() + 12 * 6 * 70);
         }
     }
 

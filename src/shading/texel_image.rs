@@ -42,16 +42,20 @@ enum Texels {
     Part(Box<Part>),
 }
 
-/// The texels of an image that its file has.
+/// The texels of an image that are not black because its file lacks them.
 #[derive(Debug, Clone)]
-struct Part {
-    texels: Vec<f32>,
-    columns: Range<u32>,
-    rows: Range<u32>,
+pub(super) struct Part {
+    /// Linear RGB, row by row.
+    pub texels: Vec<f32>,
+    /// Columns of the image that it has.
+    pub columns: Range<u32>,
+    /// Rows of the image that it has.
+    pub rows: Range<u32>,
 }
 
 impl Part {
-    fn texel(&self, x: usize, y: usize) -> Vec3 {
+    /// The texel in column `x` of row `y`; black outside of the part.
+    pub fn texel(&self, x: usize, y: usize) -> Vec3 {
         let at = (x as u32, y as u32);
         if !self.columns.contains(&at.0) || !self.rows.contains(&at.1) {
             return Vec3::ZERO;
@@ -137,6 +141,14 @@ impl TexelImage {
             Texels::Part(part) => size_of_val(&part.texels[..]),
         };
         bytes as u64
+    }
+
+    /// Columns and rows of the texels in memory; black texels around them may be left out.
+    pub fn stored_part(&self) -> (Range<u32>, Range<u32>) {
+        match &self.texels {
+            Texels::Part(part) => (part.columns.clone(), part.rows.clone()),
+            _ => (0..self.width, 0..self.height),
+        }
     }
 
     /// Whether the texels are stored as bytes. Then every value is in [0, 1].

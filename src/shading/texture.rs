@@ -120,8 +120,9 @@ impl Texture {
     pub fn max_mip_map_bytes(&self) -> u64 {
         match self.image.tiles() {
             Some((tiles, _)) => mip_map::max_bytes(tiles.size(), self.whole),
-            // 6 bytes for every fourth, 16th... of the 3-byte texels. Floats take half of that.
-            None => self.image.bytes() - self.image.bytes() / 3,
+            // 6 bytes for every fourth, 16th... of the 3-byte texels.
+            None if self.image.is_stored_as_bytes() => self.image.bytes() - self.image.bytes() / 3,
+            None => mip_map::float_bytes(self.image.size(), self.image.stored_part()),
         }
     }
 

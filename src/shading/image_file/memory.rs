@@ -33,7 +33,9 @@ impl TextureSize {
             // Decoded directly into the texture.
             ImageSource::Exr(layout, _) => {
                 let stored = layout.pixels().saturating_mul(12);
-                (stored, stored)
+                let part = (layout.columns.clone(), layout.rows.clone());
+                let mip_map = mip_map::float_bytes(layout.size.into(), part);
+                return Self { stored, decoding: stored, mip_map };
             }
             ImageSource::Image(format, decoder, _) => {
                 let (stored, decoding) = Self::of_image(decoder);

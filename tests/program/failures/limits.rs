@@ -184,7 +184,8 @@ fn textures_are_sized_by_their_pixels() {
         assert!(fs::metadata(scratch.path(&format!("t{i}.exr"))).unwrap().len() < 1000);
         format!(
             r#"{{ "type": "sphere", "center": [{i}, 0, 0], "radius": 0.4,
-                  "material": {{ "tPath": "t{i}.exr" }} }}"#
+                  "material": {{ "tPath": "t{i}.exr", "filter": "{}" }} }}"#,
+            if i % 2 == 0 { "bilinear" } else { "trilinear" }
         )
     });
     let spheres = spheres.collect::<Vec<_>>().join(",");
