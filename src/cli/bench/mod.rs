@@ -5,7 +5,7 @@ mod page;
 pub mod table;
 
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -17,7 +17,7 @@ use crate::lab::rays::RayClass;
 use crate::lab::result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult};
 use crate::mesh::ReadOptions;
 use crate::monitor::Monitor;
-use crate::scene::{self, Backend, Source};
+use crate::scene::{Backend, Overrides, Source};
 use crate::simd::Isa;
 use crate::{memory, studio};
 
@@ -40,7 +40,7 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     let command = words.iter().skip(1).map(|part| part.to_string_lossy().into_owned());
     let run = RunStamp { unix_seconds: unix_seconds(), command: command.collect() };
     args.outputs().refuse_overwrites(args.inputs.iter().chain(&args.baseline))?;
-    check_inputs(&args.inputs)?;
+    check_inputs(args)?;
     signals::watch(&monitor)?;
     let mut outputs = args.outputs().create()?;
     let mut report = BenchReport {
@@ -73,17 +73,24 @@ fn unix_seconds() -> u64 {
 }
 
 /// Reports the problems of all scenes and mesh headers before the first measurement.
-fn check_inputs(inputs: &[PathBuf]) -> Result<()> {
+fn check_inputs(args: &BenchArgs) -> Result<()> {
     let mut failures = Failures::default();
-    for input in inputs {
+    for input in &args.inputs {
         match studio::is_mesh(input) {
             true => {
                 let _ = failures.keep(memory::declared_sizes(input, &ReadOptions::default()));
             }
-            false => drop(failures.keep(scene::load(Source::File(input), &[]))),
+            false => drop(failures.keep(sized(args).load(Source::File(input)))),
         }
     }
     failures.check()
+}
+
+/// Returns the overrides of every scene: the size of its picture.
+fn sized(args: &BenchArgs) -> Overrides {
+    let mut all = Overrides::default();
+    overrides::add_size(&mut all, args.picture.size.or(args.quick.then_some(QUICK.2)));
+    all
 }
 
 /// Loads a scene, or a mesh in the built-in scene, and measures it.
@@ -96,9 +103,8 @@ fn measure_scene(
     let name = input.display().to_string();
     let note = |text: &str| args.messages.note(&format!("{}: {text}", printable(&name)));
     note("loading");
-    let size = args.picture.size.or(args.quick.then_some(QUICK.2));
-    let mut request = SceneRequest { studio: Some(SCENE), ..SceneRequest::new(input) };
-    overrides::add_size(&mut request.overrides, size);
+    let overrides = sized(args);
+    let request = SceneRequest { studio: Some(SCENE), overrides, ..SceneRequest::new(input) };
     let mut job = load::load(request, monitor)?;
     args.outputs().refuse_overwrites(job.inputs(input).iter().chain(&args.baseline))?;
     // All backends get the same geometry, and some trace no instances.

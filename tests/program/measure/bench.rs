@@ -219,6 +219,29 @@ fn a_damaged_baseline_is_refused_or_compared_with() {
     assert!(codes[0] >= 5 && codes[1] >= 5, "{codes:?}");
 }
 
+/// `--size` holds before the first measurement, as for a render.
+#[test]
+fn a_size_completes_a_scene() {
+    let scratch = Scratch::new();
+    scratch.write(
+        "s.json",
+        r#"{ "camera": { "type": "pinhole", "fov": 40, "position": [0, 0, 5], "lookat": [0, 0, -1],
+                         "up": [0, 1, 0] },
+             "scene": { "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1,
+                                     "material": {} }] } }"#,
+    );
+    let run = |flags: &[&str]| {
+        let args = ["bench", "s.json", "--backends", "bvh", "--classes", "primary"];
+        scratch.run(&[&args, flags].concat())
+    };
+    run(&["--quick"]).good();
+    let few = ["--rays", "1024", "--rounds", "2", "--threads", "1", "--size"];
+    run(&[&few[..], &["40x30"]].concat()).good();
+    let refused = run(&[&few[..], &["40000x40000"]].concat());
+    assert!(refused.code() == 2 && refused.stdout().is_empty(), "{}", refused.stderr());
+    assert!(refused.stderr().contains("--size"), "{}", refused.stderr());
+}
+
 #[test]
 fn bad_use_is_refused_and_nothing_is_written() {
     let scratch = pyramid();
