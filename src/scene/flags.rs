@@ -7,6 +7,7 @@ use crate::error::{Error, Problem, Result};
 use super::backend::BackendFlags;
 use super::description::{LightDescription, SceneDescription};
 use super::load_scene::{self, Loaded, Source};
+use super::node::JsonPlace;
 
 /// Overrides in the order of their application, with the flags they come from.
 #[derive(Debug, Clone, Default)]
@@ -45,25 +46,38 @@ impl Overrides {
         self.backend = self.backend.then(flags);
     }
 
-    /// Adds `--light-samples` before all other overrides: one override per area light, sun and
-    /// environment. A sun of size 0 has no samples. Returns false if no light has samples.
-    pub fn light_samples(&mut self, samples: u32, scene: &SceneDescription) -> bool {
-        let lights = scene.scene.lightsources.iter().enumerate();
-        let mut added = Self::default();
-        for (i, light) in lights {
+    /// Adds `--light-samples`: an override for each area light, sun and environment of `scene`,
+    /// which is `source` with all overrides so far. A light whose `samples` a `--set` names keeps
+    /// them. A sun of size 0 has no samples. Returns false if no light has samples.
+    ///
+    /// # Errors
+    /// As for [`load_scene::document`].
+    pub fn light_samples(
+        &mut self,
+        samples: u32,
+        source: Source,
+        scene: &SceneDescription,
+    ) -> Result<bool> {
+        let (mut document, _) = load_scene::document(source)?;
+        for (_, _, set) in &self.list {
+            // An override with an error was refused when `scene` was loaded.
+            let _ = document.apply_set(set);
+        }
+        let mut any = false;
+        for (i, light) in scene.scene.lightsources.iter().enumerate() {
             let sampled = match light {
                 LightDescription::AreaLight(_) | LightDescription::Environment(_) => true,
                 LightDescription::Sun(sun) => sun.angle > 0.0,
                 LightDescription::PointLight(_) | LightDescription::Directional(_) => false,
             };
-            if sampled {
-                let pointer = format!("/scene/lightsources/{i}/samples");
-                added.flag("--light-samples", &pointer, Some(samples));
+            any |= sampled;
+            let pointer = format!("/scene/lightsources/{i}/samples");
+            let place = document.get(&pointer).map(|node| &node.place);
+            if sampled && !matches!(place, Some(JsonPlace::Set(_))) {
+                self.flag("--light-samples", &pointer, Some(samples));
             }
         }
-        let any = !added.list.is_empty();
-        self.prepend(added);
-        any
+        Ok(any)
     }
 
     /// Adds the overrides of `last` after all others. They take precedence.

@@ -55,13 +55,20 @@ pub struct Loaded {
 /// A file that cannot be read, or the first syntax error. Otherwise every problem of the file in
 /// text order, then every problem of the overrides.
 pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
+    let (document, folder) = document(source)?;
+    check_document(document, folder, overrides)
+}
+
+/// Parses the text of a scene. Also returns the folder to which its paths are relative.
+///
+/// # Errors
+/// A file that cannot be read, or the first syntax error.
+pub fn document(source: Source<'_>) -> Result<(Document, &Path)> {
     match source {
-        Source::Text { name, text, folder } => {
-            check_document(Document::parse(name, text)?, folder, overrides)
-        }
+        Source::Text { name, text, folder } => Ok((Document::parse(name, text)?, folder)),
         Source::File(path) => {
             let document = Document::parse(&path.display().to_string(), &read(path)?)?;
-            check_document(document, path.parent().unwrap_or(Path::new("")), overrides)
+            Ok((document, path.parent().unwrap_or(Path::new(""))))
         }
     }
 }

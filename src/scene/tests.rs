@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::description::LightDescription;
 use super::*;
 use crate::error::Result;
 
@@ -278,6 +279,41 @@ fn directions_of_any_length_are_accepted() {
         let lights = load_value(&minimal(), &[&sun]).unwrap().scene.lights;
         let LightKind::Sun { towards, .. } = lights[0].kind else { unreachable!() };
         assert_eq!(towards, glam::DVec3::Y, "{length}");
+    }
+}
+
+/// `--light-samples` reaches the lights of the scene with all overrides. Only a `--set` of a
+/// light's own `samples` keeps them.
+#[test]
+fn light_samples_hold_for_lights_of_overrides() {
+    let text = everything().to_string();
+    let folder = folder();
+    let source = Source::Text { name: "s.json", text: text.as_bytes(), folder: folder.path() };
+    let samples = |set: &[&str]| -> Vec<Option<u32>> {
+        let mut all = Overrides::default();
+        set.iter().for_each(|set| all.set(set));
+        let scene = all.load(source).unwrap().description;
+        assert!(all.light_samples(64, source, &scene).unwrap());
+        let scene = all.load(source).unwrap().description;
+        let samples = |light: &LightDescription| match light {
+            LightDescription::AreaLight(light) => Some(light.samples),
+            LightDescription::Sun(light) => Some(light.samples),
+            LightDescription::Environment(light) => Some(light.samples),
+            LightDescription::PointLight(_) | LightDescription::Directional(_) => None,
+        };
+        scene.scene.lightsources.iter().map(samples).collect()
+    };
+    let sky = r#"{"type":"environment","radiance":[1,1,1]}"#;
+    let sun = r#"{"type":"sun","azimuth":0,"elevation":9,"id":[1,1,1],"samples":3}"#;
+    let append = |light: &str| format!("/scene/lightsources/-={light}");
+    let replace = |lights: &[&str]| format!("/scene/lightsources=[{}]", lights.join(","));
+    assert_eq!(samples(&[]), [None, Some(64)]);
+    assert_eq!(samples(&["/scene/lightsources/1/samples=5"]), [None, Some(5)]);
+    let [sky_added, sun_added] = [sky, sun].map(append);
+    assert_eq!(samples(&[&sky_added, &sun_added]), [None, Some(64), Some(64), Some(3)]);
+    for lights in [&[sky][..], &[sky, sky], &[sky, sun, sky]] {
+        let expected = lights.iter().map(|light| Some(if *light == sky { 64 } else { 3 }));
+        assert_eq!(samples(&[&replace(lights)]), expected.collect::<Vec<_>>());
     }
 }
 

@@ -154,7 +154,7 @@ fn with_other_ground(
 }
 
 /// Loads a scene with overrides. `light_samples` sets the `samples` of every area light, sun and
-/// environment, before any `--set`. Warnings are appended to `warnings`.
+/// environment, unless a `--set` names them. Warnings are appended to `warnings`.
 ///
 /// # Errors
 /// Every problem of the scene and its overrides.
@@ -166,7 +166,7 @@ pub fn load(
 ) -> Result<Loaded> {
     let mut loaded = overrides.load(source)?;
     if let Some(samples) = light_samples {
-        if overrides.light_samples(samples, &loaded.description) {
+        if overrides.light_samples(samples, source, &loaded.description)? {
             loaded = overrides.load(source)?;
         } else {
             warnings.push(Problem::new("--light-samples", NO_LIGHT_SAMPLES));
