@@ -8,24 +8,26 @@ use super::subject::Subject;
 use super::template::trimesh;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::scene::{LightKind, Loaded, Overrides};
+use crate::scene::{CheckedLight, LightKind, Loaded, Overrides};
+use crate::world::extent;
 
 /// Adds overrides that keep the mesh at its coordinates and move the lights instead. Lights and
-/// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights.
+/// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights. `lights`
+/// are those of the studio without the user's overrides, which come later and hold as written.
 ///
 /// # Errors
-/// If the mesh has no triangle, or its extent is zero or not finite.
+/// If the mesh has no triangle, or its extent is not finite.
 pub fn keep_coordinates(
     subject: &Subject,
     mesh: &Mesh,
-    loaded: &Loaded,
+    (loaded, lights): (&Loaded, &[CheckedLight]),
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<()> {
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let bounds = UsedVertices::new(mesh).bounds(|p| p);
-    let (longest, middle) = (bounds.longest_side(), bounds.center());
+    let (longest, middle) = (extent(spec, bounds), bounds.center());
     if !(longest > 0.0 && longest.is_finite()) {
         return Err(empty());
     }
@@ -39,7 +41,7 @@ pub fn keep_coordinates(
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
     let scale = longest / spec.fit.unwrap_or(2.0);
     let moved = |p: DVec3| to_studio.transpose() * p * scale + middle;
-    for (index, light) in loaded.scene.lights.iter().enumerate() {
+    for (index, light) in lights.iter().enumerate() {
         let mut set = |key: &str, p: DVec3| {
             let pointer = format!("/scene/lightsources/{index}/{key}");
             ours.flag("--cameras", &pointer, list(moved(p)));
@@ -53,10 +55,47 @@ pub fn keep_coordinates(
             }
             LightKind::Environment { .. } => {}
             LightKind::Sun { towards, .. } => {
-                let pointer = format!("/scene/lightsources/{index}/direction");
-                ours.flag("--cameras", &pointer, list(-(to_studio.transpose() * towards)));
+                // The suns of the studios have these keys, and `direction` excludes them.
+                let towards = to_studio.transpose() * towards;
+                let azimuth = towards.x.atan2(-towards.z);
+                let elevation = towards.y.atan2(towards.x.hypot(towards.z));
+                for (key, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
+                    let pointer = format!("/scene/lightsources/{index}/{key}");
+                    ours.flag("--cameras", &pointer, Some(angle.to_degrees()));
+                }
             }
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::monitor::Monitor;
+    use crate::studio::{Studio, Template, show};
+
+    /// The suns of the studios turn against the mesh.
+    #[test]
+    fn suns_turn_with_the_studio() {
+        let mesh = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/ball.ply"));
+        let rotate = Some([90.0, 0.0, 0.0]);
+        let subject = Subject { calibrated: true, rotate, ..Subject::new(mesh) };
+        let plain = Subject::new(mesh);
+        let template = Template::studio(Studio::Soft);
+        let [still, turned] = [plain, subject].map(|subject| {
+            let user = Overrides::default();
+            let shown = show(&subject, &template, user, None, &Monitor::default()).unwrap();
+            let suns = shown.loaded.scene.lights.into_iter().filter_map(|light| match light.kind {
+                LightKind::Sun { towards, .. } => Some(towards),
+                _ => None,
+            });
+            suns.collect::<Vec<_>>()
+        });
+        assert_eq!(still.len(), 1);
+        let [x, y, z] = still[0].to_array();
+        assert!((turned[0] - DVec3::new(x, z, -y)).length() < 1e-12, "{turned:?}");
+    }
 }

@@ -58,7 +58,9 @@ pub fn furnish(
     let mut loaded = load(template, &ours, user)?;
     let Some(points) = points else {
         if template.builtin {
-            keep_coordinates(subject, &mesh, &loaded, &shape, &mut ours)?;
+            let studio = load(template, &ours, &Overrides::default())?;
+            let with_lights = (&loaded, &studio.scene.lights[..]);
+            keep_coordinates(subject, &mesh, with_lights, &shape, &mut ours)?;
         }
         let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
         return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });

@@ -41,7 +41,7 @@ pub use self::fingerprint::{ContentHashes, fingerprint};
 pub use self::lights::VisibleEnvironment;
 pub use self::maps::Maps;
 pub use self::origin::Origin;
-pub use self::place::placement;
+pub use self::place::{extent, placement};
 pub use self::resolution::{Detail, Resolution, ulp};
 pub use self::sources::{ReadFiles, mesh_sources, own_images, own_texture, sources};
 pub use self::textures::several_textures_warning;

@@ -343,8 +343,18 @@ pub fn placement(spec: &Trimesh, in_file: Bounds) -> (DMat3, DVec3) {
     let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
     let rotation = DMat3::from_cols_array(&rotation.to_cols_array().map(exact));
     match spec.fit {
-        Some(fit) => (rotation * (fit / in_file.longest_side() * spec.size), in_file.center()),
+        Some(fit) => (rotation * (fit / extent(spec, in_file) * spec.size), in_file.center()),
         None => (rotation * spec.size, DVec3::ZERO),
+    }
+}
+
+/// Returns the length that `fit` scales: the longest side of the bounding box of the used vertices.
+/// For points at one place, the diameter of their spheres.
+pub fn extent(spec: &Trimesh, in_file: Bounds) -> f64 {
+    let longest = in_file.longest_side();
+    match spec.points {
+        Some(radius) if longest == 0.0 => 2.0 * radius,
+        _ => longest,
     }
 }
 

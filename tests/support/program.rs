@@ -32,6 +32,17 @@ end_header
 3 3 0 4
 ";
 
+/// A cloud of one point.
+pub const POINT: &str = "ply
+format ascii 1.0
+element vertex 1
+property float x
+property float y
+property float z
+end_header
+0 0.5 0
+";
+
 /// Flags for small pictures and few threads.
 pub const SMALL: [&str; 4] = ["--size", "24x16", "--threads", "2"];
 

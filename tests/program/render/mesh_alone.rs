@@ -1,6 +1,6 @@
 //! A mesh without a scene: its picture and its messages.
 
-use crate::support::program::{Done, Scratch};
+use crate::support::program::{Done, POINT, Scratch};
 use serde_json::Value;
 
 /// A box of 2 x 2 x `long` with shared vertices, from -1 in y up. `more` is added to the header.
@@ -361,4 +361,14 @@ fn a_property_gets_a_legend() {
     scratch.write("job.json", job);
     scratch.run(&["batch", "job.json", "--quiet"]).good();
     assert!(scratch.channels("out/c.exr") == exr);
+}
+
+/// A cloud of one point has no extent but that of its sphere, which fills the picture.
+#[test]
+fn a_single_point_is_a_sphere() {
+    let scratch = Scratch::new();
+    scratch.write("one.ply", POINT);
+    picture(&scratch, "one.ply", &["--points", "0.01", "--transparent", "--no-ground"]);
+    let covered: f32 = scratch.floats("o.exr")["A"].iter().sum();
+    assert!((0.3..0.8).contains(&(covered / (48.0 * 48.0))), "{covered}");
 }
