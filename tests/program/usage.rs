@@ -232,6 +232,27 @@ fn info_refuses_the_texture_numbers_that_a_render_refuses() {
 }
 
 #[test]
+fn info_leaves_pipes_alone_and_refuses_unless_a_retry_helps() {
+    let scratch = Scratch::new();
+    let pipe = scratch.pipe("s.json");
+    // Open for both, so that neither side waits.
+    let mut both = std::fs::File::options().read(true).write(true).open(&pipe).unwrap();
+    std::io::Write::write_all(&mut both, b"0123").unwrap();
+    let output = scratch.run(&["info", "s.json"]);
+    assert_eq!(output.code(), 2);
+    assert!(output.stderr().contains("s.json: found a pipe"), "{}", output.stderr());
+    let mut held = [0; 4];
+    std::io::Read::read_exact(&mut both, &mut held).unwrap();
+    assert_eq!(&held, b"0123");
+    // The first page of this file is not mapped, so that reading it is an error of the device.
+    #[cfg(target_os = "linux")]
+    for (files, code) in [(&["/proc/self/mem"][..], 3), (&["/proc/self/mem", "none.json"], 2)] {
+        let output = scratch.run(&[&["info"], files].concat());
+        assert_eq!(output.code(), code, "{}", output.stderr());
+    }
+}
+
+#[test]
 fn info_describes_a_mesh() {
     let scratch = Scratch::new();
     scratch.write("m.ply", program::PYRAMID);
@@ -241,6 +262,8 @@ fn info_describes_a_mesh() {
     assert_eq!(value["triangles"], 6);
     assert_eq!(value["polygons_split"], 1);
     assert_eq!(value["bounds"][1][1], 2.0);
+    let text = scratch.run(&["info", "m.ply"]).good().stdout();
+    assert!(text.contains("  5 faces\n  1 polygon split into triangles\n"), "{text}");
     scratch.write("bad.ply", &program::PYRAMID.replace("3 0 1 4", "3 0 1 9"));
     let accelerator = |backend: &str| {
         let output = scratch.run(&["info", "m.ply", "--json", "--backend", backend]);

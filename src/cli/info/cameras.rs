@@ -127,9 +127,9 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     Ok(())
 }
 
-/// Makes the error for a file that is not a mesh.
-pub fn refuse(path: &Path) -> Error {
-    let message = format!("found with {}, expected with a PLY mesh", path.display());
+/// Makes the error for a file that is not a mesh. `found` names it.
+pub fn refuse(found: &str) -> Error {
+    let message = format!("found with {found}, expected with a PLY mesh");
     Error::invalid("--cameras", message)
 }
 

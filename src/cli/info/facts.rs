@@ -40,10 +40,13 @@ impl Facts {
         }
     }
 
-    /// Adds a count of `what`. A count of zero adds only JSON.
-    pub fn add_count(&mut self, key: &str, count: u64, what: &str) {
-        let line =
-            if count == 0 { String::new() } else { format!("{} {what}", units::count(count)) };
+    /// Adds a count of `one` thing or `many`. A count of zero adds only JSON.
+    pub fn add_count(&mut self, key: &str, count: u64, [one, many]: [&str; 2]) {
+        let line = match count {
+            0 => String::new(),
+            1 => format!("1 {one}"),
+            _ => format!("{} {many}", units::count(count)),
+        };
         self.add(key, count.into(), line);
     }
 

@@ -19,7 +19,7 @@ use ::exr::meta::header::Header;
 use serde_json::{Map, Value, json};
 
 use crate::accel::memory_footprint;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Error, Failures, Problem, Result};
 use crate::film::Window;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
@@ -37,22 +37,19 @@ use self::facts::{Facts, resolution_line};
 
 /// Describes every file, then reports all errors.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let mut kind = None;
-    let mut problems: Vec<Problem> = Vec::new();
+    let mut failures = Failures::default();
     for path in &args.files {
-        match describe(path, args) {
-            Ok(facts) if args.json => print::json(&facts.json())?,
-            Ok(mut facts) => print::text(&facts.begin(path))?,
-            Err(error) => {
-                if args.json {
-                    print::json(&error_json(path, &error))?;
-                }
-                kind = kind.or(Some(error.kind));
-                problems.extend(error.problems);
-            }
+        let described = describe(path, args);
+        if let (Err(error), true) = (&described, args.json) {
+            print::json(&error_json(path, error))?;
+        }
+        match failures.keep(described) {
+            Some(facts) if args.json => print::json(&facts.json())?,
+            Some(mut facts) => print::text(&facts.begin(path))?,
+            None => {}
         }
     }
-    kind.map_or(Ok(()), |kind| Err(Error { kind, problems }))
+    failures.check()
 }
 
 fn error_json(path: &Path, error: &Error) -> Value {
@@ -62,6 +59,12 @@ fn error_json(path: &Path, error: &Error) -> Value {
 }
 
 fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
+    // The first bytes of a pipe could not be read again, and one without a writer would never end.
+    if std::fs::metadata(path).is_ok_and(|data| !data.is_file() && !data.is_dir()) {
+        let message = "found a pipe or a device, expected a regular file";
+        return Err(Error::invalid(path.display().to_string(), message)
+            .help("write its contents to a file first"));
+    }
     let mut start = Vec::new();
     let opened = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
     let mut facts = Facts::default();
@@ -76,7 +79,9 @@ fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
     }
     match start.as_slice() {
         b"ply\n" | b"ply\r" => ply(path, args, &mut facts)?,
-        _ if args.cameras.is_some() && !studio::is_mesh(path) => return Err(cameras::refuse(path)),
+        _ if args.cameras.is_some() && !studio::is_mesh(path) => {
+            return Err(cameras::refuse(&path.display().to_string()));
+        }
         [0x76, 0x2f, 0x31, 0x01] => exr(path, &mut facts)?,
         _ if studio::is_mesh(path) => ply(path, args, &mut facts)?,
         _ => scene::describe(path, args, &mut facts)?,
@@ -90,6 +95,9 @@ const LARGE_MESH_BYTES: u64 = 256 << 20;
 
 fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let (summary, cloud) = inspect(path)?;
+    if cloud && args.cameras.is_some() {
+        return Err(cameras::refuse(&format!("{}, which has no faces", path.display())));
+    }
     let packed = summary.packed.map_or(String::new(), |packing| format!(", packed with {packing}"));
     facts.add("type", json!("ply"), format!("PLY, {}{packed}", summary.format));
     let elements = summary.elements.iter().map(|element| {
@@ -138,10 +146,14 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
     notes(&mesh.notes, facts);
     let stitches = mesh.stitches.len() as u64;
-    let what = "of them have three collinear corners: kept where they close a T-junction";
+    let what = [
+        "of them has three collinear corners: kept where it closes a T-junction",
+        "of them have three collinear corners: kept where they close a T-junction",
+    ];
     facts.add_count("stitches", stitches, what);
     let points = UsedVertices::new(&mesh);
-    facts.add_count("vertices_unused", points.unused(), "vertices that no triangle uses");
+    let what = ["vertex that no triangle uses", "vertices that no triangle uses"];
+    facts.add_count("vertices_unused", points.unused(), what);
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
@@ -163,15 +175,15 @@ fn inspect(path: &Path) -> Result<(mesh::PlySummary, bool)> {
     })
 }
 
+/// One byte, and several, that a file has beyond its rows.
+const TRAILING: [&str; 2] =
+    ["byte after the last declared row", "bytes after the last declared row"];
+
 /// Adds the facts of a cloud of points.
 fn points(mesh: &mesh::Mesh, facts: &mut Facts) {
     let count = mesh.positions.len();
     facts.add("points", json!(count), units::plural(count, "point"));
-    facts.add_count(
-        "trailing_bytes",
-        mesh.notes.trailing_bytes,
-        "bytes after the last declared row",
-    );
+    facts.add_count("trailing_bytes", mesh.notes.trailing_bytes, TRAILING);
     let Bounds { min: low, max: high } = UsedVertices::new(mesh).bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the points: {low} to {high}, size {size}");
@@ -216,13 +228,36 @@ fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
 
 fn notes(notes: &mesh::Notes, facts: &mut Facts) {
     let counts = [
-        ("faces", notes.faces, "faces"),
-        ("polygons_split", notes.polygons_split, "polygons split into triangles"),
-        ("faces_too_small", notes.faces_too_small, "faces with fewer than three corners skipped"),
-        ("degenerate_dropped", notes.degenerate_dropped, "triangles without area dropped"),
-        ("duplicates_dropped", notes.duplicates_dropped, "duplicate triangles dropped"),
-        ("textures", notes.textures.saturating_sub(1), "more textures selected by texnumber"),
-        ("trailing_bytes", notes.trailing_bytes, "bytes after the last declared row"),
+        ("faces", notes.faces, ["face", "faces"]),
+        (
+            "polygons_split",
+            notes.polygons_split,
+            ["polygon split into triangles", "polygons split into triangles"],
+        ),
+        (
+            "faces_too_small",
+            notes.faces_too_small,
+            [
+                "face with fewer than three corners skipped",
+                "faces with fewer than three corners skipped",
+            ],
+        ),
+        (
+            "degenerate_dropped",
+            notes.degenerate_dropped,
+            ["triangle without area dropped", "triangles without area dropped"],
+        ),
+        (
+            "duplicates_dropped",
+            notes.duplicates_dropped,
+            ["duplicate triangle dropped", "duplicate triangles dropped"],
+        ),
+        (
+            "textures",
+            notes.textures.saturating_sub(1),
+            ["more texture selected by texnumber", "more textures selected by texnumber"],
+        ),
+        ("trailing_bytes", notes.trailing_bytes, TRAILING),
     ];
     for (key, count, what) in counts {
         facts.add_count(key, count, what);

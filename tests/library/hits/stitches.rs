@@ -312,5 +312,5 @@ fn lonely_lines_are_dropped() {
     assert_eq!(world.geometry.meshes[0].triangles().len(), 1);
     assert!(warnings.iter().any(|w| w.contains("1 degenerate triangles")), "{warnings:?}");
     let told = scratch.run(&["info", "solid.ply"]).stdout();
-    assert!(told.contains("1 triangles without area dropped"), "{told}");
+    assert!(told.contains("1 triangle without area dropped"), "{told}");
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
-use crate::support::program::{Done, PYRAMID, Scratch};
+use crate::support::program::{Done, POINT, PYRAMID, Scratch};
 
 /// A picture of the lists: name, size, fx, fy, cx, cy from the corner of the picture, k1, k2, p1,
 /// p2, and the pose.
@@ -469,4 +469,37 @@ fn info_says_how_much_of_the_mesh_each_camera_sees() {
     let run = scratch.run(&["info", "scan.ply", "--cameras", "none.json"]);
     assert_eq!(run.code(), 2);
     assert!(run.stderr().contains("none.json"), "{}", run.stderr());
+}
+
+#[test]
+fn a_cloud_has_no_faces_to_see() {
+    let scratch = scratch();
+    scratch.write("cloud.ply", POINT);
+    let run = scratch.run(&["info", "cloud.ply", "--cameras", "list.json"]);
+    assert_eq!((run.code(), run.stdout().as_str()), (2, ""));
+    let message = "--cameras: found with cloud.ply, which has no faces, expected with a PLY mesh";
+    assert!(run.stderr().contains(message), "{}", run.stderr());
+}
+
+/// Lights of every studio move to the mesh, and lights of the user stay where they are.
+#[test]
+fn every_studio_lights_a_mesh_at_its_coordinates() {
+    let scratch = scratch();
+    let lamp = r#"{"type":"pointlight","position":[0,9,0],"id":[9,9,9]}"#;
+    let [added, alone] =
+        [format!("/scene/lightsources/-={lamp}"), format!("/scene/lightsources=[{lamp}]")];
+    for studio in ["lamps", "soft", "clay"] {
+        let more = [&[][..], &["--set", &added], &["--set", &alone]];
+        let pictures = more.map(|more| {
+            let flags = [&["-o", "out", "--no-sheet", "--light-samples", "2"], more].concat();
+            batch(&scratch, "list.json", &[&["--studio", studio], &flags[..]].concat()).good();
+            scratch.channels("out/scan/a.exr")
+        });
+        assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2], "{studio}");
+    }
+    // One point is as large as its sphere: some 3 pixels in radius.
+    scratch.write("scan.ply", POINT);
+    batch(&scratch, "list.json", &["-o", "out", "--points", "0.3"]).good();
+    let hits = scratch.floats("out/scan/a.exr")["primid.id"].iter().filter(|id| **id > 0.0).count();
+    assert!((20..50).contains(&hits), "{hits}");
 }
