@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
+use rayon::iter::Either;
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -19,7 +20,7 @@ use super::calibrated::keep_coordinates;
 use super::framing::{FieldOfView, frame, frame_turning};
 use super::points::UsedVertices;
 use super::subject::{GROUND, Subject};
-use super::template::{Template, trimesh};
+use super::template::{Template, copies, trimesh};
 
 /// Height of the mesh above the ground, as a fraction of the mesh's longest side. It is too small
 /// to see, but a flat mesh does not coincide with the ground plane.
@@ -262,8 +263,8 @@ fn size(points: &UsedVertices) -> Option<[f64; 3]> {
     Some((max - min).to_array()).filter(|sides| sides.iter().all(|side| side.is_finite()))
 }
 
-/// Adds overrides that place the mesh on the ground and move the camera. Returns the centre of the
-/// mesh's bounding box in world space.
+/// Adds overrides that place the mesh on the ground and move the camera. Instances are placed with
+/// it, and the camera sees all of them. Returns the centre of the bounding box in world space.
 ///
 /// # Errors
 /// If there is no triangle, or if the camera is neither `pinhole` nor `thinlens`.
@@ -299,8 +300,24 @@ fn place(
         return Err(Error::invalid("/camera/type", message));
     };
     let aspect = f64::from(camera.width) / f64::from(camera.height);
-    let placed = points.par_iter().map(|p| turned(p) + center);
-    let middle = center + (low + high) / 2.0;
+    let copies = copies(loaded, shape);
+    let (middle, placed) = match copies.is_empty() {
+        true => {
+            let placed = points.par_iter().map(|p| turned(p) + center);
+            (center + (low + high) / 2.0, Either::Left(placed))
+        }
+        false => {
+            let one = Bounds { min: low + center, max: high + center };
+            let all = copies.iter().map(|copy| one.transformed(copy));
+            // A mesh may have many instances, so their boxes stand for their vertices.
+            let corners = |copy: &DAffine3| one.corners().map(|p| copy.transform_point3(p));
+            let corners: Vec<DVec3> = copies.iter().flat_map(corners).collect();
+            (
+                all.fold(Bounds::EMPTY, Bounds::union).center(),
+                Either::Right(corners.into_par_iter()),
+            )
+        }
+    };
     let lens = FieldOfView { fov_deg, aspect, margin: subject.margin, radius };
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DAffine3;
+
 use super::builtin::Studio;
 use crate::error::Result;
 use crate::scene::{self, Loaded, ShapeKind, Source, Trimesh};
@@ -66,4 +68,16 @@ pub fn trimesh<'a>(loaded: &'a Loaded, shape: &str) -> Option<&'a Trimesh> {
         ShapeKind::Trimesh(spec) => Some(spec),
         _ => None,
     }
+}
+
+/// Returns the transforms of all instances of the trimesh at the JSON pointer `shape`; none if it
+/// has no `instances`.
+pub fn copies(loaded: &Loaded, shape: &str) -> Vec<DAffine3> {
+    let index: Option<usize> = shape.rsplit('/').next().and_then(|index| index.parse().ok());
+    let first = trimesh(loaded, shape).and_then(|spec| spec.transform.as_deref());
+    let others = loaded.scene.shapes.iter().filter_map(|other| match &other.kind {
+        ShapeKind::Instance { of, transform } if Some(*of) == index => Some(&**transform),
+        _ => None,
+    });
+    first.into_iter().chain(others).copied().collect()
 }

@@ -97,19 +97,25 @@ impl Bounds {
         (self.max - self.min).max_element()
     }
 
-    /// Returns true if the whole box lies behind the camera or outside of one side of its view. A
-    /// box outside of the view may also give false.
-    pub fn outside_view(self, camera: &CheckedCamera) -> bool {
-        let corner = |i: usize| {
+    /// Returns the corners of the box.
+    pub fn corners(self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
             let pick = |bit: usize, low: f64, high: f64| if i & bit == 0 { low } else { high };
             DVec3::new(
                 pick(1, self.min.x, self.max.x),
                 pick(2, self.min.y, self.max.y),
                 pick(4, self.min.z, self.max.z),
             )
+        })
+    }
+
+    /// Returns true if the whole box lies behind the camera or outside of one side of its view. A
+    /// box outside of the view may also give false.
+    pub fn outside_view(self, camera: &CheckedCamera) -> bool {
+        let corners = self.corners();
+        let beyond = |(n, d): &(DVec3, f64)| {
+            corners.iter().all(|corner| n.dot(*corner - camera.position) + d < 0.0)
         };
-        let beyond =
-            |(n, d): &(DVec3, f64)| (0..8).all(|i| n.dot(corner(i) - camera.position) + d < 0.0);
         sides(camera).iter().any(beyond)
     }
 }

@@ -14,6 +14,7 @@ mod resolution;
 mod sources;
 mod textures;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -178,6 +179,8 @@ impl World {
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut mesh_images = Vec::new();
+        // Warnings about meshes, by their shape. One that the camera may see in a copy has none.
+        let mut unseen = BTreeMap::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
@@ -200,11 +203,10 @@ impl World {
                 own = mesh.bounds();
                 if let Some(first) = &spec.transform {
                     own = own.transformed(first);
-                } else if own.outside_view(&scene.camera) {
-                    log.warnings.push(Problem::new(
-                        &spec.place,
-                        format!("{} lies outside the camera's view", spec.path.display()),
-                    ));
+                }
+                if own.outside_view(&scene.camera) {
+                    let message = format!("{} lies outside the camera's view", spec.path.display());
+                    unseen.insert(index, Problem::new(&spec.place, message));
                 }
                 meshes.push((index, mesh));
             }
@@ -213,12 +215,16 @@ impl World {
                 if let Ok(mesh) = meshes.binary_search_by_key(of, |(index, _)| *index) {
                     own = meshes[mesh].1.bounds().transformed(transform);
                 }
+                if unseen.contains_key(of) && !own.outside_view(&scene.camera) {
+                    unseen.remove(of);
+                }
             }
             bounds.push(own);
             monitor.set_done(index as u64 + 1);
             monitor.check()?;
         }
         failures.check()?;
+        log.warnings.extend(unseen.into_values());
         let mut looks = looks.unwrap_or_default();
         let mesh_materials =
             textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;

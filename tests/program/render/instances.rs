@@ -115,3 +115,34 @@ fn instances_share_their_mesh() {
     assert_ne!(refused.code(), 0);
     assert!(refused.stderr().contains("--max-memory"), "{}", refused.stderr());
 }
+
+/// A mesh in a template stands at the template's instances. The camera sees them all.
+#[test]
+fn a_template_is_framed_with_all_instances() {
+    let mut scene = scene(None, 1);
+    let at = |x: f64| json!([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    scene["scene"]["shapes"][0]["instances"] = json!([at(-4.0), at(4.0)]);
+    scene["scene"]["shapes"].as_array_mut().unwrap().truncate(1);
+    let scratch = scratch(&scene);
+    let args = ["render", "sheet.ply", "--template", "s.json", "--transparent", "-o", "t"];
+    let said = scratch.run(&args).good().stderr();
+    assert!(!said.contains("outside the camera's view"), "{said}");
+    let rows = scratch.rgba("t.exr");
+    let column = |x: usize| rows.iter().map(|row| row[x][3]).sum::<f32>();
+    let half = |columns: std::ops::Range<usize>| columns.map(column).sum::<f32>();
+    assert_eq!([column(0), column(39), column(40), column(79)], [0.0; 4]);
+    let halves = [half(0..40), half(40..80)];
+    assert!(halves[0] > 5.0 && (halves[0] / halves[1] - 1.0).abs() < 0.5, "{halves:?}");
+}
+
+#[test]
+fn a_mesh_none_of_whose_copies_is_seen_is_told() {
+    let at = |x: f64| json!([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
+    for (places, told) in [([99.0, 0.0], false), ([0.0, 99.0], false), ([99.0, 88.0], true)] {
+        let mut scene = scene(None, 1);
+        scene["scene"]["shapes"][0]["instances"] = json!(places.map(at));
+        let scratch = scratch(&scene);
+        let said = scratch.run(&["render", "s.json", "-o", "x"]).good().stderr();
+        assert_eq!(said.contains("lies outside the camera's view"), told, "{places:?}: {said}");
+    }
+}
