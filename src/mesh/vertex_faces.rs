@@ -54,12 +54,13 @@ impl VertexFaces {
             for end in &mut *ends {
                 next += std::mem::replace(end, next);
             }
-            let Some(last) = own.len().checked_sub(1) else { return };
-            blocks.each_corner(first, ends.len(), |face, vertex, is_own| {
-                let place = &mut own[ends[vertex].min(last)];
-                *place = if is_own { face } else { *place };
-                ends[vertex] += usize::from(is_own);
-            });
+            if let Some(last) = own.len().checked_sub(1) {
+                blocks.each_corner(first, ends.len(), |face, vertex, is_own| {
+                    let place = &mut own[ends[vertex].min(last)];
+                    *place = if is_own { face } else { *place };
+                    ends[vertex] += usize::from(is_own);
+                });
+            }
             ends.iter_mut().for_each(|end| *end += start);
         });
         Self { ends, faces }
@@ -173,6 +174,14 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// The faces end where they began for the last vertices, of which a whole task has none.
+    #[test]
+    fn vertices_without_a_face_have_none() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+        let found = pool.install(|| VertexFaces::new(100, &[[0, 1, 2]]));
+        assert_eq!((found.of(2), found.of_all(3..100)), (&[0][..], &[][..]));
     }
 
     #[test]
