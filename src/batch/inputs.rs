@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::studio;
+use crate::{paths, studio};
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///
@@ -12,7 +12,7 @@ use crate::studio;
 /// pattern stands for all files that match.
 ///
 /// # Errors
-/// A name that does not exist; a folder or pattern without a file.
+/// A name that does not exist; a folder or pattern without a file; a folder that cannot be listed.
 pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let path = folder.join(text);
     let nothing = |what: &str| Error::invalid(place, format!("found {text:?}, {what}"));
@@ -29,15 +29,17 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     if !text.contains(['*', '?', '[']) {
         return Err(Error::invalid(place, format!("found {text:?}: there is no such file")));
     }
-    let pattern = match folder.to_str() {
+    let pattern = match folder.as_os_str().is_empty() || Path::new(text).is_absolute() {
+        true => text.to_string(),
         // The name of the folder itself is not a pattern.
-        Some(folder) if !folder.is_empty() && !Path::new(text).is_absolute() => {
-            format!("{}/{text}", glob::Pattern::escape(folder))
-        }
-        _ => text.to_string(),
+        false => format!("{}/{text}", glob::Pattern::escape(&paths::named(folder)?)),
     };
-    let matches = matches(&pattern)
-        .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
+    let listed = |pattern: &str| -> Result<BTreeSet<PathBuf>> {
+        let paths = glob::glob(pattern)
+            .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
+        paths.map(|path| path.map_err(|e| Error::io(e.path(), "list", e.error()))).collect()
+    };
+    let matches = matches(&pattern, &listed)?;
     let files = once(matches.into_iter().filter(|path| path.is_file()));
     if files.is_empty() { Err(nothing("a pattern that matches no file")) } else { Ok(files) }
 }
@@ -60,24 +62,31 @@ fn once(paths: impl Iterator<Item = PathBuf>) -> Vec<PathBuf> {
     files
 }
 
-/// Returns all paths that match a pattern, each once.
+/// Returns all paths that match a pattern, each once. `listed` returns those of a pattern without
+/// `**`.
 ///
 /// `**` matches folders at any depth, but follows no links: a link to a parent folder would give
 /// paths without end. At the end of a pattern, `**` matches no file.
-fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::PatternError> {
+///
+/// # Errors
+/// Those of `listed`; a folder that cannot be listed.
+fn matches(
+    pattern: &str,
+    listed: &impl Fn(&str) -> Result<BTreeSet<PathBuf>>,
+) -> Result<BTreeSet<PathBuf>> {
     if pattern == "**" || pattern.ends_with("/**") {
         return Ok(BTreeSet::new());
     }
     let (above, below) = match pattern.split_once("**/") {
         // `**` that is only part of a name also goes to `glob`, which reports an error.
         Some((above, below)) if above.is_empty() || above.ends_with('/') => (above, below),
-        _ => return Ok(glob::glob(pattern)?.filter_map(|path| path.ok()).collect()),
+        _ => return listed(pattern),
     };
     // Several `**` in a row match the same as one.
     let below = below.trim_start_matches("**/");
     let roots = match above {
         "" => BTreeSet::from([PathBuf::new()]),
-        above => matches(above)?,
+        above => matches(above, listed)?,
     };
     let mut found = BTreeSet::new();
     let mut folders: Vec<PathBuf> = roots.into_iter().collect();
@@ -88,15 +97,16 @@ fn matches(pattern: &str) -> std::result::Result<BTreeSet<PathBuf>, glob::Patter
             // Not UTF-8: a job file cannot name such a folder either.
             None => continue,
         };
-        found.extend(matches(&(start + below))?);
-        let listed = match folder.as_os_str().is_empty() {
-            true => std::fs::read_dir("."),
-            false => std::fs::read_dir(&folder),
-        };
-        let entries = listed.into_iter().flatten().flatten();
-        let real = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-        // Hidden folders count, as in `glob`.
-        folders.extend(real.map(|entry| folder.join(entry.file_name())));
+        found.extend(matches(&(start + below), listed)?);
+        let here = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+        let failed = |error: std::io::Error| Error::io(here, "list", &error);
+        for entry in std::fs::read_dir(here).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            // Hidden folders count, as in `glob`.
+            if entry.file_type().map_err(failed)?.is_dir() {
+                folders.push(folder.join(entry.file_name()));
+            }
+        }
     }
     Ok(found)
 }

@@ -90,8 +90,8 @@ impl NamePattern {
         Ok(Self { images: images.into(), ..self })
     }
 
-    /// Refuses an input whose frames would lie outside the output folder, or would have control
-    /// characters in their names. For example, `...ply` has the stem `..`.
+    /// Refuses an input whose frames would lie outside the output folder, or would have names with
+    /// control characters or that are not UTF-8. For example, `...ply` has the stem `..`.
     ///
     /// # Errors
     /// `Invalid`, at the input.
@@ -103,6 +103,12 @@ impl NamePattern {
                 "found frames of the name {name:?}, expected a name within the output folder"
             );
             return Err(Error::invalid(place, message).help("rename the input, or choose --name"));
+        }
+        if name.to_str().is_none() {
+            let message = "found frames whose names are not UTF-8, expected names that the journal \
+                           can hold";
+            return Err(Error::invalid(place, message)
+                .help("rename the input, or choose --name {input:04}"));
         }
         paths::refuse_control_characters(&name).map_err(|error| Error {
             problems: error

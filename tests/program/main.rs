@@ -15,6 +15,8 @@ mod batch {
     mod cameras;
     mod frames;
     #[cfg(unix)]
+    mod inputs;
+    #[cfg(unix)]
     mod kill;
     mod sheet;
 }
