@@ -20,7 +20,7 @@ pub struct Settings {
     pub repair: bool,
     /// Format of the pictures.
     pub storage: Storage,
-    /// Frame number and frame rate in the header of the first frame.
+    /// Frame number and frame rate in the header.
     pub sequence: Sequence,
 }
 
@@ -33,12 +33,12 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let parts = if storage.multipart { ",multipart" } else { "" };
     let sidecar = if storage.crypto_sidecar { ",sidecar" } else { "" };
     let deep = if storage.depth == Depth::Sixteen { ",png16" } else { "" };
-    let numbered = if sequence.frame.is_some() { ",numbered" } else { "" };
+    let number = sequence.frame.map_or(String::new(), |frame| format!(",number{frame}"));
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
     let fast = if loaded.scene.backend == Backend::Embree(EmbreeMode::Fast) { ",fast" } else { "" };
-    let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{numbered}{rate}");
+    let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{number}{rate}");
     let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")
 }

@@ -183,8 +183,9 @@ impl Ready {
                     let loaded = self.frame(job, number)?;
                     let prefix = job.prefix(task.input, number);
                     let hash = world::fingerprint(&loaded, settings.repair, contents)?;
+                    let settings = Settings { sequence: job.sequence(number), ..*settings };
                     let fingerprint =
-                        hash.as_ref().map(|hash| fingerprint(&loaded, settings, hash));
+                        hash.as_ref().map(|hash| fingerprint(&loaded, &settings, hash));
                     let index = tasks::index(job.frames(), task.input, number);
                     Ok(Frame { index, number, loaded, prefix, hash, fingerprint, again: None })
                 })

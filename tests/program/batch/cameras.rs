@@ -235,7 +235,7 @@ fn a_model_may_have_more_points_than_memory() {
     // The last picture has no points.
     let (all, count) = bytes.split_at(bytes.len() - 8);
     assert_eq!(count, 0u64.to_le_bytes());
-    let points = (1u64 << 40) / 24;
+    let points = (1u64 << 36) / 24;
     std::fs::write(scratch.path("binary/images.bin"), [all, &points.to_le_bytes()].concat())
         .unwrap();
     let file =
@@ -243,6 +243,33 @@ fn a_model_may_have_more_points_than_memory() {
     file.set_len(bytes.len() as u64 + 24 * points).unwrap();
     batch(&scratch, "binary", &["-o", "out"]).good();
     assert!(scratch.path("out/scan/a.exr").is_file());
+}
+
+/// A camera before the others changes the number in the header of each frame.
+#[test]
+fn a_frame_with_another_number_is_rendered_again() {
+    let scratch = scratch();
+    let mut list = own_list();
+    let cameras = list["cameras"].as_array_mut().unwrap();
+    let first = cameras.remove(0);
+    scratch.write("some.json", &json!({ "cameras": cameras.clone() }).to_string());
+    cameras.insert(0, first);
+    scratch.write("all.json", &list.to_string());
+    let run = |list: &str| {
+        let args = ["batch", "scan.ply", "--cameras", list, "--spp", "1", "--resume"];
+        scratch.run(&args).good().stderr()
+    };
+    run("some.json");
+    let said = run("all.json");
+    assert!(said.contains("3 frames rendered, 0 kept"), "{said}");
+    for (number, name) in (0..).zip(NAMES) {
+        let path = scratch.path(&format!("out/scan/{name}.exr"));
+        let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
+        let other = &meta.headers[0].own_attributes.other;
+        let counter = other.iter().find(|(name, _)| **name == *"imageCounter").unwrap().1;
+        assert_eq!(counter, &exr::meta::attribute::AttributeValue::I32(number), "{name}");
+    }
+    assert!(run("all.json").contains("0 frames rendered, 3 kept"));
 }
 
 #[test]
