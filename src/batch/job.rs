@@ -14,7 +14,7 @@ use crate::poses::Poses;
 use crate::scene::Overrides;
 use crate::scene::written::Name;
 use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
-use crate::{paths, units};
+use crate::{paths, studio, units};
 
 use super::description::{Input as Written, JobFile, TurntableKeys};
 use super::inputs;
@@ -77,6 +77,10 @@ pub struct JobInput {
 pub struct Flags {
     /// Overrides that are applied after the overrides of the job file.
     pub overrides: Overrides,
+    /// Looks of meshes, which win over the overrides of the job file.
+    pub looks: Appearance,
+    /// True if the `up` or `rotate` of the job file comes from a flag, which wins over its inputs.
+    pub turned: bool,
     /// Samples on every area light, sun and environment per shading point.
     pub light_samples: Option<u32>,
     /// Drops triangles with invalid vertices.
@@ -98,14 +102,15 @@ impl Job {
     pub fn check(file: JobFile, base: &Path, flags: Flags) -> Result<Self> {
         let mut failures = Failures::default();
         let mut found = Vec::new();
-        for (i, written) in file.inputs.iter().enumerate() {
-            let files = failures.keep(input(written, &file, base, &flags, i));
-            found.extend(files.into_iter().flatten());
-        }
-        let template = failures.keep(match &file.template {
+        let template = match &file.template {
             Some(path) => Template::file(&base.join(&path.0)),
             None => Ok(Template::studio(file.studio.unwrap_or_default())),
-        });
+        };
+        for (i, written) in file.inputs.iter().enumerate() {
+            let files = input(written, &file, base, (&flags, template.as_ref().ok()), i);
+            found.extend(failures.keep(files).into_iter().flatten());
+        }
+        let template = failures.keep(template);
         let poses = failures.keep(poses(&file, base, &flags)).flatten();
         let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
         let frames = poses.as_ref().map_or(frames, |poses| poses.list.len() as u32);
@@ -252,7 +257,7 @@ fn input(
     written: &Written,
     file: &JobFile,
     base: &Path,
-    flags: &Flags,
+    (flags, template): (&Flags, Option<&Template>),
     number: usize,
 ) -> Result<Vec<JobInput>> {
     let none = BTreeMap::new();
@@ -262,7 +267,6 @@ fn input(
     };
     let mut overrides = common(file);
     overrides.append(patches(camera, set));
-    overrides.append(flags.overrides.clone());
     let place = format!("inputs/{number}");
     let files = inputs::expand(&place, &path.0, base)?;
     // An entry's own `up` or `rotate` replaces both of the job's.
@@ -272,13 +276,18 @@ fn input(
             let message = "found `up` and `rotate`, expected one of the two";
             return Err(Error::invalid(place, message));
         }
-        own => own,
+        own if !flags.turned => own,
+        _ => (file.up, file.rotate),
     };
-    let one = |path| JobInput {
-        path,
-        up,
-        rotate: rotate.map(|angles| angles.0),
-        overrides: overrides.clone(),
+    overrides.flags_follow();
+    let one = |path: PathBuf| {
+        let mut overrides = overrides.clone();
+        if let (Some(template), true) = (template, studio::is_mesh(&path)) {
+            // The mesh itself reports the error of a template without a trimesh.
+            let _ = studio::flags_win(&flags.looks, flags.turned, template, &mut overrides);
+        }
+        overrides.append(flags.overrides.clone());
+        JobInput { path, up, rotate: rotate.map(|angles| angles.0), overrides }
     };
     Ok(files.into_iter().map(one).collect())
 }

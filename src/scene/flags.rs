@@ -14,6 +14,8 @@ use super::node::JsonPlace;
 pub struct Overrides {
     /// Flag, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
     list: Vec<(Option<&'static str>, String, String)>,
+    /// Number of overrides at the start of the list that flags win over: those of a job file.
+    below: usize,
     /// Options of the backend that the scene selects.
     backend: BackendFlags,
 }
@@ -35,10 +37,17 @@ impl Overrides {
 
     /// Returns true if an override sets a value at `pointer` or below it.
     pub fn touches(&self, pointer: &str) -> bool {
-        let below = |at: &String| {
-            at.strip_prefix(pointer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-        };
-        self.list.iter().any(|(_, at, _)| below(at))
+        self.list.iter().any(|(_, at, _)| is_within(at, pointer))
+    }
+
+    /// Removes the overrides of `pointer` and of values below it.
+    pub fn remove(&mut self, pointer: &str) {
+        self.list.retain(|(_, at, _)| !is_within(at, pointer));
+    }
+
+    /// Lets flags win over all overrides so far.
+    pub fn flags_follow(&mut self) {
+        self.below = self.list.len();
     }
 
     /// Adds options of the backend. They take precedence over earlier ones.
@@ -48,7 +57,8 @@ impl Overrides {
 
     /// Adds `--light-samples`: an override for each area light, sun and environment of `scene`,
     /// which is `source` with all overrides so far. A light whose `samples` a `--set` names keeps
-    /// them. A sun of size 0 has no samples. Returns false if no light has samples.
+    /// them, unless flags win over that `--set`. A sun of size 0 has no samples. Returns false if
+    /// no light has samples.
     ///
     /// # Errors
     /// As for [`load_scene::document`].
@@ -58,24 +68,37 @@ impl Overrides {
         source: Source,
         scene: &SceneDescription,
     ) -> Result<bool> {
+        let lights = &scene.scene.lightsources;
+        let pointers: Vec<String> =
+            (0..lights.len()).map(|i| format!("/scene/lightsources/{i}/samples")).collect();
         let (mut document, _) = load_scene::document(source)?;
-        for (_, _, set) in &self.list {
-            // An override with an error was refused when `scene` was loaded.
-            let _ = document.apply_set(set);
-        }
+        let mut set_by = |sets: &[(Option<&'static str>, String, String)]| -> Vec<bool> {
+            for (_, _, set) in sets {
+                // An override with an error was refused when `scene` was loaded.
+                let _ = document.apply_set(set);
+            }
+            let place = |pointer: &String| document.get(pointer).map(|node| &node.place);
+            let is_set = |pointer| matches!(place(pointer), Some(JsonPlace::Set(_)));
+            pointers.iter().map(is_set).collect()
+        };
+        let (below, rest) = self.list.split_at(self.below);
+        let (was_set, is_set) = (set_by(below), set_by(rest));
         let mut any = false;
-        for (i, light) in scene.scene.lightsources.iter().enumerate() {
+        let mut wanted = Vec::new();
+        for (i, light) in lights.iter().enumerate() {
             let sampled = match light {
                 LightDescription::AreaLight(_) | LightDescription::Environment(_) => true,
                 LightDescription::Sun(sun) => sun.angle > 0.0,
                 LightDescription::PointLight(_) | LightDescription::Directional(_) => false,
             };
             any |= sampled;
-            let pointer = format!("/scene/lightsources/{i}/samples");
-            let place = document.get(&pointer).map(|node| &node.place);
-            if sampled && !matches!(place, Some(JsonPlace::Set(_))) {
-                self.flag("--light-samples", &pointer, Some(samples));
+            let named = || rest.iter().any(|(_, at, _)| is_within(&pointers[i], at));
+            if sampled && !(is_set[i] && (!was_set[i] || named())) {
+                wanted.push(i);
             }
+        }
+        for i in wanted {
+            self.flag("--light-samples", &pointers[i], Some(samples));
         }
         Ok(any)
     }
@@ -89,6 +112,7 @@ impl Overrides {
     /// Adds the overrides of `first` before all others. The others take precedence.
     pub fn prepend(&mut self, first: Self) {
         let last = std::mem::replace(self, first);
+        self.below = self.list.len() + last.below;
         self.append(last);
     }
 
@@ -130,4 +154,9 @@ impl Overrides {
             _ => problem,
         }
     }
+}
+
+/// Returns true if the JSON pointer `at` is `pointer` or leads to a value below it.
+fn is_within(at: &str, pointer: &str) -> bool {
+    at.strip_prefix(pointer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }

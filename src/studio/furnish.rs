@@ -19,7 +19,7 @@ use super::axes::{main_axis, turn};
 use super::calibrated::keep_coordinates;
 use super::framing::{FieldOfView, frame, frame_turning};
 use super::points::UsedVertices;
-use super::subject::{GROUND, Subject};
+use super::subject::{Appearance, GROUND, Subject};
 use super::template::{Template, copies, trimesh};
 
 /// Height of the mesh above the ground, as a fraction of the mesh's longest side. It is too small
@@ -84,12 +84,41 @@ pub fn furnish(
 fn looks(subject: &Subject, template: &Template, shape: &str) -> Result<Overrides> {
     let mut ours = Overrides::default();
     ours.flag("FILE.ply", &format!("{shape}/path"), Some(within(template, subject.path)?));
-    let smooth = subject.looks.smooth.as_ref().map(|smooth| json!(smooth));
-    ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
-    let color = subject.looks.color.as_ref().map(|color| json!(color));
-    ours.flag("--color", &format!("{shape}/color"), color);
-    ours.flag("--points", &format!("{shape}/points"), subject.looks.points);
+    add_looks(&subject.looks, shape, &mut ours);
     Ok(ours)
+}
+
+fn add_looks(looks: &Appearance, shape: &str, ours: &mut Overrides) {
+    let smooth = looks.smooth.as_ref().map(|smooth| json!(smooth));
+    ours.flag("--smooth", &format!("{shape}/smooth"), smooth);
+    let color = looks.color.as_ref().map(|color| json!(color));
+    ours.flag("--color", &format!("{shape}/color"), color);
+    ours.flag("--points", &format!("{shape}/points"), looks.points);
+}
+
+/// Lets the looks that flags choose win over `user`, the overrides of a job file. `turned` says that
+/// a flag turns the mesh. [`show`](super::show) applies the looks and the turn before `user`.
+///
+/// # Errors
+/// A template without a trimesh.
+pub fn flags_win(
+    looks: &Appearance,
+    turned: bool,
+    template: &Template,
+    user: &mut Overrides,
+) -> Result<()> {
+    let shape = first_trimesh(template)?;
+    if turned {
+        user.remove(&format!("{shape}/rotate"));
+    }
+    if looks.quality.is_some() {
+        user.remove("/spp");
+    }
+    user.flags_follow();
+    add_looks(looks, &shape, user);
+    let path = looks.texture.as_ref().map(|image| within(template, image)).transpose()?;
+    user.flag("--texture", &format!("{}/tPath", material(template, &shape)?), path);
+    Ok(())
 }
 
 /// Returns the shape of the mesh before it is placed, and whether its material has a texture. The

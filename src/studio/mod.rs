@@ -21,7 +21,7 @@ mod turntable;
 
 pub use builtin::Studio;
 pub use framing::{FieldOfView, frame, frame_turning};
-pub use furnish::with_default_placement;
+pub use furnish::{flags_win, with_default_placement};
 pub use points::{UsedVertices, is_mesh, read};
 pub use quality::Quality;
 pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};

@@ -13,6 +13,7 @@ fn timed() -> MutexGuard<'static, ()> {
 
 mod batch {
     mod cameras;
+    mod flags;
     mod frames;
     #[cfg(unix)]
     mod inputs;

@@ -165,13 +165,15 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         },
         several => (inputs(several)?, None),
     };
-    apply_flags(args, &mut file)?;
+    let looks = apply_flags(args, &mut file)?;
     let limits = file.limits.clone();
     let beside = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
         light_samples: args.scene.light_samples,
         repair: args.mesh.reading.repair,
         no_mmap: args.mesh.reading.no_mmap,
+        looks,
+        turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
     };
     let job = Job::check(file, folder_of(own), beside)?;
@@ -225,8 +227,8 @@ fn inputs(paths: &[PathBuf]) -> Result<JobFile> {
     Ok(JobFile { inputs, ..JobFile::default() })
 }
 
-/// Replaces values of the job file by those of flags.
-fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
+/// Replaces values of the job file by those of flags. Returns the looks that flags choose.
+fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     let from_here = |path: &Path| -> Result<Name> {
         let absolute = std::path::absolute(path).map_err(|e| Error::io(path, "find", &e))?;
         Ok(Name(paths::named(&absolute)?))
@@ -234,6 +236,7 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
     let BatchArgs { mesh, frames, .. } = args;
     if let Some(template) = &mesh.template {
         file.template = Some(from_here(template)?);
+        (file.studio, file.quality) = (None, None);
     }
     if let Some(cameras) = &frames.cameras {
         file.cameras = Some(from_here(cameras)?);
@@ -246,17 +249,21 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
         file.rotate = place.rotate.map(Angles);
     }
     file.margin = place.margin.or(file.margin);
-    let Appearance { smooth, texture, no_ground, color, points, quality, studio } =
-        mesh.looks.appearance()?;
-    file.smooth = smooth.or(file.smooth.take());
-    file.color = color.or(file.color.take());
-    file.points = points.or(file.points);
-    if let Some(texture) = &texture {
-        file.texture = Some(from_here(texture)?);
+    let mut looks = mesh.looks.appearance()?;
+    file.smooth = looks.smooth.clone().or(file.smooth.take());
+    file.color = looks.color.clone().or(file.color.take());
+    file.points = looks.points.or(file.points);
+    if let Some(texture) = &mut looks.texture {
+        let named = from_here(texture)?;
+        *texture = PathBuf::from(&named.0);
+        file.texture = Some(named);
     }
-    file.quality = quality.or(file.quality);
-    file.studio = studio.or(file.studio);
-    file.ground = if no_ground { Some(false) } else { file.ground };
+    file.quality = looks.quality.or(file.quality);
+    if looks.studio.is_some() {
+        file.studio = looks.studio;
+        file.template = file.template.take().filter(|_| mesh.template.is_some());
+    }
+    file.ground = if looks.no_ground { Some(false) } else { file.ground };
     set_output(file, args.output.as_deref())?;
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
@@ -281,8 +288,9 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<()> {
             start: frames.start.unwrap_or(written.map_or(0.0, |t| t.start)),
             pivot: frames.pivot.map(Point).or(written.and_then(|t| t.pivot)),
         });
+        (file.cameras, file.undistort) = (None, frames.undistort);
     }
-    Ok(())
+    Ok(looks)
 }
 
 /// Replaces the output folder of the job file by that of `--output`.

@@ -1,0 +1,106 @@
+//! A flag wins over the inputs of a job file, and an input over the job.
+
+use serde_json::{Value, json};
+
+use crate::support::program::{PYRAMID, SMALL, Scratch};
+
+/// Renders `a.ply` with a job of these keys, and with flags that follow them.
+fn channels(scratch: &Scratch, job: Value, flags: &[&str]) -> Vec<(String, Vec<u32>)> {
+    scratch.write("job.json", &job.to_string());
+    let args = ["batch", "job.json", "-o", "out", "--no-sheet", "--quiet"];
+    scratch.run(&[&args[..], &SMALL, flags].concat()).good();
+    scratch.channels("out/a.exr")
+}
+
+#[test]
+fn a_flag_wins_over_every_input_and_job() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let plain = || json!({ "inputs": ["a.ply"] });
+    let entry = |keys: Value| {
+        let mut entry = json!({ "path": "a.ply" });
+        entry.as_object_mut().unwrap().extend(keys.as_object().unwrap().clone());
+        json!({ "inputs": [entry] })
+    };
+    let set = |pointer: &str, value: Value| entry(json!({ "set": { pointer: value } }));
+    let shape = "/scene/shapes/0";
+    let turned = || set(&format!("{shape}/rotate"), json!([10, 20, 30]));
+    let samples = "/scene/lightsources/0/samples";
+    let cases: Vec<(Value, &[&str])> = vec![
+        (entry(json!({ "up": "z" })), &["--up", "x"]),
+        (entry(json!({ "rotate": [10, 20, 30] })), &["--up", "z"]),
+        (entry(json!({ "up": "z" })), &["--rotate", "0,0,70"]),
+        (turned(), &["--up", "z"]),
+        (turned(), &["--rotate", "0,0,70"]),
+        (set(&format!("{shape}/smooth"), json!(false)), &["--smooth", "all"]),
+        (set(&format!("{shape}/points"), json!(0.5)), &["--points", "0.2"]),
+        (set("/spp", json!(9)), &["--quality", "draft"]),
+        (set("/spp", json!(9)), &["--quality", "normal"]),
+        (set(samples, json!(9)), &["--light-samples", "1"]),
+        (set("/tonemap/exposure", json!(2)), &["--set", "/tonemap/exposure=1"]),
+        (json!({ "inputs": ["a.ply"], "set": { "/spp": 9 } }), &["--quality", "draft"]),
+        (json!({ "inputs": ["a.ply"], "set": { samples: 9 } }), &["--light-samples", "1"]),
+    ];
+    for (job, flags) in cases {
+        let said = format!("{job} {flags:?}");
+        assert!(channels(&scratch, job, flags) == channels(&scratch, plain(), flags), "{said}");
+    }
+    // Without a flag, an input wins over the job.
+    let job =
+        json!({ "inputs": [{ "path": "a.ply", "set": { "/spp": 2 } }], "set": { "/spp": 9 } });
+    let other = channels(&scratch, plain(), &["--spp", "2"]);
+    assert!(channels(&scratch, job, &[]) == other);
+    // --set is the last word.
+    let flags = ["--quality", "draft", "--light-samples", "9", "--set", &format!("{samples}=1")];
+    let same = channels(&scratch, set("/spp", json!(9)), &flags);
+    assert!(same == channels(&scratch, plain(), &flags));
+}
+
+#[test]
+fn a_texture_wins_over_the_material_of_an_input() {
+    let scratch = Scratch::new();
+    let quad = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+                property float z\nproperty float s\nproperty float t\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n\
+                -1 0 0 0 0\n1 0 0 1 0\n1 2 0 1 1\n-1 2 0 0 1\n4 0 1 2 3\n";
+    scratch.write("a.ply", quad);
+    for (name, color) in [("red", [255, 0, 0]), ("blue", [0, 0, 255])] {
+        let image = image::RgbImage::from_pixel(2, 2, image::Rgb(color));
+        image.save(scratch.path(&format!("{name}.png"))).unwrap();
+    }
+    let job = |set: Value| json!({ "inputs": [{ "path": "a.ply", "set": set }] });
+    let flags = ["--texture", "red.png"];
+    let material = "/scene/materials/subject";
+    let plain = channels(&scratch, json!({ "inputs": ["a.ply"] }), &flags);
+    let blue = job(json!({ format!("{material}/tPath"): "blue.png" }));
+    assert!(channels(&scratch, blue.clone(), &flags) == plain);
+    assert!(channels(&scratch, blue, &[]) != plain);
+    // The rest of a material stays.
+    let dark = job(json!({ material: { "kd": 0.5, "tPath": "blue.png" } }));
+    let [r, _, b] = [0, 1, 2].map(|i| {
+        let channels = channels(&scratch, dark.clone(), &flags);
+        let name = ["R", "G", "B"][i];
+        let all = channels.into_iter().find(|(known, _)| known == name).unwrap().1;
+        all[8 * 24 + 12]
+    });
+    assert!(r > b, "{r} {b}");
+}
+
+#[test]
+fn a_template_a_studio_or_a_turntable_replaces_what_the_job_has() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("t.json", include_str!("../../../assets/studio.json"));
+    let run = |job: Value, flags: &[&str]| {
+        scratch.write("job.json", &job.to_string());
+        let args = ["batch", "job.json", "-o", "out", "--no-sheet", "--quiet"];
+        scratch.run(&[&args[..], &SMALL, flags].concat()).good().stdout()
+    };
+    run(
+        json!({ "inputs": ["a.ply"], "studio": "clay", "quality": "draft" }),
+        &["--template", "t.json"],
+    );
+    run(json!({ "inputs": ["a.ply"], "template": "t.json" }), &["--studio", "clay"]);
+    let listed = run(json!({ "inputs": ["a.ply"], "cameras": "none.json" }), &["--turntable", "2"]);
+    assert_eq!(listed.lines().count(), 4, "{listed}");
+}
