@@ -5,14 +5,15 @@
 #
 # Names are arguments and never part of this text, so no name is read as a command.
 # A task may run twice, also at the same time. Every frame gets its name when it is complete, and
-# --resume keeps those that are there.
+# --resume keeps those that are there. The processors of the task win over the limit of the job.
 set -u
 program=$1 job=$2 folder=$3 frames=$4 per_task=$5
 first=$((SLURM_ARRAY_TASK_ID * per_task))
 end=$((first + per_task < frames ? first + per_task : frames))
 child=
 trap 'if [ -n "$child" ]; then kill -TERM "$child"; fi' TERM USR1
-"$program" batch "$job" -o "$folder" --range "$first..$end" --resume --progress plain &
+"$program" batch "$job" -o "$folder" --range "$first..$end" --resume --progress plain \
+    ${SLURM_CPUS_PER_TASK:+--threads "$SLURM_CPUS_PER_TASK"} &
 child=$!
 status=0
 wait "$child" || status=$?

@@ -1,9 +1,10 @@
 #!/bin/bash
 # The job after all tasks of `lightpath submit slurm`, however these ended: writes the contact
-# sheet, lists the frames that are missing with the reason, and fails if there are any.
+# sheet, lists the frames that are missing or could not be rendered again, with the reason, and fails
+# if there are any.
 #
 #   sbatch --dependency=afterany:ARRAY slurm-sheet.sh PROGRAM JOB FOLDER
 #
 # Names are arguments and never part of this text, so no name is read as a command.
 set -u
-exec "$1" batch "$2" -o "$3" --sheet-only
+exec "$1" batch "$2" -o "$3" --sheet-only ${SLURM_CPUS_PER_TASK:+--threads "$SLURM_CPUS_PER_TASK"}

@@ -8,7 +8,7 @@ use std::process::Command;
 use clap::{Args, Subcommand, ValueHint};
 
 use crate::accel::memory_footprint;
-use crate::batch::{self, Job, JournalRecord};
+use crate::batch::{self, Job, JournalRecord, LimitKeys};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::farm::{self, Chunks, Slurm};
 use crate::output::atomic::PartFile;
@@ -51,7 +51,8 @@ pub struct SlurmArgs {
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub cpus: u16,
 
-    /// Memory per task [default: 2.5 times the predicted need of the largest input]
+    /// Memory per task [default: 1.25 times the job's limit of memory, else 2.5 times the predicted
+    /// need of the largest input]
     #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
     pub memory: Option<u64>,
 
@@ -101,8 +102,8 @@ const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
     signals::end_at_once()?;
-    let job = load(args)?;
-    let slurm = plan(args, &job, &self::program(program)?)?;
+    let (job, limits) = load(args)?;
+    let slurm = plan(args, &job, &limits, &self::program(program)?)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
         .map(|(name, text)| (folder.join(name), text));
@@ -140,8 +141,8 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     print::text(&format!("{submitted}\n"))
 }
 
-/// Loads the job as its tasks will load it.
-fn load(args: &SlurmArgs) -> Result<Job> {
+/// Loads the job and its limits as its tasks will load them.
+fn load(args: &SlurmArgs) -> Result<(Job, LimitKeys)> {
     let found = fs::metadata(&args.job);
     found.map_err(|error| Error::io(&args.job, "read", &error))?;
     let job = batch_command::load_job_file(&args.job, args.output.as_deref())?;
@@ -169,7 +170,7 @@ fn program(named: Option<&Path>) -> Result<PathBuf> {
     }
 }
 
-fn plan(args: &SlurmArgs, job: &Job, program: &Path) -> Result<Slurm> {
+fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Result<Slurm> {
     let per_mesh = u64::from(job.frames());
     let frames = batch::index(job.frames(), job.inputs.len(), 0);
     let needs = Needs::of(job, args)?;
@@ -214,10 +215,32 @@ fn plan(args: &SlurmArgs, job: &Job, program: &Path) -> Result<Slurm> {
         chunks,
         at_a_time: args.at_a_time,
         cpus: args.cpus,
-        memory_mib: args.memory.unwrap_or(needs.memory).div_ceil(1 << 20),
+        memory_mib: memory(args, limits, needs.memory)?.div_ceil(1 << 20),
         time: args.time.clone(),
         options: args.sbatch.clone(),
     })
+}
+
+/// Returns the memory per task in bytes: as much as the job's own limit lets it take, else `needed`.
+///
+/// # Errors
+/// `--memory` below the job's limit; a limit that is no size.
+fn memory(args: &SlurmArgs, limits: &LimitKeys, needed: u64) -> Result<u64> {
+    let limit = batch_command::max_memory(limits)?;
+    match (args.memory, limit) {
+        (Some(memory), Some(limit)) if memory < limit => {
+            let message = format!(
+                "found {}, expected at least {}: the tasks obey the job's limits/memory",
+                units::bytes(memory),
+                units::bytes_rounded_up(limit),
+            );
+            Err(Error::invalid("--memory", message).help("lower limits/memory, or remove it"))
+        }
+        (Some(memory), _) => Ok(memory),
+        // A quarter is the reserve.
+        (None, Some(limit)) => Ok(limit.saturating_add(limit / 4)),
+        (None, None) => Ok(needed),
+    }
 }
 
 /// Estimated needs of a task.

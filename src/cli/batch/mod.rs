@@ -132,13 +132,21 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     Err(Error { kind, problems })
 }
 
-fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
-    let written = limits.memory.as_ref().map(|text| {
-        units::parse_bytes(&text.0).map_err(|expected| {
-            Error::invalid("limits/memory", format!("found {:?}, {expected}", text.0))
+/// Returns the limit of memory of a job file in bytes.
+///
+/// # Errors
+/// A text that is no size.
+pub fn max_memory(limits: &LimitKeys) -> Result<Option<u64>> {
+    let parse = |Name(text): &Name| {
+        units::parse_bytes(text).map_err(|expected| {
+            Error::invalid("limits/memory", format!("found {text:?}, {expected}"))
         })
-    });
-    let written = written.transpose()?;
+    };
+    limits.memory.as_ref().map(parse).transpose()
+}
+
+fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
+    let written = max_memory(limits)?;
     Ok(BatchOptions {
         threads: machine::threads(args.machine.workers.threads.or(limits.threads)),
         jobs: args.run.jobs.or(limits.jobs).map(usize::from),
@@ -185,16 +193,17 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     Ok((job, limits))
 }
 
-/// Loads a job file as `batch` loads it, with another output folder if one is given. Returns `None`
-/// if the file is not a job file.
+/// Loads a job file and its limits as `batch` loads them, with another output folder if one is
+/// given. Returns `None` if the file is not a job file.
 ///
 /// # Errors
 /// All problems of the job.
-pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<Job>> {
+pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<(Job, LimitKeys)>> {
     let Some(mut file) = read_job_file(path)? else { return Ok(None) };
     set_output(&mut file, output)?;
+    let limits = file.limits.clone();
     let flags = Flags { file: Some(path.to_owned()), ..Flags::default() };
-    Job::check(file, folder_of(Some(path)), flags).map(Some)
+    Ok(Some((Job::check(file, folder_of(Some(path)), flags)?, limits)))
 }
 
 /// Returns the folder that the paths of a job file are relative to. Without a job file it is the

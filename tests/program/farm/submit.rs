@@ -61,6 +61,55 @@ fn memory_and_chunks_are_predicted() {
     assert_eq!(done.code(), 0, "{}", done.stderr());
 }
 
+/// A task obeys the limits of its job, so its memory covers them.
+#[test]
+fn the_memory_of_a_task_covers_the_limit_of_the_job() {
+    let scratch = scratch(2);
+    let job = |limits: &str| {
+        scratch.write("job.json", &format!(r#"{{ "inputs": ["*.ply"], "limits": {limits} }}"#));
+    };
+    job(r#"{ "memory": "8G", "jobs": 4 }"#);
+    let memory = |flags: &[&str]| {
+        let said = submit(&scratch, flags).good().stdout();
+        said.split(' ').find_map(|word| word.strip_prefix("--mem=").map(str::to_owned)).unwrap()
+    };
+    assert_eq!(memory(&[]), "10240M");
+    assert_eq!(memory(&["--memory", "9G"]), "9216M");
+    for (limits, flags, message) in [
+        (r#"{ "memory": "8G" }"#, &["--memory", "1G"][..], "--memory: found 1.0 GiB, expected at"),
+        (r#"{ "memory": "lots" }"#, &[], "limits/memory: found \"lots\""),
+    ] {
+        job(limits);
+        let done = submit(&scratch, flags);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains(message), "{}", done.stderr());
+    }
+}
+
+#[test]
+fn a_task_has_a_thread_per_processor() {
+    let scratch = scratch(1);
+    scratch.write("program", "#!/bin/sh\necho \"$@\"\n");
+    let program = scratch.path("program");
+    let made = std::process::Command::new("chmod").arg("+x").arg(&program).status().unwrap();
+    assert!(made.success());
+    submit(&scratch, &[]).good();
+    for script in ["frames.sh", "sheet.sh"] {
+        let run = |cpus: Option<&str>| {
+            let mut bash = std::process::Command::new("bash");
+            bash.arg(scratch.path("out/slurm").join(script)).arg(&program);
+            bash.args(["job.json", "out", "4", "2"]).env("SLURM_ARRAY_TASK_ID", "0");
+            match cpus {
+                Some(cpus) => bash.env("SLURM_CPUS_PER_TASK", cpus),
+                None => bash.env_remove("SLURM_CPUS_PER_TASK"),
+            };
+            program::Done::of(&mut bash).good().stdout()
+        };
+        assert!(run(Some("3")).ends_with(" --threads 3\n"), "{script}");
+        assert!(!run(None).contains("--threads"), "{script}");
+    }
+}
+
 #[test]
 fn bad_input_is_refused() {
     let scratch = scratch(24);
