@@ -256,6 +256,17 @@ impl Prediction {
         Self { film_bytes: self.film_bytes.saturating_add(bytes), ..self }.with_peak()
     }
 
+    /// Returns the prediction with `count` films at a time.
+    pub fn with_films(self, count: u64) -> Self {
+        Self { film_bytes: self.film_bytes.saturating_mul(count), ..self }.with_peak()
+    }
+
+    /// Returns how many films, at most `most` and at least one, fit into `limit` bytes.
+    pub fn films_within(&self, limit: u64, most: u64) -> u64 {
+        let fits = |count: &u64| self.clone().with_films(*count).peak_bytes <= limit;
+        (1..=most).rev().find(fits).unwrap_or(1)
+    }
+
     /// Computes `peak_bytes`: the maximum over decoding, building and rendering. The images of a
     /// scene are decoded before meshes are read, and the film is allocated after the accelerator is
     /// built.

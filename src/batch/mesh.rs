@@ -10,7 +10,7 @@ use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Result};
 use crate::film::{Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
-use crate::memory::{self, Budget, Prediction};
+use crate::memory::{self, Budget};
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
 use crate::render::{RayCounts, RenderContext, render_layers};
 use crate::world::{ContentHashes, LoadOptions, World};
@@ -21,32 +21,35 @@ use super::resume::Resume;
 use super::scene::{self, Frame, Ready};
 use super::status::Event;
 use super::tasks::Task;
-use super::workers::{Run, guarded, together};
+use super::workers::{Run, Share, guarded, together};
 
 /// A loaded input with its accelerator, shared by all its frames.
 struct Built<'a> {
     /// Index among the tasks of the run.
     number: usize,
+    task: &'a Task,
     input: &'a str,
+    /// Maximum number of films at a time.
+    films: u64,
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     info: BuildInfo,
 }
 
 impl Run<'_> {
-    /// Renders the frames of a task. If the run has a limit of memory, `share` is the part of it in
-    /// bytes that this task may use.
+    /// Renders the frames of a task, given with its index among the tasks of the run. `left` counts
+    /// the frames that are neither rendered nor kept if an error is returned.
     ///
     /// # Errors
     /// Errors that concern all frames of this input.
     pub fn mesh(
         &self,
-        number: usize,
-        task: &Task,
+        (number, task): (usize, &Task),
         input: &str,
-        prediction: Prediction,
-        share: u64,
+        share: Share,
+        left: &mut u64,
     ) -> Result<()> {
+        let Share { prediction, films, bytes: share } = share;
         let began = Instant::now();
         let job = self.job;
         let monitor = self.monitor.part();
@@ -66,6 +69,7 @@ impl Run<'_> {
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
             self.sweep_frame(&PictureFiles::names(&prefix, &plan, job.storage));
         }
+        *left = frames.len() as u64;
         self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
             return Ok(());
@@ -76,6 +80,7 @@ impl Run<'_> {
             (self.tell)(Event::Framed { input, camera: &camera });
         }
         let mut messages = self.warn(input, &warnings);
+        let film_bytes = prediction.film_bytes.saturating_mul(films);
         let budget = self.options.max_memory.map(|_| Budget::new(share, prediction)).transpose()?;
         let budget = budget.as_ref();
         let options = LoadOptions {
@@ -100,9 +105,19 @@ impl Run<'_> {
             threads: self.options.threads,
             max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
-        let building = || accel::build(&world.geometry, scene.backend, &options, &monitor);
+        let building = || {
+            if budget.is_none() {
+                let (threads, primitives) = (self.options.threads, world.primitives());
+                memory::ensure_build_fits(scene.backend, threads, primitives, film_bytes)?;
+            }
+            accel::build(&world.geometry, scene.backend, &options, &monitor)
+        };
         let accelerator = self.loading.install(building)?;
         let info = accelerator.info();
+        let films = match budget {
+            Some(budget) => budget.films(world_bytes + info.bytes, films)?,
+            None => films,
+        };
         let record = MeshRecord {
             input: input.to_string(),
             triangles: world.triangles(),
@@ -115,12 +130,15 @@ impl Run<'_> {
         let noted = self.journal.add(&JournalRecord::Mesh(record));
         noted.inspect_err(|error| self.end(error.clone()))?;
         let accelerator = accelerator.as_ref();
-        self.frames(&Built { number, input, world: &world, accelerator, info }, &frames);
+        self.frames(
+            &Built { number, task, input, films, world: &world, accelerator, info },
+            &frames,
+        );
         Ok(())
     }
 
-    /// Renders frames on one thread more than frames are rendered at a time. So a frame can be
-    /// written while the next frames are traced.
+    /// Renders frames on one thread per film. That is one more than frames are rendered at a time,
+    /// if memory allows it: a frame can then be written while the next frames are traced.
     fn frames(&self, built: &Built, frames: &[Frame]) {
         let next = AtomicUsize::new(0);
         let work = || {
@@ -134,7 +152,7 @@ impl Run<'_> {
                 }
             }
         };
-        together((self.jobs + 1).min(frames.len()), work);
+        together(frames.len().min(built.films as usize), work);
     }
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {

@@ -73,6 +73,17 @@ pub struct Outcome {
     pub signal: Option<i32>,
 }
 
+/// Memory of a task that may begin.
+#[derive(Debug)]
+pub struct Share {
+    /// Memory of its input with one film.
+    pub prediction: Prediction,
+    /// Maximum number of films at a time.
+    pub films: u64,
+    /// If the run has a limit of memory, the part of it in bytes that this task may use.
+    pub bytes: u64,
+}
+
 /// State shared by all workers of a run.
 pub struct Run<'a> {
     pub job: &'a Job,
@@ -197,13 +208,17 @@ impl Run<'_> {
                 true => Ok(Prediction::default()),
                 false => guarded(|| self.predict(task)),
             };
-            let bytes = predicted.as_ref().map_or(0, |p| {
-                p.peak_bytes.saturating_add(p.film_bytes.saturating_mul(self.jobs as u64))
-            });
             // Without `--max-memory`, a mesh must fit into what the machine had when the run began.
-            let memory_limit = self.memory_limit.filter(|_| self.options.max_memory.is_none());
+            let machine = self.memory_limit.filter(|_| self.options.max_memory.is_none());
+            let limit = self.options.max_memory.or(machine.map(|limit| limit.bytes));
+            // A frame is written while the next ones are traced. Fewer films are held at a time if
+            // these do not fit.
+            let most = (self.jobs + 1).min(task.frames.len()) as u64;
+            let films_of = |p: &Prediction| p.films_within(limit.unwrap_or(u64::MAX), most);
+            let films = predicted.as_ref().map_or(1, films_of);
+            let bytes = predicted.as_ref().map_or(0, |p| p.clone().with_films(films).peak_bytes);
             let predicted = predicted.and_then(|prediction| {
-                memory_limit.map_or(Ok(()), |limit| limit.check(bytes, &input))?;
+                machine.map_or(Ok(()), |limit| limit.check(bytes, &input))?;
                 Ok(prediction)
             });
             // Enters even after an error or a stop: the next mesh waits until this one has entered.
@@ -211,11 +226,13 @@ impl Run<'_> {
             if self.stopped() {
                 continue;
             }
+            let mut left = task.frames.len() as u64;
             let done = predicted.and_then(|prediction| {
-                guarded(|| self.mesh(number, task, &input, prediction, held.share))
+                let share = Share { prediction, films, bytes: held.share };
+                guarded(|| self.mesh((number, task), &input, share, &mut left))
             });
             if let Err(error) = done {
-                self.failed(&input, None, task.frames.len() as u64, error);
+                self.failed(&input, None, left, error);
             }
         }
     }

@@ -85,6 +85,17 @@ impl Budget {
         );
         Err(over_limit(message))
     }
+
+    /// Returns how many films, at most `most`, fit in addition to `held` bytes of world and
+    /// accelerator.
+    ///
+    /// # Errors
+    /// `Limit`, with the numbers, if one does not fit.
+    pub fn films(&self, held: u64, most: u64) -> Result<u64> {
+        self.check_film(held)?;
+        let left = self.without_program().saturating_sub(held);
+        Ok(most.min(left / self.prediction.film_bytes.max(1)))
+    }
 }
 
 /// Returns the memory that the user's limit of `limit` bytes leaves for meshes.

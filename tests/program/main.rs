@@ -19,6 +19,7 @@ mod batch {
     mod inputs;
     #[cfg(unix)]
     mod kill;
+    mod memory;
     mod sheet;
 }
 
