@@ -214,6 +214,12 @@ impl Job {
         }
     }
 
+    /// Returns the name of an input's first frame, which no other input has. Unlike the path of the
+    /// input, it does not depend on how the input is given.
+    pub fn identity(&self, input: usize) -> String {
+        self.name.of(&self.inputs[input].path, input, 0).display().to_string()
+    }
+
     /// Returns the path of a frame's files without the ending.
     pub fn prefix(&self, input: usize, frame: u32) -> PathBuf {
         self.folder.join(self.name.of(&self.inputs[input].path, input, frame))

@@ -39,6 +39,8 @@ pub enum JournalRecord {
     Kept {
         /// Path of the input, as in [`FrameRecord`].
         input: String,
+        /// Identity of the input, as in [`FrameRecord`].
+        name: Option<String>,
         /// Indices of the frames within the input, as in [`FrameRecord`].
         frames: Vec<u32>,
     },
@@ -46,7 +48,9 @@ pub enum JournalRecord {
     Failed {
         /// Path of the input.
         input: String,
-        /// Index of the frame within the input; `None` if all frames failed.
+        /// Identity of the input, as in [`FrameRecord`].
+        name: Option<String>,
+        /// Index of the frame within the input; `None` if all its frames in the run failed.
         frame: Option<u32>,
         /// Text of the error.
         message: String,
@@ -71,6 +75,8 @@ pub enum JournalRecord {
 pub struct MeshRecord {
     /// Path of the input.
     pub input: String,
+    /// Identity of the input, as in [`FrameRecord`].
+    pub name: Option<String>,
     /// Number of triangles of all shapes.
     pub triangles: u64,
     /// Wall-clock seconds of reading and framing.
@@ -92,6 +98,8 @@ pub struct FrameRecord {
     pub index: u64,
     /// Path of the input.
     pub input: String,
+    /// [`Job::identity`](super::job::Job::identity) of the input; `None` in old journals.
+    pub name: Option<String>,
     /// Index of the frame within its input.
     pub frame: u32,
     /// Paths of its files, relative to the journal.
@@ -113,6 +121,19 @@ pub struct FrameRecord {
     pub peak_bytes: u64,
     /// Warnings of this frame.
     pub warnings: Vec<String>,
+}
+
+impl JournalRecord {
+    /// Returns the path and the identity of the input that the record is about.
+    pub fn input(&self) -> Option<(&str, Option<&str>)> {
+        let (input, name) = match self {
+            Self::Mesh(mesh) => (&mesh.input, &mesh.name),
+            Self::Frame(frame) => (&frame.input, &frame.name),
+            Self::Kept { input, name, .. } | Self::Failed { input, name, .. } => (input, name),
+            Self::Start { .. } | Self::End { .. } => return None,
+        };
+        Some((input, name.as_deref()))
+    }
 }
 
 /// A journal that is open for appending.
@@ -149,9 +170,11 @@ impl Journal {
     /// Appends a record: one line, by one system call unless the system splits it.
     ///
     /// # Errors
-    /// `Retry` if the disk is full.
+    /// `Retry` if the disk is full; a name that is not UTF-8.
     pub fn add(&self, record: &JournalRecord) -> Result<()> {
-        let mut line = serde_json::to_string(record).unwrap_or_default();
+        let place = || self.path.display().to_string();
+        let mut line = serde_json::to_string(record)
+            .map_err(|error| Error::invalid(place(), format!("cannot write: {error}")))?;
         line.push('\n');
         let mut file = lock(&self.file);
         file.write_all(line.as_bytes()).map_err(|error| Error::io(&self.path, "write", &error))
@@ -236,7 +259,7 @@ mod tests {
     fn a_cut_off_line_loses_only_its_own_record() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("batch.jsonl");
-        let kept = JournalRecord::Kept { input: "a.ply".into(), frames: vec![1, 3] };
+        let kept = JournalRecord::Kept { input: "a.ply".into(), name: None, frames: vec![1, 3] };
         Journal::open(&path).unwrap().add(&kept).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         let half = text[..text.len() / 2].to_owned();
@@ -255,6 +278,7 @@ mod tests {
         let start = |time| JournalRecord::Start { time, version: String::new(), range: [0, 1] };
         let failed = |text: &str| JournalRecord::Failed {
             input: "a.ply".into(),
+            name: None,
             frame: None,
             message: text.into(),
         };

@@ -70,7 +70,7 @@ impl Run<'_> {
             self.sweep_frame(&PictureFiles::names(&prefix, &plan, job.storage));
         }
         *left = frames.len() as u64;
-        self.kept(input, kept).inspect_err(|error| self.end(error.clone()))?;
+        self.kept(task.input, kept).inspect_err(|error| self.end(error.clone()))?;
         if frames.is_empty() {
             return Ok(());
         }
@@ -118,8 +118,10 @@ impl Run<'_> {
             Some(budget) => budget.films(world_bytes + info.bytes, films)?,
             None => films,
         };
+        let (path, name) = self.named(task.input);
         let record = MeshRecord {
-            input: input.to_string(),
+            input: path,
+            name,
             triangles: world.triangles(),
             load_s,
             build_s: began.elapsed().as_secs_f64() - load_s,
@@ -145,7 +147,7 @@ impl Run<'_> {
             let mut film = None;
             while let Some(frame) = frames.get(next.fetch_add(1, Relaxed)) {
                 if let Err(error) = guarded(|| self.frame(built, frame, &mut film)) {
-                    self.failed(built.input, Some(frame.number), 1, error);
+                    self.failed(built.task.input, Some(frame.number), 1, error);
                 }
                 if self.stopped() {
                     return;
@@ -213,9 +215,11 @@ impl Run<'_> {
         let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
         let xxh3 = xxh3.inspect_err(|error| self.end_if_retry(error))?;
         self.finished(&counts);
+        let (input, name) = self.named(built.task.input);
         let record = FrameRecord {
             index: frame.index,
-            input: built.input.to_string(),
+            input,
+            name,
             frame: frame.number,
             outputs: paths
                 .iter()

@@ -67,8 +67,8 @@ pub struct Outcome {
     pub rendered: u64,
     /// Number of existing frames that were kept.
     pub kept: u64,
-    /// Path of an input, and the error of this input or of one of its frames.
-    pub failures: Vec<(String, Error)>,
+    /// Index of an input, and the error of this input or of one of its frames.
+    pub failures: Vec<(usize, Error)>,
     /// Number of the signal that stopped the run.
     pub signal: Option<i32>,
 }
@@ -112,7 +112,7 @@ pub struct Run<'a> {
     footprints: Mutex<Vec<(Backend, MemoryFootprint)>>,
     stop: AtomicBool,
     fatal: Mutex<Option<Error>>,
-    failures: Mutex<Vec<(String, Error)>>,
+    failures: Mutex<Vec<(usize, Error)>>,
 }
 
 /// Runs the tasks of a job and returns the outcome, which includes the errors of single inputs.
@@ -232,7 +232,7 @@ impl Run<'_> {
                 guarded(|| self.mesh((number, task), &input, share, &mut left))
             });
             if let Err(error) = done {
-                self.failed(&input, None, left, error);
+                self.failed(task.input, None, left, error);
             }
         }
     }
@@ -279,29 +279,38 @@ impl Run<'_> {
     }
 
     /// Records frames of an input that are kept as they are.
-    pub fn kept(&self, input: &str, frames: Vec<u32>) -> Result<()> {
+    pub fn kept(&self, number: usize, frames: Vec<u32>) -> Result<()> {
         self.status.kept.fetch_add(frames.len() as u64, Relaxed);
-        match frames.is_empty() {
-            true => Ok(()),
-            false => self.journal.add(&JournalRecord::Kept { input: input.to_string(), frames }),
+        if frames.is_empty() {
+            return Ok(());
         }
+        let (input, name) = self.named(number);
+        self.journal.add(&JournalRecord::Kept { input, name, frames })
     }
 
-    /// Records the failure of an input or of one of its frames. The batch continues, unless
-    /// `fail_fast` is set. An interruption by a signal is not a failure.
-    pub fn failed(&self, input: &str, frame: Option<u32>, frames: u64, error: Error) {
+    /// Returns the path of an input and its identity, for the journal.
+    pub fn named(&self, number: usize) -> (String, Option<String>) {
+        let input = self.job.inputs[number].path.display().to_string();
+        (input, Some(self.job.identity(number)))
+    }
+
+    /// Records the failure of an input or of one of its frames, and counts `frames` frames that are
+    /// not made. The batch continues, unless `fail_fast` is set. An interruption by a signal is not a
+    /// failure.
+    pub fn failed(&self, number: usize, frame: Option<u32>, frames: u64, error: Error) {
         if let ErrorKind::Interrupted(_) = error.kind {
             return;
         }
         self.status.failed.fetch_add(frames, Relaxed);
-        (self.tell)(Event::Failed { input, error: &error });
+        let (input, name) = self.named(number);
+        (self.tell)(Event::Failed { input: &input, error: &error });
         let messages: Vec<String> = error.problems.iter().map(Problem::to_string).collect();
         let message = messages.join("\n");
-        let record = JournalRecord::Failed { input: input.to_string(), frame, message };
+        let record = JournalRecord::Failed { input, name, frame, message };
         if let Err(error) = self.journal.add(&record) {
             self.end(error);
         }
-        lock(&self.failures).push((input.to_string(), error));
+        lock(&self.failures).push((number, error));
         if self.options.fail_fast {
             self.stop.store(true, Relaxed);
         }

@@ -1,12 +1,16 @@
 //! Collects the state of each input of a batch from its files and journals.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 use std::path::PathBuf;
+use std::slice;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::batch::job::{Job, JobInput};
+use crate::batch::job::Job;
 use crate::batch::journal::{FrameRecord, JournalRecord, MeshRecord};
+use crate::batch::tasks;
 use crate::output::Outputs;
 use crate::output::finished::{self, FileState};
 
@@ -23,9 +27,8 @@ pub struct SheetEntry {
     pub of: u32,
     /// Record of reading and building, if a journal has one.
     pub mesh: Option<MeshRecord>,
-    /// Failures that no later record has resolved, by frame. The key `None` is a failure of the
-    /// whole input; a rendered or kept frame resolves it.
-    pub failures: BTreeMap<Option<u32>, String>,
+    /// Texts of the failures, by frame. A later record of the frame resolves its failure.
+    pub failures: BTreeMap<u32, Arc<str>>,
 }
 
 /// Returns true if all files of a frame exist and are complete.
@@ -41,59 +44,80 @@ impl SheetEntry {
     /// Returns the entries of all inputs of a job, in its order. `frames` holds only frames whose
     /// files are complete.
     ///
-    /// Checks files on the threads of the current rayon pool.
+    /// A record belongs to the input of its identity. If there is none, it belongs to all inputs of
+    /// its path, as do the records of old journals. Checks files on the threads of the current rayon
+    /// pool.
     pub fn all(job: &Job, records: &[JournalRecord]) -> Vec<Self> {
-        let mut by_name: HashMap<String, Self> = HashMap::new();
-        for record in records {
-            let input = match record {
-                JournalRecord::Mesh(mesh) => &mesh.input,
-                JournalRecord::Frame(frame) => &frame.input,
-                JournalRecord::Kept { input, .. } | JournalRecord::Failed { input, .. } => input,
-                JournalRecord::Start { .. } | JournalRecord::End { .. } => continue,
-            };
-            by_name.entry(input.clone()).or_default().add(record);
-        }
-        let inputs = job.inputs.par_iter().enumerate();
-        let entry = |(number, input): (usize, &JobInput)| {
-            let (input, of) = (input.path.display().to_string(), job.frames());
-            let mut known = by_name.get(&input).cloned().unwrap_or_default();
-            known.failures.retain(|frame, _| frame.is_none_or(|frame| frame < of));
-            let frames = (0..of).into_par_iter().filter_map(|frame| {
-                let record = known.frames.get(&frame).cloned().flatten();
-                is_whole(job, number, frame, record.as_ref()).then_some((frame, record))
-            });
-            let frames = frames.collect::<Vec<_>>().into_iter().collect();
-            Self { number, input, of, frames, ..known }
+        let of = job.frames();
+        let entry = |number: usize| {
+            let input = job.inputs[number].path.display().to_string();
+            Self { number, input, of, ..Self::default() }
         };
-        inputs.map(entry).collect()
+        let mut all: Vec<Self> = (0..job.inputs.len()).map(entry).collect();
+        let identities = (0..all.len()).map(|number| (job.identity(number), number));
+        let identities: HashMap<String, usize> = identities.collect();
+        let mut paths: HashMap<String, Vec<usize>> = HashMap::new();
+        for entry in &all {
+            paths.entry(entry.input.clone()).or_default().push(entry.number);
+        }
+        let mut run = 0..u64::MAX;
+        for record in records {
+            if let JournalRecord::Start { range: [first, end], .. } = record {
+                run = *first..*end;
+            }
+            let Some((path, identity)) = record.input() else { continue };
+            let own = identity.and_then(|identity| identities.get(identity)).map(slice::from_ref);
+            for &number in own.or(paths.get(path).map(Vec::as_slice)).unwrap_or_default() {
+                all[number].add(record, &run);
+            }
+        }
+        all.par_iter_mut().for_each(|entry| entry.keep_whole(job));
+        all
     }
 
-    fn add(&mut self, record: &JournalRecord) {
+    /// Drops frames that the job does not have or whose files are not complete, and adds frames
+    /// whose files are complete without a record.
+    fn keep_whole(&mut self, job: &Job) {
+        self.failures.retain(|frame, _| *frame < job.frames());
+        let frames = (0..job.frames()).into_par_iter().filter_map(|frame| {
+            let record = self.frames.get(&frame).cloned().flatten();
+            is_whole(job, self.number, frame, record.as_ref()).then_some((frame, record))
+        });
+        self.frames = frames.collect::<Vec<_>>().into_iter().collect();
+    }
+
+    /// Adds a record of a run over the frames `run` of the job.
+    fn add(&mut self, record: &JournalRecord, run: &Range<u64>) {
         match record {
-            JournalRecord::Mesh(mesh) => {
-                self.failures.remove(&None);
-                self.mesh = Some(mesh.clone());
-            }
+            JournalRecord::Mesh(mesh) => self.mesh = Some(mesh.clone()),
             JournalRecord::Frame(frame) => {
-                self.clear_failures(frame.frame);
+                self.failures.remove(&frame.frame);
                 self.frames.insert(frame.frame, Some(frame.clone()));
             }
             JournalRecord::Kept { frames, .. } => {
                 for frame in frames {
-                    self.clear_failures(*frame);
+                    self.failures.remove(frame);
                     self.frames.entry(*frame).or_default();
                 }
             }
             JournalRecord::Failed { frame, message, .. } => {
-                self.failures.insert(*frame, message.clone());
+                let message: Arc<str> = message.as_str().into();
+                let failed = frame
+                    .map_or_else(|| self.frames_in(run), |frame| frame..frame.saturating_add(1));
+                self.failures.extend(failed.map(|frame| (frame, Arc::clone(&message))));
             }
             JournalRecord::Start { .. } | JournalRecord::End { .. } => {}
         }
     }
 
-    fn clear_failures(&mut self, frame: u32) {
-        self.failures.remove(&None);
-        self.failures.remove(&Some(frame));
+    /// Returns the frames of this input in a run over the frames `run` of the job. If there are
+    /// none, the inputs have changed since the run, and all frames count.
+    fn frames_in(&self, run: &Range<u64>) -> Range<u32> {
+        let start = tasks::index(self.of, self.number, 0);
+        // At most `of`, so it fits into 32 bits.
+        let within = |end: u64| end.saturating_sub(start).min(self.of.into()) as u32;
+        let frames = within(run.start)..within(run.end);
+        if frames.is_empty() { 0..self.of } else { frames }
     }
 
     /// Returns the file name of the input.
@@ -122,7 +146,7 @@ impl SheetEntry {
 
     /// Returns the failures as text. Equal lines in a row appear once.
     pub fn message(&self) -> Option<String> {
-        let mut lines: Vec<&str> = self.failures.values().map(String::as_str).collect();
+        let mut lines: Vec<&str> = self.failures.values().map(|message| &**message).collect();
         lines.dedup();
         (!lines.is_empty()).then(|| lines.join("\n"))
     }

@@ -3,6 +3,7 @@
 pub mod args;
 mod progress;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -85,13 +86,14 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     verdict(&job, outcome)
 }
 
-/// Checks that no frame is missing.
+/// Checks that no frame is missing, and that none failed after it was made.
 ///
 /// # Errors
-/// `Check`, with one problem per input that lacks frames.
+/// `Check`, with one problem per input that lacks frames or failed.
 fn complete(job: &Job) -> Result<()> {
     let mut problems = sheet::missing(job);
-    let message = format!("{} of {} inputs lack frames:", problems.len(), job.inputs.len());
+    let message =
+        format!("{} of {} inputs lack frames or failed:", problems.len(), job.inputs.len());
     if !problems.is_empty() {
         problems.insert(0, Problem::new("", message));
     }
@@ -119,15 +121,15 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
     if outcome.failures.is_empty() {
         return Ok(());
     }
-    // A retry of the batch can help only if every failure may be temporary.
-    let retry = outcome.failures.iter().all(|(_, error)| error.kind == ErrorKind::Retry);
-    let mut inputs: Vec<&str> = outcome.failures.iter().map(|(input, _)| input.as_str()).collect();
-    inputs.dedup();
+    let inputs: BTreeSet<usize> = outcome.failures.iter().map(|(input, _)| *input).collect();
     let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
     let mut problems = vec![Problem::new("", message)];
     for (input, error) in &outcome.failures {
-        problems.extend(error.problems.iter().map(|problem| about(input, problem)));
+        let path = job.inputs[*input].path.display().to_string();
+        problems.extend(error.problems.iter().map(|problem| about(&path, problem)));
     }
+    // A retry of the batch can help only if every failure may be temporary.
+    let retry = outcome.failures.iter().all(|(_, error)| error.kind == ErrorKind::Retry);
     let kind = if retry { ErrorKind::Retry } else { ErrorKind::Check };
     Err(Error { kind, problems })
 }

@@ -58,6 +58,82 @@ fn complete_files_count_and_the_journal_does_not() {
     assert!(html.contains("3 of 3 frames") && html.contains("data-count=\"3\""), "{html}");
 }
 
+/// As on a farm: every task has a range.
+#[test]
+fn a_failure_after_the_frames_were_made_counts() {
+    let scratch = Scratch::new();
+    scratch.write("scans/a.ply", PYRAMID);
+    scratch.write("scans/b.ply", PYRAMID);
+    let batch = |more: &[&str], code: i32| {
+        let args = ["batch", "scans", "-o", "out", "--turntable", "2", "--size", "24x16"];
+        let done = scratch.run(&[&args[..], &["--threads", "2"], more].concat());
+        assert_eq!(done.code(), code, "{more:?}: {}", done.stderr());
+        done.stderr()
+    };
+    let task = |range: &str, code: i32| batch(&["--range", range, "--resume", "--quiet"], code);
+    for range in ["0..1", "1..2", "2..4"] {
+        task(range, 0);
+    }
+    batch(&["--sheet-only"], 0);
+    // All pictures of the mesh exist, but none is of the new file.
+    scratch.write("scans/a.ply", "ply\n");
+    for (range, code) in [("0..1", 1), ("1..2", 1), ("2..4", 0)] {
+        task(range, code);
+    }
+    let said = batch(&["--sheet-only"], 1);
+    assert!(said.contains("1 of 2 inputs lack frames or failed:"), "{said}");
+    assert!(said.contains("scans/a.ply: all frames are older than a failure: "), "{said}");
+    // A later success of a frame resolves the failure of this frame only.
+    scratch.write("scans/a.ply", PYRAMID);
+    task("1..2", 0);
+    let said = batch(&["--sheet-only"], 1);
+    assert!(said.contains("scans/a.ply: frame 0 is older than a failure: "), "{said}");
+    task("0..1", 0);
+    batch(&["--sheet-only"], 0);
+}
+
+/// The same mesh twice, once with an invalid setting.
+#[test]
+fn inputs_of_one_path_have_their_own_records() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let job = r#"{ "inputs": ["PATH", { "path": "PATH", "set": { "/camera/fov": 500 } }],
+                   "output": { "name": "{input}" }, "size": [24, 16] }"#;
+    scratch.write("job.json", &job.replace("PATH", "a.ply"));
+    let run = |more: &[&str]| {
+        let args = ["batch", "job.json", "-o", "out", "--threads", "2", "--quiet"];
+        let done = scratch.run(&[&args[..], more].concat());
+        assert_eq!(done.code(), 1, "{}", done.stderr());
+        (done.stderr(), String::from_utf8(scratch.read("out/index.html")).unwrap())
+    };
+    let cards = |html: &str| {
+        ["done", "failed"].map(|class| html.matches(&format!("<article class=\"{class}\"")).count())
+    };
+    let (said, html) = run(&[]);
+    assert!(said.contains("1 of 2 inputs failed:"), "{said}");
+    assert_eq!(cards(&html), [1, 1]);
+    // Another spelling of the path.
+    let other = scratch.path("a.ply").display().to_string();
+    scratch.write("job.json", &job.replace("PATH", &other));
+    let (said, html) = run(&["--sheet-only"]);
+    assert!(said.contains(": all frames are missing: set: found 500"), "{said}");
+    assert_eq!(cards(&html), [1, 1]);
+    // Journals of earlier versions know only the path.
+    let old = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    let old = old.lines().map(|line| {
+        let mut record: serde_json::Value = serde_json::from_str(line).unwrap();
+        record.as_object_mut().unwrap().remove("name");
+        format!("{record}\n")
+    });
+    scratch.write("out/batch.jsonl", &old.collect::<String>());
+    scratch.write("job.json", &job.replace("PATH", "a.ply"));
+    let (said, _) = run(&["--sheet-only"]);
+    assert!(said.contains("all frames are missing: set: found 500"), "{said}");
+    // Two inputs fail, not one.
+    scratch.write("job.json", &job.replace("PATH", "a.ply").replace("[24, 16]", "[24, 0]"));
+    assert!(run(&[]).0.contains("2 of 2 inputs failed:"));
+}
+
 #[test]
 fn a_browser_shows_the_sheet() {
     let scratch = sheet();
