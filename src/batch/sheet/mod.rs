@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::monitor::Monitor;
 use crate::output::atomic::{PartFile, Sweep};
 use crate::threads;
 
@@ -43,13 +44,13 @@ pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
 /// Pictures that cannot be read are left out.
 ///
 /// # Errors
-/// Files that cannot be written.
-pub fn write(job: &Job, threads: usize) -> Result<Vec<PathBuf>> {
+/// Files that cannot be written; a stop request in the monitor.
+pub fn write(job: &Job, threads: usize, monitor: &Monitor) -> Result<Vec<PathBuf>> {
     let each = (MAX_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MAX_FRAMES);
     let pool = threads::pool(threads)?;
     let entries = pool.install(|| SheetEntry::all(job, &journal::read(&job.folder)));
-    let strip = |entry: &SheetEntry| Strip::of(job, entry, each);
-    let strips: Vec<Option<Strip>> = pool.install(|| entries.par_iter().map(strip).collect());
+    let strip = |entry: &SheetEntry| Strip::of(job, entry, each, monitor);
+    let strips = pool.install(|| entries.par_iter().map(strip).collect::<Result<Vec<_>>>())?;
     let sweep = Sweep::default();
     let page = || write_text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
     let names = sheets(entries.len());

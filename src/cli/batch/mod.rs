@@ -6,6 +6,7 @@ mod progress;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use serde_json::json;
 
@@ -37,7 +38,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     if args.run.sheet_only {
         signals::end_at_once()?;
         machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
-        print::paths(&sheet::write(&job, options.threads)?)?;
+        print::paths(&sheet::write(&job, options.threads, &Monitor::default())?)?;
         return complete(&job);
     }
     let monitor = Arc::new(Monitor::default());
@@ -80,10 +81,16 @@ pub fn run(args: &BatchArgs) -> Result<()> {
             units::duration(seconds)
         ));
     }
-    if outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none() {
-        print::paths(&sheet::write(&job, options.threads)?)?;
-    }
-    verdict(&job, outcome)
+    let with_sheet = outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none();
+    let sheet = match with_sheet {
+        true => {
+            sheet::write(&job, options.threads, &monitor).and_then(|paths| print::paths(&paths))
+        }
+        false => Ok(()),
+    };
+    // The signal may have come while the sheet was written.
+    let signal = Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0);
+    verdict(&job, Outcome { signal, ..outcome }, sheet)
 }
 
 /// Checks that no frame is missing, and that none failed after it was made.
@@ -111,15 +118,16 @@ fn about(input: &str, problem: &Problem) -> Problem {
     Problem { place, ..problem.clone() }
 }
 
-/// Turns the outcome of a run into a result. The error lists all failures again.
-fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
+/// Turns the outcome of a run and of its contact sheet into a result. The error lists all failures
+/// again.
+fn verdict(job: &Job, outcome: Outcome, sheet: Result<()>) -> Result<()> {
     if let Some(signal) = outcome.signal {
         let message = "stopped by a signal; finished frames stay";
         let problem = Problem::new("", message).help("continue with --resume");
         return Err(Error::new(ErrorKind::Interrupted(signal), problem));
     }
     if outcome.failures.is_empty() {
-        return Ok(());
+        return sheet;
     }
     let inputs: BTreeSet<usize> = outcome.failures.iter().map(|(input, _)| *input).collect();
     let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
@@ -129,7 +137,9 @@ fn verdict(job: &Job, outcome: Outcome) -> Result<()> {
         problems.extend(error.problems.iter().map(|problem| about(&path, problem)));
     }
     // A retry of the batch can help only if every failure may be temporary.
-    let retry = outcome.failures.iter().all(|(_, error)| error.kind == ErrorKind::Retry);
+    let errors = outcome.failures.iter().map(|(_, error)| error).chain(sheet.as_ref().err());
+    let retry = errors.into_iter().all(|error| error.kind == ErrorKind::Retry);
+    problems.extend(sheet.err().into_iter().flat_map(|error| error.problems));
     let kind = if retry { ErrorKind::Retry } else { ErrorKind::Check };
     Err(Error { kind, problems })
 }

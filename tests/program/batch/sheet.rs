@@ -135,6 +135,21 @@ fn inputs_of_one_path_have_their_own_records() {
 }
 
 #[test]
+fn failures_are_listed_although_the_sheet_fails_too() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("b.ply", "ply\n");
+    std::fs::create_dir_all(scratch.path("out/index.html")).unwrap();
+    let args = ["batch", "a.ply", "b.ply", "-o", "out", "--size", "24x16", "--threads", "2"];
+    let done = scratch.run(&args);
+    let said = done.stderr();
+    assert_eq!(done.code(), 1, "{said}");
+    let listed = said.split("1 of 2 inputs failed:").nth(1).unwrap();
+    assert!(listed.contains("b.ply: ") && listed.contains("out/index.html"), "{said}");
+    assert_eq!(scratch.run(&[&args[..2], &args[3..]].concat()).code(), 2);
+}
+
+#[test]
 fn a_browser_shows_the_sheet() {
     let scratch = sheet();
     let page = scratch.path("out/index.html");

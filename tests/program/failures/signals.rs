@@ -159,6 +159,31 @@ fn short_commands_leave_no_file_either() {
     waits(&scratch, &args, &path, None, || scratch.path("called").is_file());
 }
 
+/// The signal comes after the last frame. A run that ends before the signal arrives is repeated.
+#[test]
+fn a_signal_during_the_contact_sheet_counts() {
+    let _timed = crate::timed();
+    let scratch = scratch();
+    fs::write(scratch.path("a.ply"), program::PYRAMID).unwrap();
+    let args = ["batch", "a.ply", "-o", "out", "--turntable", "24", "--resume", "--spp", "1"];
+    let args = [&args[..], &["--size", "240x160", "--threads", "1"]].concat();
+    let codes = (0..50).map(|_| {
+        let mut command = interruptible(&scratch.command(&args));
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = Running(command.spawn().unwrap());
+        let stderr = BufReader::new(child.0.stderr.take().unwrap());
+        let mut lines = stderr.lines().map_while(std::result::Result::ok);
+        assert!(lines.any(|line| line.contains(" frames rendered, ")));
+        send("TERM", child.0.id());
+        let said: Vec<String> = lines.collect();
+        let code = child.0.wait().unwrap().code();
+        assert!(code != Some(143) || said.concat().contains("stopped by a signal"), "{said:?}");
+        code
+    });
+    let mut hit = codes.skip_while(|code| *code == Some(0));
+    assert_eq!(hit.next(), Some(Some(143)));
+}
+
 #[test]
 fn a_signal_that_the_shell_ignores_stops_nothing() {
     let _timed = crate::timed();
