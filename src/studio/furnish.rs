@@ -351,7 +351,7 @@ fn place(
     let position = match subject.turning {
         false => frame(placed, camera.lookat, camera.up, lens),
         true => {
-            let axis = (middle, DVec3::AXES[vertical]);
+            let axis = (subject.pivot.unwrap_or(middle), DVec3::AXES[vertical]);
             frame_turning(placed, axis, camera.lookat, camera.up, lens)
         }
     };

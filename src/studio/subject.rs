@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,8 @@ pub struct Subject<'a> {
     pub looks: Appearance,
     /// True to frame the mesh so that the camera sees every vertex in all frames of a turntable.
     pub turning: bool,
+    /// Point on the axis of the turntable. `None` for the middle of the mesh.
+    pub pivot: Option<DVec3>,
     /// True to keep the mesh in the coordinates of its file, for cameras that are given in them.
     /// The lights of the built-in studio move to the mesh, and its ground is left out. In a
     /// template of the user nothing moves: the mesh has the placement of the template's trimesh.
@@ -91,6 +94,19 @@ impl<'a> Subject<'a> {
         let (turning, calibrated) = (false, false);
         let (repair, no_mmap, memory_limit) = (false, false, None);
         let looks = Appearance::default();
-        Self { path, up, rotate, margin, looks, turning, calibrated, repair, no_mmap, memory_limit }
+        let pivot = None;
+        Self {
+            path,
+            up,
+            rotate,
+            margin,
+            looks,
+            turning,
+            pivot,
+            calibrated,
+            repair,
+            no_mmap,
+            memory_limit,
+        }
     }
 }

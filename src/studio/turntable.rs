@@ -55,6 +55,11 @@ impl Turntable {
         Self { frames, turn: Turning::Object, lights: LightsFollow::Camera, start_deg: 0.0 }
     }
 
+    /// Returns true unless the only frame is the scene itself.
+    pub fn turns(&self) -> bool {
+        self.frames > 1 || self.start_deg % 360.0 != 0.0
+    }
+
     /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
     /// camera's `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself,
     /// bit for bit.

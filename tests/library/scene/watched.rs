@@ -19,14 +19,14 @@ fn a_stopped_monitor_ends_loading_and_building() {
     std::fs::write(&file, SCENE.replace("[] }", &format!("[{shape}] }}"))).expect("a file");
     let mesh = Mesh::read_watched(BALL, &going).expect("a mesh");
     let in_memory = || vec![("ball", "clay", mesh.clone())];
-    let loads: [&dyn Fn(&Monitor) -> lightpath::Result<LoadedScene>; 3] = [
-        &|monitor| LoadedScene::read_watched(&file, &[], monitor),
-        &|monitor| LoadedScene::with_meshes_watched(SCENE, &[], in_memory(), monitor),
-        &|monitor| LoadedScene::in_studio_watched(mesh.clone(), BALL, &[], monitor),
-    ];
-    for load in loads {
-        assert_eq!(load(&stopped).unwrap_err().kind, ErrorKind::Interrupted(2));
-        let loaded = load(&going).expect("a scene");
+    let load = |way: u32, monitor: &Monitor| match way {
+        0 => LoadedScene::read_watched(&file, &[], monitor),
+        1 => LoadedScene::with_meshes_watched(SCENE, &[], in_memory(), monitor),
+        _ => LoadedScene::in_studio_watched(mesh.clone(), BALL, &[], monitor),
+    };
+    for way in 0..3 {
+        assert_eq!(load(way, &stopped).unwrap_err().kind, ErrorKind::Interrupted(2));
+        let loaded = load(way, &going).expect("a scene");
         let error = loaded.renderer_watched(&stopped).unwrap_err();
         assert_eq!(error.kind, ErrorKind::Interrupted(2));
         assert!(loaded.renderer_watched(&going).is_ok());

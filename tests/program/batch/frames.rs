@@ -575,3 +575,29 @@ fn resume_detects_flipped_bits() {
     run(&["--range", "0..1"]);
     assert!(kept(&run(&["--resume"])));
 }
+
+/// The whole mesh is in every frame: hits, and none at the border of the picture.
+#[test]
+fn the_mesh_stays_in_the_picture_on_its_circle_around_any_pivot() {
+    let scratch = Scratch::new();
+    let corners = "-9 0 -0.1\n9 0 0.1\n0 0.3 0\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                  property float z\nelement face 1\nproperty list uchar int vertex_indices\n";
+    scratch.write("p.ply", &format!("{header}end_header\n{corners}3 0 1 2\n"));
+    for (out, flags) in [
+        ("far", &["--turntable", "4", "--pivot", "3,0,-1"][..]),
+        ("start", &["--turntable", "1", "--start", "90"]),
+    ] {
+        let fixed =
+            ["batch", "p.ply", "--no-ground", "--aov", "Z", "--spp", "1", "--size", "40x30"];
+        scratch.run(&[&fixed[..], &["-o", out, "--no-sheet"], flags].concat()).good();
+        let files = names_in(&scratch.path(out)).into_iter().filter(|name| name.ends_with(".exr"));
+        for file in files {
+            let depths = &scratch.floats(&format!("{out}/{file}"))["Z"];
+            let is_hit = |i: usize| depths[i] < 1e30;
+            let is_border = |i: &usize| i % 40 == 0 || i % 40 == 39 || i / 40 == 0 || i / 40 == 29;
+            assert!((0..40 * 30).any(is_hit), "{out}/{file} shows nothing");
+            assert!(!(0..40 * 30).filter(is_border).any(is_hit), "{out}/{file} is cut");
+        }
+    }
+}
