@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::accel::MemoryFootprint;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::Window;
+use crate::geometry::PrimitiveCounts;
 use crate::layers::LayerPlan;
 use crate::mesh::{self, ReadOptions};
 use crate::output::tonemap::Depth;
@@ -63,10 +64,10 @@ pub struct Prediction {
     pub peak_bytes: u64,
     /// Number of triangles in all shapes (a plane counts as two), and of spheres.
     pub primitives: u64,
-    /// Number of primitives in all accelerators. Each distinct set of shapes that a kind of ray
-    /// can hit has one.
+    /// The primitives in all accelerators. Each distinct set of shapes that a kind of ray can hit
+    /// has one.
     #[serde(skip)]
-    pub accelerated: u64,
+    pub accelerated: PrimitiveCounts,
 }
 
 /// The sizes that a mesh header declares. All are 0 if the file is too small for them.
@@ -76,8 +77,8 @@ pub struct DeclaredSizes {
     pub array_bytes: u64,
     /// Bytes of the vertex normals to compute; 0 if the file has normals.
     pub missing_normal_bytes: u64,
-    /// Number of triangles after polygons are split, or of points drawn as spheres.
-    pub triangles: u64,
+    /// The triangles after polygons are split, or the points drawn as spheres.
+    pub counts: PrimitiveCounts,
 }
 
 /// An instance takes some 400 bytes: at least as much as is predicted for this many triangles.
@@ -103,7 +104,7 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
         return Ok(DeclaredSizes {
             array_bytes: summary.array_bytes.saturating_add(spheres),
             missing_normal_bytes: 0,
-            triangles: summary.vertices,
+            counts: PrimitiveCounts::new(summary.vertices),
         });
     }
     Ok(match implausible {
@@ -111,7 +112,7 @@ pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSize
         false => DeclaredSizes {
             array_bytes: summary.array_bytes,
             missing_normal_bytes: if summary.normals { 0 } else { 12 * summary.vertices },
-            triangles: summary.triangles,
+            counts: PrimitiveCounts::of_mesh(summary.triangles, summary.vertices),
         },
     })
 }
@@ -143,10 +144,10 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
     let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
     let mut problems = Vec::new();
     // For each shape, its primitives and the bytes of its mesh: instances come after their mesh.
-    let mut meshes: Vec<(u64, u64)> = Vec::with_capacity(scene.shapes.len());
+    let mut meshes: Vec<(PrimitiveCounts, u64)> = Vec::with_capacity(scene.shapes.len());
     for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
         let mut mesh_bytes = 0u64;
-        let primitives = match &shape.kind {
+        let counts = match &shape.kind {
             ShapeKind::Trimesh(mesh) => {
                 let textured = scene.materials[shape.material].texture.is_some();
                 let options = ReadOptions::default().color(color_request(mesh, textured));
@@ -162,26 +163,27 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let normals = if smooth { declared.missing_normal_bytes } else { 0 };
                 let bytes = declared.array_bytes.saturating_add(normals);
                 mesh_bytes = bytes;
-                declared.triangles
+                declared.counts
             }
             // `brute` has a box around every triangle of a copy.
             ShapeKind::Instance { of, .. } if matches!(scene.backend, Backend::Brute) => {
                 meshes[*of].0
             }
-            ShapeKind::Instance { .. } if scene.backend.traces_instances() => INSTANCE_PRIMITIVES,
-            ShapeKind::Instance { of, .. } => {
-                let (primitives, bytes) = meshes[*of];
-                mesh_bytes = bytes;
-                primitives
+            ShapeKind::Instance { .. } if scene.backend.traces_instances() => {
+                PrimitiveCounts::new(INSTANCE_PRIMITIVES)
             }
-            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => 1,
-            ShapeKind::Plane { .. } => 2,
+            ShapeKind::Instance { of, .. } => {
+                let (counts, bytes) = meshes[*of];
+                mesh_bytes = bytes;
+                counts
+            }
+            ShapeKind::Sphere { .. } | ShapeKind::Triangle { .. } => PrimitiveCounts::new(1),
+            ShapeKind::Plane { .. } => PrimitiveCounts::new(2),
         };
-        meshes.push((primitives, mesh_bytes));
+        meshes.push((counts, mesh_bytes));
         sum.mesh_bytes = sum.mesh_bytes.saturating_add(mesh_bytes);
-        sum.primitives = sum.primitives.saturating_add(primitives);
-        let held = primitives.saturating_mul(times.into());
-        sum.accelerated = sum.accelerated.saturating_add(held);
+        sum.primitives = sum.primitives.saturating_add(counts.primitives);
+        sum.accelerated = sum.accelerated.plus(counts.times(times.into()));
     }
     Error::check(ErrorKind::Invalid, problems)?;
     textures(scene, &mut sum);
@@ -197,8 +199,8 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
     let declared = declared_sizes(path, &ReadOptions::default().points(points))?;
     Ok(Prediction {
         mesh_bytes: declared.array_bytes,
-        primitives: declared.triangles,
-        accelerated: declared.triangles,
+        primitives: declared.counts.primitives,
+        accelerated: declared.counts,
         ..Prediction::default()
     }
     .with_peak())

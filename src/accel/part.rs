@@ -7,7 +7,7 @@ use super::footprint::MemoryFootprint;
 use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::geometry::{Geometry, Unseen};
+use crate::geometry::{Geometry, PrimitiveCounts, Unseen};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
 use crate::scene::{Backend, EmbreeMode};
@@ -31,7 +31,8 @@ pub fn build_part<'g>(
     }
     // Backends that allocate in many pieces: the predicted sum is checked once.
     let probe = |footprint: MemoryFootprint| {
-        reserve::probe(footprint.peak_bytes(geometry.count()), backend.name())
+        let counts = PrimitiveCounts::new(geometry.count());
+        reserve::probe(footprint.peak_bytes(counts), backend.name())
     };
     match backend {
         Backend::Embree(mode) => {

@@ -79,6 +79,7 @@ fn bumpy_sphere(rows: u32) -> Geometry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::PrimitiveCounts;
 
     #[test]
     fn a_linear_footprint_is_recovered_from_two_builds() {
@@ -87,9 +88,9 @@ mod tests {
             Ok(BuildInfo { bytes: 1000 + 64 * n, peak_bytes: 2000 + 100 * n, ..Default::default() })
         };
         let footprint = measure(build).unwrap();
-        assert_eq!(footprint.built_bytes(1_000_000), 64_001_000);
-        assert_eq!(footprint.peak_bytes(10), 3000);
-        assert_eq!(footprint.peak_bytes(0), 0);
-        assert_eq!(footprint.peak_bytes(u64::MAX), u64::MAX);
+        assert_eq!(footprint.built_bytes(PrimitiveCounts::new(1_000_000)), 64_001_000);
+        assert_eq!(footprint.peak_bytes(PrimitiveCounts::new(10)), 3000);
+        assert_eq!(footprint.peak_bytes(PrimitiveCounts::new(0)), 0);
+        assert_eq!(footprint.peak_bytes(PrimitiveCounts::new(u64::MAX)), u64::MAX);
     }
 }

@@ -295,7 +295,7 @@ impl Run<'_> {
     }
 
     /// Records the failure of an input or of one of its frames, and counts `frames` frames that are
-    /// not made. The batch continues, unless `fail_fast` is set. An interruption by a signal is not a
+    /// not made. The batch continues, unless `fail_fast` is set. An interruption by a signal is no
     /// failure.
     pub fn failed(&self, number: usize, frame: Option<u32>, frames: u64, error: Error) {
         if let ErrorKind::Interrupted(_) = error.kind {

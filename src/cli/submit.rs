@@ -221,7 +221,7 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
     })
 }
 
-/// Returns the memory per task in bytes: as much as the job's own limit lets it take, else `needed`.
+/// Returns the memory per task in bytes: what the job's own limit lets it take, else `needed`.
 ///
 /// # Errors
 /// `--memory` below the job's limit; a limit that is no size.

@@ -4,6 +4,7 @@
 mod ahead;
 mod behind;
 mod box3;
+mod counts;
 mod crevice;
 mod double_double;
 mod doubles;
@@ -23,6 +24,7 @@ mod unseen;
 pub use crate::ray::NONE;
 pub use ahead::{NEAR_START, is_after_start};
 pub use box3::{Box3, slabs_meet};
+pub use counts::PrimitiveCounts;
 pub use crevice::{Crevice, Nearby, WallHit, hides, is_near};
 pub use doubles::doubles;
 pub use exact::exact_position;

@@ -132,7 +132,7 @@ impl<'a> Bench<'a> {
             drop(built);
             Ok(seconds)
         })?;
-        let work = vec![self.world.primitives(); tested.len()];
+        let work = vec![self.world.primitives().primitives; tested.len()];
         Ok(TimingRow::new(WorkKind::Build, "build", "", threads, &work, samples))
     }
 

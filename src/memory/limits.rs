@@ -4,6 +4,7 @@ use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a
 use super::freed::release_freed;
 use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::Result;
+use crate::geometry::PrimitiveCounts;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
 use crate::units;
@@ -47,18 +48,19 @@ const MAX_BYTES_PER_PRIMITIVE: u64 = 512;
 pub fn ensure_build_fits(
     backend: Backend,
     threads: usize,
-    primitives: u64,
+    counts: PrimitiveCounts,
     film_bytes: u64,
 ) -> Result<()> {
-    let maximum = primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
+    let maximum =
+        counts.primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
     let short = || limit_before_kill().filter(|limit| limit.bytes < maximum);
     if short().is_some() {
         release_freed();
     }
     let Some(limit) = short() else { return Ok(()) };
     let needed = |footprint: &MemoryFootprint| {
-        let built = footprint.built_bytes(primitives).saturating_add(film_bytes);
-        footprint.peak_bytes(primitives).max(built)
+        let built = footprint.built_bytes(counts).saturating_add(film_bytes);
+        footprint.peak_bytes(counts).max(built)
     };
     let smaller = smaller_backend(backend, needed(&MemoryFootprint::BVH), limit.bytes);
     limit

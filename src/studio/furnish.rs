@@ -96,8 +96,8 @@ fn add_looks(looks: &Appearance, shape: &str, ours: &mut Overrides) {
     ours.flag("--points", &format!("{shape}/points"), looks.points);
 }
 
-/// Lets the looks that flags choose win over `user`, the overrides of a job file. `turned` says that
-/// a flag turns the mesh. [`show`](super::show) applies the looks and the turn before `user`.
+/// Lets the looks that flags choose win over `user`, the overrides of a job file. `turned` says
+/// that a flag turns the mesh. [`show`](super::show) applies the looks and the turn before `user`.
 ///
 /// # Errors
 /// A template without a trimesh.

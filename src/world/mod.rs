@@ -22,7 +22,7 @@ use glam::Vec3;
 
 use crate::camera::{self, Camera};
 use crate::error::{Error, Failures, Problem, Result};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, PrimitiveCounts};
 use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
@@ -350,8 +350,9 @@ impl World {
     /// mesh with instances counts once, and each instance as one primitive.
     /// If kinds of rays hit different shapes, a primitive counts once for each accelerator that
     /// holds it.
-    pub fn primitives(&self) -> u64 {
-        self.geometry.quads.len() as u64 + self.geometry.accelerated()
+    pub fn primitives(&self) -> PrimitiveCounts {
+        let quads = PrimitiveCounts::new(self.geometry.quads.len() as u64);
+        self.geometry.accelerated().plus(quads)
     }
 
     /// Memory of primitives and vertex data, in bytes.

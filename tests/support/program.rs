@@ -134,8 +134,8 @@ fn command(args: &[&str]) -> Command {
     command
 }
 
-/// Returns a command that runs `command` with the default actions of signals. The shell that started
-/// the tests may ignore some of them, as for a job in the background or of `nohup`.
+/// Returns a command that runs `command` with the default actions of signals. The shell that
+/// started the tests may ignore some of them, as for a job in the background or of `nohup`.
 pub fn interruptible(command: &Command) -> Command {
     let mut env = Command::new("env");
     env.arg("--default-signal=HUP,INT,QUIT").arg(command.get_program()).args(command.get_args());

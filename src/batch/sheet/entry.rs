@@ -45,8 +45,8 @@ impl SheetEntry {
     /// files are complete.
     ///
     /// A record belongs to the input of its identity. If there is none, it belongs to all inputs of
-    /// its path, as do the records of old journals. Checks files on the threads of the current rayon
-    /// pool.
+    /// its path, as do the records of old journals. Checks files on the threads of the current
+    /// rayon pool.
     pub fn all(job: &Job, records: &[JournalRecord]) -> Vec<Self> {
         let of = job.frames();
         let entry = |number: usize| {

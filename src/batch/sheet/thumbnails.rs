@@ -107,15 +107,15 @@ fn read(png: &Path) -> Option<RgbImage> {
     shrinking.finish()
 }
 
-/// A picture that is blended over the backdrop and shrunk to thumbnail size, row by row. It is never
-/// enlarged.
+/// A picture that is blended over the backdrop and shrunk to thumbnail size, row by row. It is
+/// never enlarged.
 struct Shrinking {
     /// Width and height of the picture.
     from: [u64; 2],
     /// Number of rows that were added.
     rows: u64,
-    /// For each column of the thumbnail, the sums of red, green and blue in its current row, and the
-    /// number of pixels.
+    /// For each column of the thumbnail, the sums of red, green and blue in its current row, and
+    /// the number of pixels.
     sums: Vec<[u64; 4]>,
     to: RgbImage,
     /// Number of complete rows of the thumbnail.

@@ -4,6 +4,7 @@ use std::fs;
 
 use crate::support::backends::on_both;
 use crate::support::program::{self, Scratch, shuffled_sheet};
+use crate::support::random::Random;
 use lightpath::{
     error::ErrorKind,
     monitor::Monitor,
@@ -82,6 +83,35 @@ on_both! {
             assert!((0.85..1.15).contains(&ratio), "{key}: {predicted} {found}");
         }
         assert!(predicted["peak_bytes"].as_u64() >= found["peak_bytes"].as_u64());
+    }
+}
+
+/// Triangles that share no vertices need three times the memory of others.
+#[test]
+fn separate_triangles_need_the_predicted_memory() {
+    let scratch = Scratch::new();
+    let count = 30_000;
+    let mut random = Random(5);
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {count}\nproperty list uchar int vertex_indices\nend_header\n",
+        3 * count
+    );
+    for _ in 0..count {
+        let middle = [0; 3].map(|_| random.within(-1.0, 1.0));
+        for _ in 0..3 {
+            let [x, y, z] = middle.map(|m| m + random.within(-0.01, 0.01));
+            text += &format!("{x:.5} {y:.5} {z:.5}\n");
+        }
+    }
+    text.extend((0..count).map(|i| format!("3 {} {} {}\n", 3 * i, 3 * i + 1, 3 * i + 2)));
+    scratch.write("soup.ply", &text);
+    let mesh = json!([{ "type": "trimesh", "path": "soup.ply", "material": {} }]);
+    scratch.write("s.json", &with_shapes(mesh));
+    let [predicted, found] = predicted_and_found(&scratch, Backend::default());
+    for key in ["accelerator_bytes", "accelerator_peak_bytes"] {
+        let ratio = predicted[key].as_f64().unwrap() / found[key].as_f64().unwrap();
+        assert!((0.95..1.2).contains(&ratio), "{key}: {predicted} {found}");
     }
 }
 
