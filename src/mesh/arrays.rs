@@ -320,7 +320,7 @@ pub struct Notes {
     /// Number of triangles dropped by `--repair`: they use a missing or non-finite vertex. In a
     /// cloud of points, the number of dropped points.
     pub repaired_dropped: u64,
-    /// Number of faces that lost a `texnumber` out of range, with [`ReadOptions::repair`].
+    /// Number of faces that lost a `texnumber` out of range, with `repair`.
     pub textures_repaired: u64,
     /// Number of different textures that triangles select by `texnumber`. The value -1, no texture,
     /// is not counted.
