@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lightpath::{ChannelKind, Film, LoadedScene, Mesh, MeshArrays, Monitor, PictureWriter};
 use lightpath::scene::IN_MEMORY;
+use lightpath::{ChannelKind, Film, LoadedScene, Mesh, MeshArrays, Monitor, PictureWriter};
 use pyo3::prelude::*;
 
 use crate::arrays::column;
