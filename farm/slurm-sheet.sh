@@ -1,7 +1,7 @@
 #!/bin/bash
 # The job after all tasks of `lightpath submit slurm`, however these ended: writes the contact
-# sheet, lists the frames that are missing or could not be rendered again, with the reason, and fails
-# if there are any.
+# sheet, lists the frames that are missing or could not be rendered again, with the reason, and
+# fails if there are any.
 #
 #   sbatch --dependency=afterany:ARRAY slurm-sheet.sh PROGRAM JOB FOLDER
 #

@@ -1,8 +1,5 @@
 //! The inverse of a distortion over a frame: a table of first guesses, then Newton's method in f64.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
-
 use super::distortion::Distortion;
 use super::intrinsics::Calibration;
 
@@ -34,9 +31,6 @@ const SETTLED: f64 = 1e-14;
 
 /// Number of steps from the frame's border to a position in the overscan.
 const OVERSCAN_STEPS: u32 = 16;
-
-/// Number of tables that [`Inverse::shared`] remembers: more than the sensors of most lists.
-const MAX_SHARED: usize = 64;
 
 /// A place of the frame where a distortion cannot be inverted: it maps two directions to one
 /// pixel.
@@ -81,35 +75,6 @@ impl Inverse {
         Ok(inverse)
     }
 
-    /// As [`Inverse::new`], but a table that is still in use is shared: the pictures of one sensor
-    /// need one.
-    ///
-    /// # Errors
-    /// As [`Inverse::new`].
-    pub fn shared(
-        calibration: Calibration,
-        distortion: Distortion,
-        size: [u32; 2],
-    ) -> Result<Arc<Self>, Fold> {
-        static RECENT: Mutex<VecDeque<Weak<Inverse>>> = Mutex::new(VecDeque::new());
-        let recent = || RECENT.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_same = |known: &Arc<Self>| {
-            known.calibration == calibration
-                && known.distortion == distortion
-                && known.end == size.map(f64::from)
-        };
-        if let Some(known) = recent().iter().filter_map(Weak::upgrade).find(is_same) {
-            return Ok(known);
-        }
-        let inverse = Arc::new(Self::new(calibration, distortion, size)?);
-        let mut recent = recent();
-        recent.push_back(Arc::downgrade(&inverse));
-        if recent.len() > MAX_SHARED {
-            recent.pop_front();
-        }
-        Ok(inverse)
-    }
-
     /// Checks a frame with `overscan` more pixels on every side for folds.
     ///
     /// # Errors
@@ -117,6 +82,17 @@ impl Inverse {
     pub fn check_overscan(&self, overscan: u32) -> Result<(), Fold> {
         let more = f64::from(overscan);
         self.check([-more; 2], self.end.map(|end| end + more))
+    }
+
+    /// Returns true for the inverse of this distortion over a frame of `size` pixels.
+    pub(super) fn is_of(
+        &self,
+        calibration: Calibration,
+        distortion: Distortion,
+        size: [u32; 2],
+    ) -> bool {
+        let same = self.calibration == calibration && self.distortion == distortion;
+        same && self.end == size.map(f64::from)
     }
 
     /// Returns the direction of the ray through a raster position: x right, y down, z forward, of
@@ -335,18 +311,6 @@ mod tests {
         };
         let fisheye = radial(Model::Fisheye, [0.02, -0.01, 0.003, -4e-4]);
         [radial(Model::BrownConrady, [0.0; 4]), brown, rational, fisheye]
-    }
-
-    #[test]
-    fn pictures_of_one_sensor_share_a_table() {
-        let table =
-            |lens: usize, size| Inverse::shared(calibration(), lenses()[lens], size).unwrap();
-        let first = table(1, [640, 360]);
-        assert!(Arc::ptr_eq(&first, &table(1, [640, 360])));
-        for other in [table(2, [640, 360]), table(1, [640, 361])] {
-            assert!(!Arc::ptr_eq(&first, &other) && *first != *other);
-        }
-        assert_eq!(*first, Inverse::new(calibration(), lenses()[1], [640, 360]).unwrap());
     }
 
     #[test]

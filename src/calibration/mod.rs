@@ -6,7 +6,9 @@
 mod distortion;
 mod intrinsics;
 mod inverse;
+mod shared;
 
 pub use self::distortion::{Distortion, Model};
 pub use self::intrinsics::Calibration;
 pub use self::inverse::{Fold, Inverse};
+pub use self::shared::shared_inverse;

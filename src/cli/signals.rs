@@ -24,7 +24,8 @@ use crate::output::atomic::remove_parts;
 const SAME_REQUEST: Duration = Duration::from_millis(200);
 
 /// Handles signals until the process ends, for a job that polls the monitor. The first signal is
-/// stored in the monitor. The second signal removes unfinished files and ends the process.
+/// stored in the monitor. A signal more than [`SAME_REQUEST`] after it removes unfinished files and
+/// ends the process.
 ///
 /// # Errors
 /// The system refuses the signal handler or the thread.

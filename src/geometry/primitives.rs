@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::counts::PrimitiveCounts;
 use super::doubles::doubles;
 use super::mesh::TriangleMesh;
 use super::placement::{Instance, Placement};
@@ -117,28 +116,6 @@ impl Geometry {
     /// Primitives that rays of a kind cannot hit.
     pub fn unseen(&self, kind: RayKind) -> &Unseen {
         &self.unseen[kind as usize]
-    }
-
-    /// Number of primitives in all accelerators: one for each distinct set that a kind of ray can
-    /// hit. A shared mesh counts once for each accelerator, and each of its instances as one
-    /// primitive.
-    pub fn accelerated(&self) -> PrimitiveCounts {
-        let own = 0..self.own_count();
-        let shared = self.shared.iter().map(Geometry::count).sum::<u64>();
-        let placed = shared + self.instances.len() as u64;
-        let of_mesh = |mesh: &TriangleMesh| {
-            let [triangles, vertices] = [mesh.triangles().len(), mesh.vertices().len()];
-            PrimitiveCounts::of_mesh(triangles as u64, vertices as u64).loose_vertices
-        };
-        let meshes = self.shared.iter().flat_map(|geometry| &geometry.meshes).chain(&self.meshes);
-        let loose_vertices = meshes.map(of_mesh).sum();
-        let distinct =
-            (0..self.unseen.len()).filter(|&k| !self.unseen[..k].contains(&self.unseen[k]));
-        let counts = distinct.map(|k| PrimitiveCounts {
-            primitives: u64::from(own.end - self.unseen[k].count(&own)) + placed,
-            loose_vertices,
-        });
-        counts.fold(PrimitiveCounts::default(), PrimitiveCounts::plus)
     }
 
     /// Id of the geometry that holds all quads.
@@ -377,6 +354,7 @@ mod tests {
         // 10 primitives or 8 of them, with 4 shared triangles and 2 instances.
         assert_eq!(all.accelerated().primitives, 16 + 14);
         assert_eq!(placed().accelerated().primitives, 16);
+        assert_eq!(all.accelerated().loose_vertices, 2 * placed().accelerated().loose_vertices);
     }
 
     #[test]

@@ -95,11 +95,16 @@ impl Scene {
         self.lights.iter().filter(placed).count()
     }
 
+    /// Returns true if shading points draw some of the lights: there are more than
+    /// `emitter_samples`.
+    pub fn draws_lights(&self) -> bool {
+        self.emitter_samples.is_some_and(|samples| self.placed_lights() > samples as usize)
+    }
+
     /// Returns true if the `samples` of any light have an effect. Lights that shading points draw
     /// have one point each, except under a shadow catcher.
     pub fn uses_light_samples(&self) -> bool {
-        let placed = self.placed_lights();
-        let draws = self.emitter_samples.is_some_and(|samples| placed > samples as usize);
+        let draws = self.draws_lights();
         let drawn = |kind: &LightKind| matches!(kind, LightKind::Area { .. }) && draws;
         let ignored = |kind: &LightKind| drawn(kind) && !self.has_catchers();
         self.lights.iter().any(|light| light.kind.has_extent() && !ignored(&light.kind))

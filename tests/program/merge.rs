@@ -319,6 +319,8 @@ fn drawn_lights_with_a_catcher_are_cut_between_packets() {
     same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
     let cut = [&["render", "s.json"], &flags[..], &["--samples", "0..8"]].concat();
     refused(&scratch.run(&cut), &["multiples of 16", "shadow catcher", "0..16"]);
+    // Both lights are used, so none is drawn.
+    render(&scratch, "cut", &["--spp", "32", "--emitter-samples", "2", "--samples", "0..8"]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::integrate::{Pattern, TILE};
 use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
 use crate::merge::{PartDescription, PictureFormat, part};
 use crate::picture::Storage;
-use crate::scene::{Backend, MAX_PIXELS, Role, Scene};
+use crate::scene::{Backend, MAX_PIXELS, Scene};
 
 use super::args::RenderArgs;
 
@@ -234,12 +234,12 @@ fn refuse_cut_packets(samples: &Range<u32>, scene: &Scene) -> Result<()> {
     let packet = Pattern::for_spp(scene.spp).samples;
     let cut = |at: u32| at % packet != 0 && at != scene.spp;
     let Range { start, end } = *samples;
-    let catcher = scene.shapes.iter().any(|shape| shape.role == Role::ShadowCatcher);
-    let together = match (scene.can_skip_shadow_rays(), scene.emitter_samples.is_some() && catcher)
-    {
-        (true, _) => "adaptive shadows decide about",
-        (false, true) => "with a shadow catcher, emittersamples draws lights for",
-        (false, false) => return Ok(()),
+    let together = if scene.can_skip_shadow_rays() {
+        "adaptive shadows decide about"
+    } else if scene.draws_lights() && scene.has_catchers() {
+        "with a shadow catcher, emittersamples draws lights for"
+    } else {
+        return Ok(());
     };
     if !(cut(start) || cut(end)) {
         return Ok(());

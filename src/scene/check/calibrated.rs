@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::calibration::{Calibration, Distortion, Fold, Inverse, Model};
+use crate::calibration::{Calibration, Distortion, Fold, Model, shared_inverse};
 use crate::scene::checked::Projection;
 use crate::scene::description::{Axes, DistortionDescription, Intrinsics, Matrix};
 use crate::scene::node::JsonPlace;
@@ -43,7 +43,7 @@ impl Check<'_, '_> {
         if !sized {
             return None;
         }
-        match Inverse::shared(calibration, distortion, [camera.width, camera.height]) {
+        match shared_inverse(calibration, distortion, [camera.width, camera.height]) {
             Ok(inverse) => Some(Projection::Distorted(calibration, distortion, inverse)),
             Err(fold) => {
                 let key = distortion.culprit(fold.radius).map(|key| format!("/{key}"));

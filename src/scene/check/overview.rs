@@ -60,8 +60,8 @@ impl Check<'_, '_> {
             let message = "found 0 although a material has `kr` > 0; mirrors do not reflect";
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
-        let placed = scene.placed_lights();
-        if scene.emitter_samples.is_some_and(|samples| samples as usize >= placed) {
+        if scene.emitter_samples.is_some() && !scene.draws_lights() {
+            let placed = scene.placed_lights();
             let message =
                 format!("found no fewer than the {placed} point and area lights; all are used");
             self.problems.warn("/emittersamples", message, None);
