@@ -14,7 +14,7 @@ use crate::geometry::{HalfLineIntersection, half_line};
 use crate::monitor::Monitor;
 use crate::reserve;
 
-/// Buffers of a task.
+/// Buffers of a thread's share of the points.
 #[derive(Default)]
 struct Scratch {
     stack: Vec<u32>,
@@ -28,7 +28,7 @@ impl RayScene {
     /// with equal coordinates count as one.
     ///
     /// # Errors
-    /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
+    /// `Retry` if there is too little memory now; `Interrupted` if the monitor was stopped.
     pub fn closed(&self, monitor: &Monitor) -> Result<&[bool]> {
         known(&self.closed, || {
             let meshes = self.meshes.iter();
@@ -39,14 +39,16 @@ impl RayScene {
 
     /// Returns whether each point lies inside a mesh or on its surface.
     ///
-    /// For closed meshes the answer is exact: the crossings of a half-line are counted without
-    /// rounding, from the caller's coordinates. This needs coordinates that are 0 or at least 1e-70
-    /// in magnitude. The meshes that are not closed are taken together. A point is inside them if
-    /// their winding number there, in magnitude, is at least 1/2.
+    /// For each closed mesh the answer is exact: the crossings of a half-line are counted without
+    /// rounding, from the caller's coordinates in f64. This needs coordinates of points and vertices
+    /// that are 0 or at least 1e-70 in magnitude; below that, a sign may be lost. The meshes that are
+    /// not closed are taken together. A point is inside them if their winding number there, in
+    /// magnitude, is at least 1/2, as [`RayScene::winding_number`] computes it.
     ///
     /// # Errors
-    /// `Invalid` for a point that is not finite or beyond 1e18. Also those of
-    /// [`RayScene::all_hits`].
+    /// `Invalid` for a point with a coordinate that is not finite or beyond 1e18 in magnitude;
+    /// `Unsupported` with the backend Embree; `Retry` if there is too little memory now;
+    /// `Interrupted` if the monitor was stopped.
     pub fn contains(&self, points: &[[f64; 3]], monitor: &Monitor) -> Result<Vec<bool>> {
         check_points(points)?;
         let bvh = self.bvh()?;
@@ -55,7 +57,7 @@ impl RayScene {
         let corners =
             |primitive: u32| (!closed[self.place(primitive).0]).then(|| self.corners(primitive));
         let open = match closed.contains(&false) {
-            true => Some(known(&self.dipoles, || bvh.dipoles(&corners, monitor))?),
+            true => Some(known(&self.open_dipoles, || bvh.dipoles(&corners, monitor))?),
             false => None,
         };
         let winding = |dipoles, point| bvh.winding(dipoles, point, &corners);
@@ -71,8 +73,8 @@ impl RayScene {
         Ok(inside)
     }
 
-    /// Returns the winding number of each point in all meshes together: 1 inside a closed mesh
-    /// whose normals point outward, 0 outside. Accurate to some 0.01.
+    /// Returns the winding number of each point, summed over all meshes: 1 inside a closed mesh
+    /// whose normals point outward, -1 if they point inward, 0 outside. The error is some 0.01.
     ///
     /// # Errors
     /// The errors of [`RayScene::contains`].
@@ -81,17 +83,17 @@ impl RayScene {
         let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
         let corners = |primitive: u32| Some(self.corners(primitive));
         let bvh = self.bvh()?;
-        let dipoles = bvh.dipoles(&corners, monitor)?;
+        let dipoles = known(&self.dipoles, || bvh.dipoles(&corners, monitor))?;
         progress::fill(&mut winding, monitor, |start, winding| {
             for (i, winding) in winding.iter_mut().enumerate() {
-                *winding = bvh.winding(&dipoles, points[start + i].into(), &corners);
+                *winding = bvh.winding(dipoles, points[start + i].into(), &corners);
             }
             Ok(())
         })?;
         Ok(winding)
     }
 
-    /// Whether a point lies in a closed mesh, or on any mesh.
+    /// Whether a point lies inside a closed mesh, or on a mesh, closed or not.
     fn in_closed(
         &self,
         bvh: &Bvh,
@@ -103,7 +105,7 @@ impl RayScene {
         if p.cmplt(min).any() || p.cmpgt(max).any() {
             return false;
         }
-        // The nearest side of the box.
+        // The half-line leaves through the nearest side of the box: it passes the fewest triangles.
         let (up, down) = ((max - p).to_array(), (p - min).to_array());
         let (mut axis, mut upward) = (0, true);
         for k in 0..3 {
@@ -144,8 +146,8 @@ impl RayScene {
 
 /// Returns the value of a cell, which `compute` makes if the cell is empty.
 ///
-/// The cell is not locked meanwhile. A thread of a pool that waits for others may begin another
-/// query, which would wait for the cell forever.
+/// The cell is not locked while `compute` runs; two threads may both compute the value. With a lock,
+/// a thread of a pool that waits for others might begin another query, and wait for itself.
 fn known<T>(cell: &OnceLock<T>, compute: impl FnOnce() -> Result<T>) -> Result<&T> {
     if let Some(value) = cell.get() {
         return Ok(value);
@@ -154,7 +156,7 @@ fn known<T>(cell: &OnceLock<T>, compute: impl FnOnce() -> Result<T>) -> Result<&
     Ok(cell.get_or_init(|| value))
 }
 
-/// Checks that all points are finite and their coordinates at most 1e18.
+/// Checks that all coordinates are finite and at most 1e18 in magnitude.
 pub(super) fn check_points(points: &[[f64; 3]]) -> Result<()> {
     match first(points, |&v| !fits(v)) {
         None => Ok(()),

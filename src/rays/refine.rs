@@ -1,4 +1,5 @@
-//! Values of hits in f64, 16 at a time.
+//! Computes t, weights and normals of found hits in f64, from the caller's vertices, 16 hits at a
+//! time.
 
 use super::arrays;
 use super::batch::RayBatch;
@@ -9,10 +10,11 @@ use crate::math::{cross, dot, sub};
 use crate::ray::LANES;
 use crate::simd::{self, Isa, Kernel};
 
-/// One vector of doubles per lane.
+/// A 3D vector for each lane, by axis.
 type Doubles3 = [Doubles; 3];
 
-/// Vertex indices of the faces of up to 16 hits.
+/// Vertex indices of the faces of up to 16 hits; `None` where one is out of range, because the
+/// caller has changed the array.
 type FaceBatch = [[Option<u64>; 3]; LANES];
 
 /// A hit that the tree found.
@@ -24,20 +26,20 @@ pub(super) struct FoundHit {
     pub mesh: u32,
     /// Face in the mesh.
     pub face: u32,
-    /// The caller's ray parameter. It and `uv` are kept where the ray runs in the plane of the
-    /// triangle.
+    /// Ray parameter, in lengths of the caller's direction. It and `uv` remain where the values in
+    /// f64 are undefined: the ray runs in the plane of the triangle.
     pub t: f64,
     /// Weights of the second and third corner.
     pub uv: [f64; 2],
 }
 
-/// Values of hits, computed in f64.
+/// Values of up to 16 hits, computed in f64. The lanes after the last hit are meaningless.
 pub(super) struct Refined {
-    /// Ray parameters.
+    /// Ray parameters, within tnear and tfar.
     pub t: Doubles,
     /// Weights of the second and third corner.
     pub uv: [Doubles; 2],
-    /// Unit normals.
+    /// Unit normals; not finite for a triangle without area.
     normals: Doubles3,
 }
 
@@ -60,8 +62,8 @@ impl RayScene {
         self.meshes[mesh as usize].faces().prefetch(face as usize);
     }
 
-    /// Computes hits in f64, from the caller's arrays. Calls `store` with up to 16 hits and their
-    /// values, in order.
+    /// Computes the values of hits in f64, from the caller's arrays. Calls `store` with up to 16
+    /// hits and their values, in order.
     pub(super) fn refine(
         &self,
         rays: &RayBatch,
@@ -106,14 +108,14 @@ impl RayScene {
 struct Refine<'a> {
     rays: &'a RayBatch<'a>,
     hits: &'a [FoundHit],
-    /// By corner.
+    /// Corners of the triangles, by number of the corner.
     corners: &'a [Doubles3; 3],
 }
 
 impl Kernel for Refine<'_> {
     type Output = Refined;
 
-    /// Moeller and Trumbore 1997, eq. 6, as [`crate::geometry::refine_triangle`].
+    /// Moeller and Trumbore 1997, eq. 6, with the operations of [`crate::geometry::refine_triangle`].
     #[inline(always)]
     fn run(self) -> Refined {
         let Self { rays, hits, corners: [v0, v1, v2] } = self;
@@ -139,10 +141,10 @@ impl Kernel for Refine<'_> {
             let inverse = 1.0 / dot(normal, d);
             let r = cross(to_v0, d);
             let t = dot(normal, to_v0) * inverse;
-            let is_exact = t.abs() < f64::INFINITY;
-            let u = if is_exact { dot(r, e2) * inverse } else { found_uv[0][i] };
-            let v = if is_exact { -dot(r, e1) * inverse } else { found_uv[1][i] };
-            let t = if is_exact { t } else { found_t[i] };
+            let is_defined = t.abs() < f64::INFINITY;
+            let u = if is_defined { dot(r, e2) * inverse } else { found_uv[0][i] };
+            let v = if is_defined { -dot(r, e1) * inverse } else { found_uv[1][i] };
+            let t = if is_defined { t } else { found_t[i] };
             (out.uv[0][i], out.uv[1][i]) = clamp_barycentrics(u, v);
             out.t[i] = t.max(tnear[i]).min(tfar[i]);
             let shrink = 1.0 / dot(normal, normal).sqrt();

@@ -89,7 +89,10 @@ pub struct RayScene {
     pub(super) bounds: [DVec3; 2],
     /// For each mesh, whether it is closed.
     pub(super) closed: OnceLock<Vec<bool>>,
+    /// Dipoles of all meshes, for winding numbers.
     pub(super) dipoles: OnceLock<Dipoles>,
+    /// Dipoles of the meshes that are not closed.
+    pub(super) open_dipoles: OnceLock<Dipoles>,
 }
 
 impl fmt::Debug for RayScene {
@@ -151,8 +154,9 @@ impl RayScene {
             }
         };
         monitor.set_done(1000);
-        let (closed, dipoles) = (OnceLock::new(), OnceLock::new());
-        Ok(Self { meshes, tree, bounds: [range.min, range.max], closed, dipoles })
+        let (closed, dipoles, open_dipoles) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let bounds = [range.min, range.max];
+        Ok(Self { meshes, tree, bounds, closed, dipoles, open_dipoles })
     }
 
     /// The meshes, in order.

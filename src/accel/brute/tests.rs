@@ -287,7 +287,7 @@ proptest! {
     #[test]
     fn blocks_skip_no_hit(
         triangles in prop::collection::vec(prop::array::uniform3(point()), 1..300),
-        rays in prop::collection::vec((point(), point()), 40),
+        rays in prop::collection::vec((point(), point()), 10),
     ) {
         let geometry = soup(&triangles);
         let brute = build(&geometry);

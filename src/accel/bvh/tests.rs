@@ -1,5 +1,5 @@
-//! The tree is the same for any number of threads and in every instruction set, and `validate`
-//! detects every kind of damage.
+//! The builder makes the same tree for any number of threads and in every instruction set, also of
+//! unusual scenes. `validate` detects every kind of damage.
 
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ use crate::ray::NONE;
 use crate::simd::Isa;
 
 /// Returns a bumpy square of `2 rows^2` triangles, `others` quads above it and `others` spheres
-/// below it.
+/// below it. A tree counts a quad as two triangles.
 fn scene(rows: u32, others: u32) -> Geometry {
     let at = |row: u32, column: u32| {
         let height = (row * 7 + column * 13) % 11;
@@ -47,9 +47,10 @@ fn build(geometry: &Geometry, isa: Isa, threads: usize) -> Bvh<'_> {
     pool.install(|| Bvh::build(geometry, isa, &options, &Monitor::default())).expect("a tree")
 }
 
-/// Neighbours of a strip whose indices are far apart: their leaves hold whole indices.
+/// Neighbours in space whose indices differ by 70,000. Offsets in a leaf have 16 bits, so leaves of
+/// such triangles hold whole indices, in `tree.wide`. All triangles beside the strip are equal.
 #[test]
-fn triangles_in_no_order_have_wide_leaves() {
+fn leaves_of_distant_indices_are_wide() {
     let (far, strip) = (70_000u32, 64);
     let vertices = (0..=strip).flat_map(|x| [[x as f32, 0.0, 0.0], [x as f32, 1.0, 0.0]]);
     let mut vertices: Vec<[f32; 3]> = vertices.collect();
@@ -66,7 +67,7 @@ fn triangles_in_no_order_have_wide_leaves() {
     assert!(!bvh.tree.wide.is_empty() && bvh.tree.wide.len() < 100);
 }
 
-/// Returns every bit of a tree that a query reads.
+/// Returns every bit of a tree that a query reads from its nodes and leaves.
 fn bits(tree: &Tree) -> Vec<u64> {
     let mut bits = Vec::new();
     for node in &tree.nodes {
@@ -88,7 +89,8 @@ fn bits(tree: &Tree) -> Vec<u64> {
 
 #[test]
 fn threads_and_tiers_build_the_same_tree() {
-    // Large enough for parallel bins, parallel subtrees and a parallel collapse.
+    // Large enough for all that the builder does in parallel: the bins of one split, subtrees, and
+    // the collapse of the binary tree into nodes of eight children.
     let geometry = scene(400, 40);
     let one = build(&geometry, Isa::Portable, 1);
     let stats = one.validate().expect("a sound tree");
@@ -102,7 +104,8 @@ fn threads_and_tiers_build_the_same_tree() {
     }
 }
 
-/// A mesh of 320,000 triangles with vertices that no triangle uses.
+/// Returns a [`scene`] of 320,000 triangles whose mesh has vertices that no triangle uses. `scale`
+/// is that of the mesh.
 fn with_unused(unused: &[[f32; 3]], scale: f32) -> Geometry {
     let mut geometry = scene(400, 9);
     let mesh = std::mem::take(&mut geometry.meshes[0]);
@@ -115,7 +118,8 @@ fn with_unused(unused: &[[f32; 3]], scale: f32) -> Geometry {
 #[test]
 fn unused_vertices_and_crowded_cells_do_not_change_what_is_in_the_tree() {
     let unused = [[f32::NAN, 0.0, 0.0], [f32::INFINITY; 3], [-1e38; 3]];
-    // Of the last scene, nearly all triangles lie in one cell.
+    // In the last case the unused vertex is so far away that nearly all triangles lie in one cell
+    // of the builder's grid.
     for (unused, scale) in [(&unused[..1], 1.0), (&unused, 1.0), (&[[1e6; 3]][..], 1e-3)] {
         let geometry = with_unused(unused, scale);
         let one = build(&geometry, Isa::Portable, 1);
@@ -204,7 +208,7 @@ fn validate_detects_every_kind_of_damage() {
         ("there is no sphere", |t| t.spheres[0].0[0] = 1000),
         ("sphere leaf 0: holds", |t| t.spheres[0].0 = [NONE; 4]),
         ("is not in the tree", |t| {
-            // The last sphere of a leaf. All spheres of the leaf share one box.
+            // The spheres are equal, so the leaf's box is right without the last one.
             let last = t.spheres.len() - 1;
             let leaf = &mut t.spheres[last].0;
             *leaf.iter_mut().rfind(|id| **id != NONE).expect("a sphere") = NONE;

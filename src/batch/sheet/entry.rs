@@ -1,4 +1,5 @@
-//! Collects the state of each input of a batch from its files and journals.
+//! Collects the state of each input of a batch for the contact sheet: from the input's files, and
+//! from the batch's journals (logs of what its runs did).
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -21,13 +22,14 @@ pub struct SheetEntry {
     pub number: usize,
     /// Path of the input.
     pub input: String,
-    /// Frames whose files are complete, with their records if a journal has these.
+    /// Frames of the input whose files are complete; `None` if no journal has a record.
     pub frames: BTreeMap<u32, Option<FrameRecord>>,
-    /// Number of frames that the job expects.
+    /// Number of frames of each input.
     pub of: u32,
     /// Record of reading and building, if a journal has one.
     pub mesh: Option<MeshRecord>,
-    /// Texts of the failures, by frame. A later record of the frame resolves its failure.
+    /// Text of the last failure, by frame. A failure of the input is one of all its frames. It is
+    /// removed if a later run renders or keeps the frame.
     pub failures: BTreeMap<u32, Arc<str>>,
 }
 
@@ -41,12 +43,11 @@ fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -
 }
 
 impl SheetEntry {
-    /// Returns the entries of all inputs of a job, in its order. `frames` holds only frames whose
-    /// files are complete.
+    /// Returns the entries of all inputs of a job, in its order. Checks files on the threads of the
+    /// current rayon pool.
     ///
-    /// A record belongs to the input of its identity. If there is none, it belongs to all inputs of
-    /// its path, as do the records of old journals. Checks files on the threads of the current
-    /// rayon pool.
+    /// A record belongs to the input with its identity. If no input has it, or the record is of an
+    /// old journal and has none, it belongs to all inputs with its path.
     pub fn all(job: &Job, records: &[JournalRecord]) -> Vec<Self> {
         let of = job.frames();
         let entry = |number: usize| {
@@ -86,7 +87,8 @@ impl SheetEntry {
         self.frames = frames.collect::<Vec<_>>().into_iter().collect();
     }
 
-    /// Adds a record of a run over the frames `run` of the job.
+    /// Adds a record of a run. `run` is the run's range of tasks: the frames of all inputs, counted
+    /// through.
     fn add(&mut self, record: &JournalRecord, run: &Range<u64>) {
         match record {
             JournalRecord::Mesh(mesh) => self.mesh = Some(mesh.clone()),
@@ -110,8 +112,8 @@ impl SheetEntry {
         }
     }
 
-    /// Returns the frames of this input in a run over the frames `run` of the job. If there are
-    /// none, the inputs have changed since the run, and all frames count.
+    /// Returns the frames of this input in a range of tasks. If it has none, the record was of
+    /// another list of inputs: then all frames, because the range tells nothing.
     fn frames_in(&self, run: &Range<u64>) -> Range<u32> {
         let start = tasks::index(self.of, self.number, 0);
         // At most `of`, so it fits into 32 bits.
@@ -135,7 +137,7 @@ impl SheetEntry {
         self.records().flat_map(|frame| frame.rays.values()).sum()
     }
 
-    /// Returns the warnings of the mesh and of all frames.
+    /// Returns the warnings of the mesh and of all frames. Equal warnings in a row appear once.
     pub fn warnings(&self) -> Vec<&str> {
         let mesh = self.mesh.iter().flat_map(|mesh| &mesh.warnings);
         let all = mesh.chain(self.records().flat_map(|frame| &frame.warnings));

@@ -12,8 +12,8 @@ use super::table;
 pub fn page(report: &AccuracyReport) -> String {
     let mut text = String::from(
         "# Accuracy\n\nWritten by `lightpath accuracy --markdown`; do not edit. Rays that are hard to \
-         answer, on every backend,\ncompared with exact answers. Numbers are wrong answers unless \
-         stated otherwise.\n\n",
+         answer are traced\nwith every backend. The numbers of the tables are wrong answers, or wrong \
+         answers per million (ppm).\n\n",
     );
     for line in machine(report) {
         let _ = writeln!(text, "- {line}");
@@ -45,26 +45,27 @@ pub fn page(report: &AccuracyReport) -> String {
     text
 }
 
+/// How answers are judged: a section of the page.
 const HOW: &str = "
-Each packet is traced as a packet and again ray by ray, so each ray counts twice. One packet in four is an
-occlusion query. `coursework` and `brute` are slow and get a part of the rays.
+Each packet of 16 rays is traced as a packet and again ray by ray, so each ray counts twice. One packet in four
+is an occlusion query. `coursework` and `brute` are slow and get fewer rays: compare rates, not numbers.
 
-**The truth.** Hit or miss, and which hit is nearest, are decided without rounding: by determinants in f64 with
+**The oracle** decides without rounding whether a ray hits, and which hit is nearest: by determinants in f64 with
 a proved bound, and by integers where the bound does not decide. Every backend gets the same f32 vertices and
-rays. t is known to a relative 2^-40. A closed mesh needs no oracle: a ray aimed at it from within must hit.
-Spheres are compared with roots computed in integers.
+rays. The oracle's t has a relative error of at most 2^-40; that of a sphere comes from roots computed in integers.
+Rays from within a closed mesh need no oracle: each must hit it.
 
-**Wrong.** A test whose rounding moves corners may see an outline elsewhere. That is no failure as long as the
-bound of the test explains it: 6u max|v - o| for `bvh` and `coursework`, u = 2^-24; four times that for Embree,
-which publishes none; nothing for `brute`. Triangles that share an edge have its corners in common, which move
-together, so the bound explains no gap between them. Such answers are counted apart, as *within the bound*. The
-bound does not excuse a hit at the ray's origin: in `origin on a surface` the primitive itself must be right. The
-other rows cannot show a hit of such a surface at t = 0, because it lies within the bound.
+**Wrong answers.** The rounding of an intersection test acts as if the triangle's corners moved. So a ray near an
+outline may pass on its other side. Such an answer is not wrong if corners within the test's error bound explain it.
+The bound is 6u max|v - o|, with u = 2^-24, the corners v and the ray's origin o. Embree publishes none and gets
+four times that; `brute` gets 0. In the tables these answers are *counted*. Triangles that share an edge have its
+corners in common, and these move together. So the bound excuses no gap between them. Nor does it in `origin on a
+surface`: a ray must not hit the surface that it starts on. In other rows, such a hit at t = 0 is within the bound.
 
-**ulp** is the largest error of t in units of the last place of the exact t. **relative** is the largest
-distance between the refined point (computed in f64 from the primitive, stored as f32) and the exact point. It is
-relative to the largest of three lengths: the point's coordinates, the primitive's coordinates, and the distance
-from the ray's origin. Both count only hits of the right primitive.
+**ulp** is the largest error of t in units of the last place of the exact t. After the program has computed the
+hit's point again, in f64 from the primitive, it stores the point as f32. **relative** is the largest error of its
+coordinates, divided by the largest of: the point's coordinates, the primitive's coordinates, and the distance from
+the ray's origin. Both count only hits of the right primitive.
 ";
 
 /// Returns lines about the machine and the size of the run.
@@ -74,7 +75,7 @@ pub fn machine(report: &AccuracyReport) -> Vec<String> {
         let versions = m.versions.iter().filter(|(name, _)| *name != "commit");
         let versions: Vec<String> = versions.map(|(name, v)| format!("{name} {v}")).collect();
         lines.push(format!(
-            "{}, {}, best tier {}; {}",
+            "{}, {}, best instruction set {}; {}",
             m.cpu,
             units::plural(m.cores, "processor"),
             m.isa,
@@ -95,9 +96,13 @@ pub fn machine(report: &AccuracyReport) -> Vec<String> {
 pub fn meaning(name: &str) -> &'static str {
     match name {
         "embree" => "Intel Embree with `RTC_SCENE_FLAG_ROBUST`, packets of 16 and single rays",
-        "embree-fast" => "the same without that flag: Embree's default, `--fast` here",
+        "embree-fast" => {
+            "`embree` without that flag, which is Embree's default; `--fast` in `render`"
+        }
         "embree-compact" => "`embree` with `RTC_SCENE_FLAG_COMPACT`: half the memory",
-        "coursework" => "the report's tree and tests in f64; its fixed offset of 1e-4 in `contact`",
+        "coursework" => {
+            "the tree and tests of the first version, in f64; in `contact` with its fixed offset of ray origins, 1e-4"
+        }
         "brute" => "every primitive by exact predicates: the oracle itself, t rounded to f32",
         name if name.starts_with("bvh") => {
             "lightpath's own tree, exactly watertight, in one instruction set"
@@ -117,7 +122,7 @@ fn head(text: &mut String, report: &AccuracyReport, first: &[&str], last: &[&str
 fn section(text: &mut String, report: &AccuracyReport, group: &str) {
     let rows: Vec<&CaseResult> = report.rows.iter().filter(|row| row.group == group).collect();
     let _ = writeln!(text, "\n## {}\n", capital(group));
-    head(text, report, &["case", "answers"], &["mark of `bvh`, `brute`"]);
+    head(text, report, &["case", "answers"], &["`bvh` and `brute` pass if"]);
     for row in &rows {
         let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
         for entry in &row.entries {
@@ -136,7 +141,7 @@ fn section(text: &mut String, report: &AccuracyReport, group: &str) {
                 let (u, r) = (table::ulp(entry.worst_ulp), table::relative(entry.worst_relative));
                 let coarse = match entry.beyond_8_ulp {
                     0 => String::new(),
-                    n => format!(" ({} ppm beyond 8)", table::per_million(n, entry.measured)),
+                    n => format!(" ({} ppm beyond 8 ulp)", table::per_million(n, entry.measured)),
                 };
                 let _ = write!(text, " {u}{coarse}, {r} |");
             }
@@ -153,7 +158,8 @@ fn section(text: &mut String, report: &AccuracyReport, group: &str) {
     }
 }
 
-/// Formats the number of wrong answers and their kinds.
+/// Formats the number of wrong answers, their rate, and the number of those that only the error
+/// bound makes right.
 fn failures(entry: &BackendCounts) -> String {
     let total = table::failures(entry);
     let rate = match entry.failed {

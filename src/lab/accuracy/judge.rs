@@ -18,28 +18,30 @@ use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane};
 /// Largest number of crossings of one line that are counted.
 const MAX_CROSSINGS: usize = 64;
 
-/// The right answers of a packet.
+/// The rule by which the answers of a packet are judged.
 #[derive(Debug, Clone, Copy)]
 pub enum Expect {
-    /// The oracle's answer, up to the error bound of the backend's own test.
+    /// The oracle's answer. An answer within the error bound of the backend's intersection test is
+    /// right, too.
     Oracle,
-    /// The oracle's primitive or its miss, whatever the error bound.
+    /// The oracle's primitive or its miss: no error bound excuses another. t is not compared.
     Primitive,
-    /// As [`Expect::Oracle`], and ties must go to the lowest primitive.
+    /// As [`Expect::Oracle`]. Of equally near primitives, the one of the lowest index.
     Lowest,
-    /// A closed surface lies in the way: every ray hits at a t below its value here.
+    /// A closed surface lies in the way: every ray is occluded, and hits at a t below this.
     Closed([f64; LANES]),
-    /// Lines cross a closed mesh as often as in the oracle, and an even number of times.
+    /// Lines that begin outside a closed mesh cross it as often as in the oracle, and an even
+    /// number of times.
     Crossings,
 }
 
-/// 16 rays with the right answers.
+/// 16 rays, and how their answers are judged.
 pub struct AimedPacket {
-    /// The rays. Lanes that do not pass [`Rays::possible`] are never traced.
+    /// The rays. Invalid ones (see [`Rays::possible`]) are never traced.
     pub rays: Rays,
-    /// Points that the rays are aimed at, for the pictures.
+    /// A point of each ray that pictures of failures show: its target, or else its origin.
     pub goals: [DVec3; LANES],
-    /// Rule that decides which answers are right.
+    /// Which answers are right.
     pub expect: Expect,
 }
 
@@ -56,7 +58,8 @@ impl AimedPacket {
         packet
     }
 
-    /// Sets ray `i` from `origin` through `goal`, where t = 1 before rounding.
+    /// Sets ray `i` from `origin`, rounded to f32, to `goal`. But for the rounding of the direction,
+    /// t is 1 at `goal`.
     pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
         let origin = origin.as_vec3().as_dvec3();
         self.put(i, origin, goal - origin);
@@ -72,8 +75,8 @@ impl AimedPacket {
 
 /// Traces and judges one packet. Returns the counts of each backend.
 ///
-/// Answers are compared with the oracle's. Unless `known`, [`Expect::Closed`] is judged without
-/// it. If `slow`, slow backends trace the packet too.
+/// The oracle answers each packet, but those of [`Expect::Closed`] only if `known`. If `slow`, slow
+/// backends trace the packet, too. `index` is the packet's number in its case.
 pub fn judge_packet(
     built: &CaseBackends,
     aimed: &AimedPacket,
@@ -88,21 +91,21 @@ pub fn judge_packet(
         truths[i] = built.oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
     }
     let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Unordered };
-    // One packet in four is an occlusion query.
+    // One packet in four is an occlusion query. Crossings are closest hits, always.
     let shadow = index % 4 == 3;
     built.counts(slow, |backend, counts| {
-        let one = One { aimed, active, truths: exact.then_some(&truths), built, backend };
+        let test = PacketTest { aimed, active, truths: exact.then_some(&truths), built, backend };
         if matches!(aimed.expect, Expect::Crossings) {
-            return one.crossings(counts);
+            return test.crossings(counts);
         }
         for (nth, way) in backend.tested.coherences(packets).into_iter().enumerate() {
-            one.answers(shadow, way, nth == 0, counts);
+            test.answers(shadow, way, nth == 0, counts);
         }
     })
 }
 
-/// One packet traced with one backend.
-struct One<'a> {
+/// One packet, to be traced with one backend.
+struct PacketTest<'a> {
     aimed: &'a AimedPacket,
     active: Mask,
     truths: Option<&'a [Option<LaneHit>; LANES]>,
@@ -110,7 +113,7 @@ struct One<'a> {
     backend: BuiltBackend<'a>,
 }
 
-impl One<'_> {
+impl PacketTest<'_> {
     fn answers(&self, shadow: bool, way: Coherence, measure: bool, counts: &mut CaseCounts) {
         let mut packet = RayPacket { rays: self.aimed.rays.clone(), ..RayPacket::EMPTY };
         let time = trace(self.backend.accelerator, &self.active, &mut packet, shadow, way);
@@ -126,8 +129,8 @@ impl One<'_> {
         }
     }
 
-    /// Returns the kind of error in lane `i`, or `None` if its answer is right. A lane without a
-    /// ray must be unchanged.
+    /// Returns the kind of error in lane `i`, or `None` if its answer is right; counts answers that
+    /// only the error bound makes right. A lane without a ray must be unchanged.
     fn judge(
         &self,
         i: usize,
@@ -176,8 +179,8 @@ impl One<'_> {
 
     /// Counts the crossings of each line with the mesh and compares them with the oracle's.
     ///
-    /// Only clear lines are judged: no edge lies within the error bound, and no two crossings are
-    /// too close to separate.
+    /// Only clear lines are judged: no edge of a primitive lies within the error bound, no two
+    /// crossings are too close to separate, and none is too close to tnear.
     fn crossings(&self, counts: &mut CaseCounts) {
         for i in lanes(&self.active) {
             let ray = LaneRay::of(&self.aimed.rays, i);
@@ -196,7 +199,7 @@ impl One<'_> {
         }
     }
 
-    /// Returns whether the line is clear: see [`One::crossings`].
+    /// Returns whether the line is clear: see [`PacketTest::crossings`].
     fn clear(&self, ray: &LaneRay) -> bool {
         // A line that is clear of edges within the largest bound is clear for every backend.
         let Some(mut near) = self.built.oracle.near(ray, MAX_ERROR_FACTOR, MAX_NEAR) else {
@@ -213,7 +216,7 @@ impl One<'_> {
 }
 
 /// Counts the hits along a line, up to [`MAX_CROSSINGS`]. Each query starts at the previous hit and
-/// leaves the primitive of that hit.
+/// cannot hit its primitive again.
 fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i: usize) -> usize {
     let mut active = Mask::NONE;
     active.0[i] = -1;
@@ -231,7 +234,7 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
     MAX_CROSSINGS
 }
 
-/// Largest magnitude of a coordinate of the primitive that was hit.
+/// Largest magnitude of a coordinate of the primitive that was hit; of a sphere, a bound.
 fn size(geometry: &Geometry, hit: &LaneHit) -> f64 {
     let largest = |corners: &[[f32; 3]]| {
         corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
@@ -247,7 +250,8 @@ fn size(geometry: &Geometry, hit: &LaneHit) -> f64 {
     }
 }
 
-/// Measures the errors of t, refined point and weights of hits on the right primitive.
+/// Measures the errors of t, refined point and weights of hits on the right primitive. Values that
+/// overflow are not measured.
 fn measure_hits(
     geometry: &Geometry,
     active: &Mask,

@@ -1,8 +1,7 @@
-//! Netpbm files (P1 to P7) with unscaled samples; the white level of the header is returned beside
-//! them.
+//! Decodes Netpbm files (P1 to P7) without scaling their samples.
 //!
-//! The `image` decoder scales samples to 8 or 16 bits, and rounds. A header with a white level of
-//! 255 or 65535 leaves nothing to scale.
+//! The `image` decoder scales samples from the header's white level to 255 or 65535, and rounds. So
+//! it gets a header that already has this white level. The caller divides by the true one.
 
 use std::io::{Cursor, Read};
 
@@ -11,8 +10,8 @@ use image::codecs::pnm::{
 };
 use image::error::ImageResult;
 
-/// Returns the decoder of the file that begins at `reader`, and the sample that means white. `None`
-/// for white if it is 255 or 65535 anyway.
+/// Returns the decoder of the file that begins at `reader`, and the sample that means white; `None`
+/// if the decoder's samples need no scaling: white is 255 or 65535, or the samples are bits.
 pub fn decoder<R: Read>(reader: R) -> ImageResult<(PnmDecoder<impl Read>, Option<u16>)> {
     let (rest, header) = PnmDecoder::new(reader)?.into_inner();
     let white = header.maximal_sample();
@@ -26,7 +25,7 @@ pub fn decoder<R: Read>(reader: R) -> ImageResult<(PnmDecoder<impl Read>, Option
     Ok((PnmDecoder::new(Cursor::new(start).chain(rest))?, white))
 }
 
-/// The header with another white level; `None` if samples are bits.
+/// Returns the header with another white level; `None` if samples are bits.
 fn with_white(header: &PnmHeader, white: u32) -> Option<PnmHeader> {
     use ArbitraryTuplType::{BlackAndWhite, BlackAndWhiteAlpha};
     if let Some(&grey) = header.as_graymap() {

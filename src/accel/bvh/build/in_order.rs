@@ -1,4 +1,5 @@
-//! Makes references in the order of the geometry: for trees without the grid of [`super::cells`].
+//! Makes references in the order of the primitives' indices: where no grid of [`super::cells`] sorts
+//! them, in small scenes and in those without finite bounds.
 
 use std::ops::Range;
 
@@ -12,18 +13,19 @@ use crate::geometry::{Geometry, Unseen};
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
-/// Makes the references of all primitives that are not in `unseen`. `ranges` cut the indices of all
-/// primitives into one range for each task. Triangles may form pairs if `pairs`.
+/// Makes the references of all primitives that are not in `unseen`. `ranges` are consecutive and
+/// cover the indices of all primitives; each is the work of one task. If `pairs`, two consecutive
+/// triangles of one range may share a reference.
 ///
 /// # Errors
-/// If there is too little memory.
+/// `Retry` if there is too little memory. It is tried out before any reference is made.
 pub fn references(
     (geometry, unseen): (&Geometry, &Unseen),
     ranges: impl IndexedParallelIterator<Item = Range<u32>>,
     pairs: bool,
     isa: Isa,
 ) -> Result<Vec<Reference>> {
-    // Each reference is made in a chunk and then copied into one array.
+    // Twice: a reference is made in the array of its task, and then copied into the result.
     let most = 2 * groups::count(geometry, unseen) * size_of::<Reference>();
     reserve::probe(most as u64, "bvh")?;
     let make = |range| simd::dispatch(isa, MakeReferences { geometry, unseen, range, pairs });
@@ -51,18 +53,18 @@ impl Kernel for MakeReferences<'_> {
     fn run(self) -> Vec<Reference> {
         let Self { geometry, unseen, range, pairs } = self;
         let references = Vec::with_capacity((range.end - range.start) as usize);
-        let mut making = Making { geometry, references };
-        groups::each((geometry, unseen), range, pairs, &mut making);
-        making.references
+        let mut pushed = PushReferences { geometry, references };
+        groups::each((geometry, unseen), range, pairs, &mut pushed);
+        pushed.references
     }
 }
 
-struct Making<'a> {
+struct PushReferences<'a> {
     geometry: &'a Geometry,
     references: Vec<Reference>,
 }
 
-impl Collect for Making<'_> {
+impl Collect for PushReferences<'_> {
     #[inline(always)]
     fn add(&mut self, group: Group, bounds: Bounds3) {
         self.references.push(Reference::in_box(bounds, group, self.geometry));
