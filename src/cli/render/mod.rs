@@ -76,7 +76,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let mut job = pool.install(|| load::load(options::request(args)?, &monitor))?;
     let ready = std::mem::take(&mut job.ready);
     let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
-    job.warnings.extend(options.warning());
+    job.warnings.extend(options.warnings());
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;

@@ -140,9 +140,11 @@ impl RenderOptions {
         })
     }
 
-    /// Returns a warning for options that make the picture irreproducible.
-    pub fn warning(&self) -> Option<Problem> {
-        self.adaptive.as_ref().and_then(sampling::warning)
+    /// Returns warnings about options that make the picture irreproducible, and about the plate.
+    pub fn warnings(&self) -> Vec<Problem> {
+        let sampling = self.adaptive.as_ref().and_then(sampling::warning);
+        let plate = self.plate.iter().flat_map(PlateImage::warnings);
+        sampling.into_iter().chain(plate).collect()
     }
 
     /// Returns the format of the picture's files. The file of a part keeps every bit; its attribute

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueHint};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::film::Window;
 use crate::scene::{Filter, Scene, Wrap};
-use crate::shading::{DEFAULT_MAX_BYTES, Texture};
+use crate::shading::{DEFAULT_MAX_BYTES, Negative, Texture};
+use crate::units::plural;
 
 /// The flag `--over`.
 #[derive(Debug, Args)]
@@ -19,7 +20,10 @@ pub struct OverArgs {
 
 /// An image behind the PNG: of the frame's size, as linear light.
 #[derive(Debug)]
-pub struct PlateImage(Texture);
+pub struct PlateImage {
+    path: PathBuf,
+    image: Texture,
+}
 
 impl OverArgs {
     /// Returns the bytes that the plate and the composite need.
@@ -52,7 +56,7 @@ impl OverArgs {
         if found != frame {
             return Err(wrong_size(path, found, frame));
         }
-        Ok(Some(PlateImage(image)))
+        Ok(Some(PlateImage { path: path.clone(), image }))
     }
 }
 
@@ -67,9 +71,25 @@ fn wrong_size(path: &Path, found: [u32; 2], frame: [u32; 2]) -> Error {
 }
 
 impl PlateImage {
+    /// Returns warnings of alpha, and of texels below 0.
+    pub fn warnings(&self) -> Vec<Problem> {
+        let path = self.path.display();
+        let alpha = self.image.had_alpha();
+        let alpha = alpha.then(|| format!("the alpha channel of {path} is ignored"));
+        let negative = self.image.negative().map(|Negative { texels, first: [x, y] }| {
+            let texels = plural(texels as usize, "negative texel");
+            let message = format!(
+                "found {texels} in {path}, the first at ({x}, {y}); the PNG is too dark there"
+            );
+            let help = "a colour is at least 0: clip the image, or convert it to a wider gamut";
+            Problem::new("--over", message).help(help)
+        });
+        alpha.map(|message| Problem::new("--over", message)).into_iter().chain(negative).collect()
+    }
+
     /// Returns the colours at the pixels of a window of the frame, row by row.
     pub fn pixels(&self, window: Window) -> Vec<[f32; 3]> {
-        let Self(image) = self;
+        let image = &self.image;
         let [width, height] = [image.width(), image.height()].map(f64::from);
         let rows = (window.y0..window.y1).flat_map(|y| (window.x0..window.x1).map(move |x| [x, y]));
         let color = |[x, y]: [u32; 2]| {

@@ -138,6 +138,27 @@ fn the_png_may_show_the_picture_over_a_plate() {
 }
 
 #[test]
+fn alpha_and_negative_texels_of_a_plate_are_told() {
+    let scratch = scratch();
+    let said = |plate: &str| {
+        let args = ["render", "s.json", "-o", "o", "--spp", "1", "--over", plate];
+        scratch.run(&args).good().stderr()
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 40, 30);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.write_header().unwrap().write_image_data(&[99; 4 * 40 * 30]).unwrap();
+    std::fs::write(scratch.path("alpha.png"), bytes).unwrap();
+    assert!(said("alpha.png").contains("--over: the alpha channel of alpha.png is ignored"));
+    let red = |x, y| if (x, y) == (7, 2) { -0.5f32 } else { 0.5 };
+    let pixels = |x, y| (red(x, y), 0.5f32, 0.5f32);
+    exr::prelude::write_rgb_file(scratch.path("dark.exr"), 40, 30, pixels).unwrap();
+    let dark = said("dark.exr");
+    let expected = "--over: found 1 negative texel in dark.exr, the first at (7, 2)";
+    assert!(dark.contains(expected) && !dark.contains("alpha"), "{dark}");
+}
+
+#[test]
 fn contradictions_are_refused_before_anything_is_written() {
     let refusals = Refusals::new();
     let write = |name: &str, text: &str| refusals.scratch.write(name, text);
