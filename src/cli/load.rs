@@ -7,7 +7,7 @@ use crate::memory;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::paths::seen_from;
-use crate::scene::{Loaded, Overrides, Source};
+use crate::scene::{Loaded, Overrides};
 use crate::studio::{self, MeshScene, Subject, Template};
 use crate::world::{LoadOptions, World, own_texture, sources};
 
@@ -96,15 +96,14 @@ pub fn load(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
         return load_mesh(request, monitor);
     }
     let SceneRequest { overrides, light_samples, .. } = request;
-    let mut warnings = Vec::new();
-    let load = |source| studio::load(source, overrides, light_samples, &mut warnings);
-    let (loaded, folder) = if input == Path::new("-") {
-        (load(Template::stdin()?.source())?, PathBuf::new())
-    } else {
-        let folder = input.parent().unwrap_or(Path::new("")).to_owned();
-        (load(Source::File(input))?, folder)
+    // The text is parsed twice with `--light-samples`, and a pipe can be read only once.
+    let scene = match input == Path::new("-") {
+        true => Template::stdin()?,
+        false => Template::file(input)?,
     };
-    Ok(SceneJob { loaded, folder, warnings, ready: Vec::new() })
+    let mut warnings = Vec::new();
+    let loaded = studio::load(scene.source(), overrides, light_samples, &mut warnings)?;
+    Ok(SceneJob { loaded, folder: scene.folder, warnings, ready: Vec::new() })
 }
 
 /// Reads a mesh, and makes a scene of the template that shows the whole mesh.
