@@ -38,12 +38,8 @@ use crate::error::{Error, Problem, Result};
 use crate::mesh::{Mesh, ReadOptions};
 use crate::monitor::Monitor;
 use crate::scene::written::{Name, ShapeCommon, ShapeDescription};
-use crate::scene::{Loaded, Overrides, ShapeKind, Source};
+use crate::scene::{Loaded, Overrides, Scene, ShapeKind, Source};
 use crate::world::color_request;
-
-/// Message for `--light-samples` in a scene where it changes nothing.
-pub const NO_LIGHT_SAMPLES: &str =
-    "has no effect: the scene has no area light, environment or sun with an angle";
 
 /// A scene made from a mesh.
 #[derive(Debug)]
@@ -106,7 +102,7 @@ pub fn show_mesh(
     }
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     user.prepend(furnished.overrides);
-    let mut loaded = load(template.source(), user, light_samples, &mut warnings)?;
+    let mut loaded = load_sampled(template.source(), user, light_samples)?;
     if subject.looks.no_ground || (template.builtin && subject.calibrated) {
         loaded = with_other_ground(loaded, template, |_| false)?;
     } else if template.builtin && loaded.scene.transparent {
@@ -117,6 +113,8 @@ pub fn show_mesh(
             true
         })?;
     }
+    // A ground that catches shadows uses the samples also of lights that are drawn.
+    take_warnings(&mut loaded, light_samples, &mut warnings);
     // Messages name the mesh by the user's path, not relative to the template.
     let (path, mesh) = furnished.mesh;
     for shape in &mut loaded.scene.shapes {
@@ -160,18 +158,44 @@ fn with_other_ground(
 /// Every problem of the scene and its overrides.
 pub fn load(
     source: Source,
-    mut overrides: Overrides,
+    overrides: Overrides,
     light_samples: Option<u32>,
     warnings: &mut Vec<Problem>,
 ) -> Result<Loaded> {
-    let mut loaded = overrides.load(source)?;
+    let mut loaded = load_sampled(source, overrides, light_samples)?;
+    take_warnings(&mut loaded, light_samples, warnings);
+    Ok(loaded)
+}
+
+/// Does the same as [`load`], without the warning about `light_samples`.
+fn load_sampled(
+    source: Source,
+    mut overrides: Overrides,
+    light_samples: Option<u32>,
+) -> Result<Loaded> {
+    let loaded = overrides.load(source)?;
     if let Some(samples) = light_samples {
         if overrides.light_samples(samples, source, &loaded.description)? {
-            loaded = overrides.load(source)?;
-        } else {
-            warnings.push(Problem::new("--light-samples", NO_LIGHT_SAMPLES));
+            return overrides.load(source);
         }
     }
-    warnings.append(&mut loaded.warnings);
     Ok(loaded)
+}
+
+/// Moves the warnings of a scene to `warnings`, after one about `light_samples` without effect.
+fn take_warnings(loaded: &mut Loaded, light_samples: Option<u32>, warnings: &mut Vec<Problem>) {
+    let unused = light_samples.and_then(|_| unused_light_samples(&loaded.scene));
+    warnings.extend(unused.map(|message| Problem::new("--light-samples", message)));
+    warnings.append(&mut loaded.warnings);
+}
+
+/// Returns the message for `--light-samples` in a scene where it changes nothing; `None` in any
+/// other scene.
+pub fn unused_light_samples(scene: &Scene) -> Option<&'static str> {
+    let drawn = scene.lights.iter().any(|light| light.kind.has_extent());
+    let message = match drawn {
+        true => "has no effect: `emittersamples` draws lights, and takes one point on each",
+        false => "has no effect: the scene has no area light, environment or sun with an angle",
+    };
+    (!scene.uses_light_samples()).then_some(message)
 }

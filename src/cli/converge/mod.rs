@@ -30,10 +30,6 @@ use self::args::ConvergeArgs;
 /// Default numbers of samples on area lights, suns and environments.
 const LIGHT_SAMPLES: [u32; 3] = [1, 4, 16];
 
-/// Message for `--light-samples` in a scene where all lights that have samples are drawn.
-const DRAWN_LIGHTS: &str =
-    "has no effect: `emittersamples` draws lights, and takes one point on each";
-
 /// Runs the study of one scene.
 pub fn run(args: &ConvergeArgs) -> Result<()> {
     let started = Instant::now();
@@ -118,13 +114,12 @@ fn grid(args: &ConvergeArgs, scene: &Scene, backend_count: usize) -> Result<Stud
         values.dedup();
         values
     };
-    let light_samples = match (scene.uses_light_samples(), args.light_samples.as_slice()) {
-        (true, []) => LIGHT_SAMPLES.to_vec(),
-        (true, asked) => sorted(asked),
-        (false, []) => Vec::new(),
-        (false, _) => {
-            let drawn = scene.lights.iter().any(|light| light.kind.has_extent());
-            let message = if drawn { DRAWN_LIGHTS } else { studio::NO_LIGHT_SAMPLES };
+    let unused = studio::unused_light_samples(scene);
+    let light_samples = match (unused, args.light_samples.as_slice()) {
+        (None, []) => LIGHT_SAMPLES.to_vec(),
+        (None, asked) => sorted(asked),
+        (Some(_), []) => Vec::new(),
+        (Some(message), _) => {
             return Err(Error::invalid("--light-samples", message).help("leave it out"));
         }
     };
