@@ -76,6 +76,20 @@ pub fn open_file(path: &Path) -> Option<PathBuf> {
     None
 }
 
+/// Returns the path of the file that would be created through `path`, if it is a symbolic link to
+/// nothing. Any other path is returned unchanged.
+pub fn behind_link(path: &Path) -> PathBuf {
+    let mut behind = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match std::fs::read_link(&behind) {
+            Ok(to) if !path.exists() => behind = behind.parent().unwrap_or(Path::new("")).join(to),
+            _ => return behind,
+        }
+    }
+    // The link leads to itself.
+    path.to_owned()
+}
+
 /// A set of files. A file is identified by its path with links resolved, and by device and inode.
 #[derive(Debug, Default)]
 pub struct FileSet {

@@ -35,11 +35,12 @@ impl OutputFlags<'_> {
         inputs: impl IntoIterator<Item = P>,
     ) -> Result<()> {
         let flags: Vec<&str> = self.0.iter().map(|(flag, _)| *flag).collect();
-        refuse_overwrites(
-            inputs,
-            self.0.iter().filter_map(|(_, path)| path.as_ref()),
-            &flags.join(", "),
-        )
+        refuse_overwrites(inputs, self.paths(), &flags.join(", "))
+    }
+
+    /// Returns the paths of the files. They are written through links.
+    pub fn paths(&self) -> impl Iterator<Item = PathBuf> {
+        self.0.iter().filter_map(|(_, path)| path.as_deref().map(files::behind_link))
     }
 
     /// Creates the files, so that a bad output folder is found before the long work.

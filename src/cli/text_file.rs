@@ -23,8 +23,7 @@ pub enum TextFile {
 
 impl TextFile {
     /// Opens `target` for writing: creates a part file, or opens the device, pipe or open file. A
-    /// symbolic link to a file stays, and the file is replaced. A link to nothing is replaced
-    /// itself.
+    /// symbolic link stays, and the file behind it is replaced or created.
     ///
     /// # Errors
     /// The same as [`PartFile::create`] for a file. A control character in the name of a link, or
@@ -47,7 +46,10 @@ impl TextFile {
                 let real = target.canonicalize().map_err(failed)?;
                 Ok(Self::Part(named, PartFile::create(&real)?))
             }
-            _ => Ok(Self::Part(named, PartFile::create(target)?)),
+            _ => {
+                paths::refuse_control_characters(target)?;
+                Ok(Self::Part(named, PartFile::create(&files::behind_link(target))?))
+            }
         }
     }
 
@@ -105,6 +107,13 @@ mod tests {
         write("link");
         assert!(path("link").is_symlink());
         assert_eq!(read("real"), "new\n");
+
+        // The file does not exist yet.
+        symlink("second", path("first")).unwrap();
+        symlink("later", path("second")).unwrap();
+        write("first");
+        assert!(path("first").is_symlink() && path("second").is_symlink());
+        assert_eq!(read("later"), "new\n");
 
         // An open file, as behind `/dev/stdout`.
         let mut open = File::create(path("open")).unwrap();

@@ -166,7 +166,7 @@ impl RenderOptions {
         let pictures =
             picture::PictureFiles::names(&self.prefix, &self.plan, self.storage).into_iter();
         let previews = self.previews.iter().map(|(_, path)| path.clone());
-        let others = [&self.stats, &self.write_scene].into_iter().flatten().cloned();
+        let others = self.text_files().paths().collect::<Vec<_>>();
         pictures.chain(previews).chain(self.dataset.all().cloned()).chain(others).collect()
     }
 }

@@ -310,3 +310,58 @@ fn names_that_are_not_utf8() {
     assert_eq!(output.stdout, b"s\xff.exr\ns\xff.png\n");
     assert!(scratch.path("").join(OsStr::from_bytes(b"s\xff.exr")).is_file());
 }
+
+/// Behind `/dev/stdin` is a pipe, as behind the shell's `<(...)`.
+#[cfg(unix)]
+#[test]
+fn a_scene_from_a_pipe_is_read_once() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let flags = ["--light-samples", "9", "--quiet", "-o"];
+    let piped = [&["render", "/dev/stdin"], &flags[..], &["piped"]].concat();
+    scratch.run_with_stdin(&piped, SCENE).good();
+    render(&scratch, &[&["s.json"], &flags[..], &["file"]].concat());
+    assert!(scratch.read("piped.exr") == scratch.read("file.exr"));
+}
+
+#[test]
+fn numbers_of_samples_without_effect_are_told() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    scratch.write("p.ply", program::PYRAMID);
+    let said = |input: &str, draws: &str, more: &[&str]| {
+        let small = ["--size", "20x12", "--spp", "1", "-o", "x", "--light-samples", "3"];
+        render(&scratch, &[&[input, "--emitter-samples", draws], &small[..], more].concat())
+            .stderr()
+    };
+    let drawn = "warning: --light-samples: has no effect: `emittersamples` draws lights";
+    let all = "warning: --emitter-samples: found no fewer than the 2 point and area lights";
+    for (input, draws, more, expected) in [
+        ("s.json", "1", &[][..], Some(drawn)),
+        ("s.json", "2", &[], Some(all)),
+        ("p.ply", "1", &[], Some(drawn)),
+        // Shadow catchers use the samples of lights that are drawn elsewhere.
+        ("p.ply", "1", &["--transparent"], None),
+    ] {
+        let said = said(input, draws, more);
+        let warnings: Vec<&str> = said.lines().filter(|line| line.contains("-samples: ")).collect();
+        assert_eq!(warnings.len(), usize::from(expected.is_some()), "{input} {draws}: {said}");
+        assert!(said.contains(expected.unwrap_or("")), "{input} {draws}: {said}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_text_file_is_written_behind_a_link_to_nothing() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    std::os::unix::fs::symlink("later.json", scratch.path("link.json")).unwrap();
+    let args = ["render", "s.json", "-o", "x", "--stats", "link.json", "--write-scene"];
+    let refused = scratch.run(&[&args[..], &["later.json"]].concat());
+    assert_eq!(refused.code(), 2, "{}", refused.stderr());
+    assert!(refused.stderr().contains("would overwrite"), "{}", refused.stderr());
+    let done = scratch.run(&[&args[..], &["saved.json"]].concat()).good();
+    assert!(done.stdout().contains("link.json\n"), "{}", done.stdout());
+    assert!(scratch.path("link.json").is_symlink());
+    assert!(scratch.read("later.json").starts_with(b"{"));
+}
