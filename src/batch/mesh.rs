@@ -89,6 +89,7 @@ impl Run<'_> {
             ready: mesh,
             memory_limit,
             texture_bytes: budget.map(Budget::for_textures),
+            cameras: frames.iter().map(|frame| frame.loaded.scene.camera.clone()).collect(),
             ..LoadOptions::default()
         };
         let scene = &loaded.scene;

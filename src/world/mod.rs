@@ -27,7 +27,7 @@ use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::scene::{CheckedCamera, Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
 use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
@@ -71,9 +71,20 @@ pub struct LoadOptions {
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
     pub resolutions: bool,
+    /// All cameras of the render, for the warning about meshes that none of them sees. Empty: the
+    /// scene's camera alone.
+    pub cameras: Vec<CheckedCamera>,
 }
 
 impl LoadOptions {
+    /// Returns whether a box lies outside the view of every camera.
+    fn outside_views(&self, scene: &Scene, bounds: Bounds) -> bool {
+        match self.cameras.as_slice() {
+            [] => bounds.outside_view(&scene.camera),
+            all => all.iter().all(|camera| bounds.outside_view(camera)),
+        }
+    }
+
     fn mesh(&mut self, spec: &Trimesh, textured: bool, monitor: &Monitor) -> Result<Mesh> {
         let path = spec.path.as_path();
         let ready = self.ready.iter().position(|(ready, _)| ready == path);
@@ -204,8 +215,12 @@ impl World {
                 if let Some(first) = &spec.transform {
                     own = own.transformed(first);
                 }
-                if own.outside_view(&scene.camera) {
-                    let message = format!("{} lies outside the camera's view", spec.path.display());
+                if options.outside_views(scene, own) {
+                    let whose = match options.cameras.len() {
+                        0 | 1 => "the camera's view".to_string(),
+                        count => format!("the view of all {count} cameras"),
+                    };
+                    let message = format!("{} lies outside {whose}", spec.path.display());
                     unseen.insert(index, Problem::new(&spec.place, message));
                 }
                 meshes.push((index, mesh));
@@ -215,7 +230,7 @@ impl World {
                 if let Ok(mesh) = meshes.binary_search_by_key(of, |(index, _)| *index) {
                     own = meshes[mesh].1.bounds().transformed(transform);
                 }
-                if unseen.contains_key(of) && !own.outside_view(&scene.camera) {
+                if unseen.contains_key(of) && !options.outside_views(scene, own) {
                     unseen.remove(of);
                 }
             }

@@ -227,6 +227,29 @@ fn ranges_resume_and_lists_of_frames_count_cameras() {
     assert!(again.contains("0 frames rendered, 3 kept"), "{again}");
 }
 
+/// A mesh that any camera of the list sees is not outside of the view.
+#[test]
+fn a_mesh_that_no_camera_sees_is_told() {
+    let scratch = scratch();
+    for (away, told) in [(1, false), (3, true)] {
+        let mut list = own_list();
+        let cameras = list["cameras"].as_array_mut().unwrap();
+        for camera in cameras.iter_mut() {
+            camera["camera"].as_object_mut().unwrap().remove("distortion");
+        }
+        for camera in &mut cameras[..away] {
+            // It looks along -z.
+            camera["camera"]["camera_to_world"] =
+                json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -50], [0, 0, 0, 1]]);
+        }
+        scratch.write("away.json", &list.to_string());
+        let args = ["batch", "scan.ply", "--cameras", "away.json", "--spp", "1", "-o", "away"];
+        let said = scratch.run(&args).good().stderr();
+        assert_eq!(said.contains("lies outside the view of all 3 cameras"), told, "{said}");
+        assert_eq!(said.contains("lies outside"), told, "{said}");
+    }
+}
+
 /// The points are in a hole of the file. Nothing reads them.
 #[test]
 fn a_model_may_have_more_points_than_memory() {
