@@ -1,8 +1,12 @@
 //! Places the meshes that instances share: as instances of the geometry, or as copies.
 
+use std::path::PathBuf;
+
 use glam::{DAffine3, DVec3};
 
+use super::bounds::Bounds;
 use super::place::PlacedMesh;
+use super::resolution::{CollapseSuspect, ulp};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, Instance, Placement, TriangleMesh, Unseen};
 use crate::ray::RayKind;
@@ -20,6 +24,10 @@ struct SharedMesh {
     /// Box of the used vertices, relative to `origin`.
     bounds: [DVec3; 2],
     mesh: TriangleMesh,
+    /// Place in the scene file and path of the mesh, for messages.
+    source: (String, PathBuf),
+    /// True if the vertices of the file are f64.
+    was_f64: bool,
 }
 
 impl SharedMeshes {
@@ -34,14 +42,21 @@ impl SharedMeshes {
         // Vertices are rounded to f32 by at most half an ulp.
         let size = bounds[0].abs().max(bounds[1].abs()) * f64::from(f32::EPSILON);
         bounds = [bounds[0] - size, bounds[1] + size];
+        let (source, was_f64) = (mesh.place_and_path(), mesh.is_f64());
         let mesh = mesh.into_triangles(origin, shape)?;
-        self.0.push(SharedMesh { shape: index, origin, bounds, mesh });
+        self.0.push(SharedMesh { shape: index, origin, bounds, mesh, source, was_f64 });
         Ok(())
     }
 
     /// The meshes, in the order of their shapes.
     pub fn meshes(&self) -> impl Iterator<Item = &TriangleMesh> {
         self.0.iter().map(|shared| &shared.mesh)
+    }
+
+    /// Returns a warning for each mesh that has collapsed edges in an instance. Of the instances of
+    /// a mesh, only the one is examined where the steps of f32 are largest in its coordinates.
+    pub fn collapse_warnings(&self, scene: &Scene, origin: DVec3) -> Vec<Problem> {
+        self.0.iter().filter_map(|shared| shared.collapse_warning(scene, origin)).collect()
     }
 
     /// Completes geometry and shapes: adds all instances, or a mesh for each if `copy`. Then sets
@@ -102,6 +117,28 @@ impl SharedMeshes {
 }
 
 impl SharedMesh {
+    fn collapse_warning(&self, scene: &Scene, origin: DVec3) -> Option<Problem> {
+        let [min, max] = self.bounds.map(|corner| corner + self.origin);
+        let steps = |transform: &DAffine3| {
+            let Bounds { min, max } = Bounds { min, max }.transformed(transform);
+            let step = ulp((min - origin).abs().max((max - origin).abs()).max_element());
+            // An upper bound of what the inverse stretches a length by.
+            let inverse = transform.matrix3.inverse().to_cols_array();
+            (step, step * inverse.iter().map(|x| x * x).sum::<f64>().sqrt())
+        };
+        let instances = placements(scene, self.shape).map(|(_, to)| (to, steps(to)));
+        let (transform, (step, in_mesh)) =
+            instances.max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1))?;
+        let own = self.bounds[0].abs().max(self.bounds[1].abs()).max_element();
+        // As for `PlacedMesh::collapse_suspect`.
+        if !self.was_f64 && in_mesh <= 4.0 * ulp(own) {
+            return None;
+        }
+        let (place, path) = self.source.clone();
+        CollapseSuspect { place, path, ulp: step }
+            .settle_instance(&self.mesh, &self.placement(transform, origin))
+    }
+
     /// From the coordinates of the mesh to those relative to `origin`.
     fn placement(&self, transform: &DAffine3, origin: DVec3) -> Placement {
         Placement::new(transform.matrix3, transform.transform_point3(self.origin) - origin)

@@ -272,6 +272,7 @@ impl World {
         log.warnings.extend(
             found.flat_map(|(found, mesh)| found.iter().flat_map(|found| found.warnings(mesh))),
         );
+        log.warnings.extend(shared.collapse_warnings(scene, origin));
         let mut shapes = Shapes { materials, textures, ..shapes };
         for MeshMaterial { shape, material, textures } in mesh_materials {
             shapes.shapes[shape].material = material;

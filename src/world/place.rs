@@ -4,6 +4,8 @@
 //! (keys `rotate`, `size`, `fit`). With `fit`, `middle` is the centre of the bounding box in the
 //! file, else 0.
 
+use std::path::PathBuf;
+
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
@@ -162,6 +164,16 @@ impl PlacedMesh {
     }
 
     /// Returns the number of triangles without area in the file, for the warnings after
+    /// Returns the place in the scene file and the path of the mesh, for messages.
+    pub fn place_and_path(&self) -> (String, PathBuf) {
+        (self.spec.place.clone(), self.spec.path.clone())
+    }
+
+    /// Returns true if the vertices of the file are f64.
+    pub fn is_f64(&self) -> bool {
+        matches!(self.mesh.positions, Positions::F64(_))
+    }
+
     /// [`Self::into_triangles`]. `None` if there are none.
     pub fn without_area(&self) -> Option<WithoutArea> {
         let count = self.mesh.notes.degenerate_dropped;

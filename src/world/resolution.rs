@@ -1,14 +1,14 @@
 //! Measures how much detail a mesh keeps when its vertices are rounded to f32 relative to the
 //! scene's origin.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Problem;
-use crate::geometry::TriangleMesh;
+use crate::geometry::{Placement, TriangleMesh};
 
 /// Detail of a mesh in single precision relative to the scene's origin.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,8 @@ impl Detail {
 impl Resolution {
     /// Returns a warning if edges collapsed.
     pub fn warning(&self) -> Option<Problem> {
-        warning(&self.place, &self.path, self.detail.ulp, self.detail.collapsed_edges)
+        let what = self.path.display().to_string();
+        warning(&self.place, &what, self.detail.ulp, self.detail.collapsed_edges)
     }
 }
 
@@ -92,30 +93,39 @@ pub struct CollapseSuspect {
 impl CollapseSuspect {
     /// Counts the collapsed edges of the placed mesh. Returns a warning if there are any.
     pub fn settle(&self, mesh: &TriangleMesh) -> Option<Problem> {
-        warning(&self.place, &self.path, self.ulp, collapsed_edges(mesh))
+        let vertices = mesh.vertices();
+        let collapsed = collapsed_edges(mesh, |i| vertices[i as usize]);
+        warning(&self.place, &self.path.display().to_string(), self.ulp, collapsed)
+    }
+
+    /// Does the same for an instance of the mesh.
+    pub fn settle_instance(&self, mesh: &TriangleMesh, placement: &Placement) -> Option<Problem> {
+        let vertices = mesh.vertices();
+        let collapsed = collapsed_edges(mesh, |i| placement.place(vertices[i as usize]));
+        let what = format!("an instance of {}", self.path.display());
+        warning(&self.place, &what, self.ulp, collapsed)
     }
 }
 
-/// A warning about `collapsed` edges of a mesh; `None` if there are none.
-fn warning(place: &str, path: &Path, ulp: f64, collapsed: u64) -> Option<Problem> {
+/// A warning about `collapsed` edges of `what`; `None` if there are none.
+fn warning(place: &str, what: &str, ulp: f64, collapsed: u64) -> Option<Problem> {
     let message = format!(
-        "collapsed edges of {}: {collapsed}. Their ends differ in the file, but are one point in \
+        "collapsed edges of {what}: {collapsed}. Their ends differ in the file, but are one point in \
          single precision around the scene's origin, where the step between numbers is up to {ulp:.2e}",
-        path.display(),
     );
     let help = "bring the shapes of the scene closer together, or render them apart";
     (collapsed > 0).then(|| Problem::new(place, message).help(help))
 }
 
-/// Returns the number of edges of a placed mesh whose ends are the same point. In a mesh from a
-/// file, such an edge had two different ends: the reader drops triangles with two equal corners.
-fn collapsed_edges(mesh: &TriangleMesh) -> u64 {
+/// Returns the number of edges whose ends are the same point, with the vertices that `placed`
+/// returns. In a mesh from a file, such an edge had two different ends: the reader drops triangles
+/// with two equal corners.
+fn collapsed_edges(mesh: &TriangleMesh, placed: impl Fn(u32) -> [f32; 3] + Sync) -> u64 {
     const CHUNK: usize = 1 << 15;
-    let vertices = mesh.vertices();
     let in_chunk = |triangles: &[[u32; 3]]| {
         let mut found = Vec::new();
         for &[a, b, c] in triangles {
-            let [p, q, r] = [a, b, c].map(|i| vertices[i as usize]);
+            let [p, q, r] = [a, b, c].map(&placed);
             if (p == q) | (q == r) | (r == p) {
                 let sides = [(p == q, a, b), (q == r, b, c), (r == p, c, a)];
                 let lost = sides.into_iter().filter(|side| side.0);
@@ -191,9 +201,9 @@ mod tests {
         let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 3]];
         let found = Detail::new(0.0, &triangles, 2.0, exact, coarse);
         assert_eq!((found.shortest_edge, found.collapsed_edges), (2e-3, 1));
-        let seen = at.map(|p| coarse(p.into())).to_vec();
-        let mesh = TriangleMesh::new(seen, triangles.to_vec(), false);
-        assert_eq!(collapsed_edges(&mesh), 2, "all that have no length");
+        let seen = at.map(|p| coarse(p.into()));
+        let mesh = TriangleMesh::new(seen.to_vec(), triangles.to_vec(), false);
+        assert_eq!(collapsed_edges(&mesh, |i| seen[i as usize]), 2, "all that have no length");
         let fine = |p: DVec3| p.as_vec3().to_array();
         let found = Detail::new(0.0, &triangles, 1.0, exact, fine);
         assert_eq!((found.shortest_edge, found.collapsed_edges), (1e-3, 0));

@@ -293,6 +293,37 @@ fn render_warns_of_lost_edges_in_files_of_floats() {
     }
 }
 
+/// The same for instances, of which the farther one counts.
+#[test]
+fn render_warns_of_lost_edges_in_instances() {
+    let scratch = Scratch::new();
+    scratch.write("p.ply", program::PYRAMID);
+    let at = |scale: f64, x: f64| {
+        json!([[scale, 0, 0, x], [0, scale, 0, 0], [0, 0, scale, 0], [0, 0, 0, 1]])
+    };
+    let scene = |size: f64, scale: f64| {
+        json!({
+            "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 45,
+                "position": [0, 0, 9000], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "shapes": [
+                { "type": "trimesh", "path": "p.ply", "size": size, "material": {},
+                  "instances": [at(scale, 0.0), at(scale, 4000.0), at(scale, 1.0)] },
+                { "type": "plane", "v0": [-4096, -1, 4096], "v1": [4096, -1, 4096],
+                  "v2": [4096, -1, -4096], "v3": [-4096, -1, -4096], "material": {} }] }
+        })
+    };
+    for (size, scale, lost) in [(1.0, 1.0, false), (3e-5, 1.0, true), (1.0, 3e-5, true)] {
+        scratch.write("s.json", &scene(size, scale).to_string());
+        for backend in ["bvh", "brute"] {
+            let done = scratch.run(&["render", "s.json", "-o", "out", "--backend", backend]);
+            let said = done.good().stderr();
+            let expected = "collapsed edges of an instance of p.ply: 2.";
+            assert_eq!(said.contains(expected), lost, "{size} {scale}: {said}");
+            assert_eq!(said.contains("collapse"), lost, "{size} {scale}: {said}");
+        }
+    }
+}
+
 #[test]
 fn info_reports_the_resolution_of_a_mesh_file_around_its_middle() {
     let scratch = Scratch::new();
