@@ -44,7 +44,8 @@ impl SceneJob {
         note: impl Fn(&str),
     ) -> Result<World> {
         let ready = std::mem::take(&mut self.ready);
-        let options = LoadOptions { ready, copy_instances, ..LoadOptions::default() };
+        let memory_limit = memory::limit_of_machine();
+        let options = LoadOptions { ready, copy_instances, memory_limit, ..LoadOptions::default() };
         let (world, more) = World::load(&self.loaded.scene, options, monitor)?;
         for warning in self.warnings.iter().chain(&more) {
             note(&format!("warning: {warning}"));

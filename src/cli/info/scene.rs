@@ -22,8 +22,12 @@ pub fn describe(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let loaded = scene::load(Source::File(path), &[])?;
     let scene = &loaded.scene;
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let options =
-        LoadOptions { resolutions: true, no_mmap: args.no_mmap, ..LoadOptions::default() };
+    let options = LoadOptions {
+        resolutions: true,
+        no_mmap: args.no_mmap,
+        memory_limit: memory::limit_of_machine(),
+        ..LoadOptions::default()
+    };
     let (world, more) = World::load(scene, options, &Monitor::default())?;
     let mut prediction = memory::predict(scene, Window::full(width, height))?;
     let backend = args.backend.map_or(scene.backend, Backend::from);

@@ -246,3 +246,23 @@ fn few_threads_cause_no_panic() {
         assert_eq!(codes.last(), Some(&0), "{args:?}: {codes:?}");
     }
 }
+
+/// `info` reads meshes within the memory of the machine, and tells how much there is.
+#[test]
+fn info_of_a_scene_larger_than_memory_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", &header(200_000_000, "uchar"));
+    // The vertices are a hole of the file.
+    let mesh = fs::File::options().append(true).open(scratch.path("m.ply")).unwrap();
+    mesh.set_len(2_500_000_000).unwrap();
+    let scene = r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40,
+        "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] }, "scene": { "shapes": [
+        { "type": "trimesh", "path": "m.ply", "material": {} }] } }"#;
+    scratch.write("s.json", scene);
+    let limited = "ulimit -v 2000000 && exec \"$0\" info s.json";
+    let mut command = Command::new("sh");
+    command.args(["-c", limited, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
+    let done = Done::of(&mut command);
+    ended(&done, &[3], "2 GB of address space");
+    assert!(done.stderr().contains("needs 2.3 GiB; the machine has"), "{}", done.stderr());
+}
