@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::files::{self, FileSet};
-use crate::output::Outputs;
+use crate::output::{Outputs, atomic};
 use crate::{picture, world};
 
 use super::job::{Job, JobInput};
@@ -33,7 +33,8 @@ fn named(job: &Job, input: &JobInput) -> Vec<PathBuf> {
     [input.path.clone()].into_iter().chain(named).collect()
 }
 
-/// Refuses frames, journals and contact sheets that would overwrite an input.
+/// Refuses frames, journals and contact sheets that would overwrite an input. Also refuses frames
+/// whose names are too long.
 ///
 /// # Errors
 /// The first such output.
@@ -42,7 +43,10 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
     beside.into_iter().try_for_each(|output| refuse_if_input(&output, inputs))?;
     let checked = tasks.par_iter().map(|task| {
         let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
-        outputs.try_for_each(|output| refuse_if_input(&output, inputs))
+        outputs.try_for_each(|output| {
+            atomic::check_length(&output)?;
+            refuse_if_input(&output, inputs)
+        })
     });
     checked.find_first(Result::is_err).unwrap_or(Ok(()))
 }

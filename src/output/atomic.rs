@@ -1,6 +1,6 @@
 //! Writes files atomically: under its final name, a file is complete or absent.
 //!
-//! A [`PartFile`] is the file `NAME.<unique>.part` in the target's folder. A rename within one
+//! A [`PartFile`] is the file `NAME.lp<unique>.part` in the target's folder. A rename within one
 //! folder is atomic; across file systems it is a copy. Dropping a [`PartFile`] removes the file, so
 //! an error or a signal that stops the work leaves no file. `kill -9` may leave a `.part`, but
 //! never a broken target. The data is on the disk before the rename. So after a power cut the final
@@ -20,8 +20,14 @@ use crate::{farm, files, paths, threads};
 
 /// File name ending of incomplete files.
 const SUFFIX: &str = ".part";
+/// Start of the word before the ending. It tells part files from files of the user, such as
+/// `x.exr.backup.part`, which are never swept.
+const MARK: &str = "lp";
 /// Number of letters and digits that make the name of a part file unique.
 const UNIQUE: usize = 6;
+/// Maximum length in bytes of a target's name. File systems allow 255 bytes, and the name of the
+/// part file is longer.
+const MAX_NAME: usize = 255 - 1 - MARK.len() - UNIQUE - SUFFIX.len();
 
 /// The part files of this process.
 static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -70,8 +76,8 @@ impl PartFile {
     ///
     /// # Errors
     /// `Invalid` if the folder is missing, is not a folder or is not writable. `Invalid` if
-    /// `target` is a folder or a device, has no file name, or contains a control character. `Retry`
-    /// if the disk is full.
+    /// `target` is a folder or a device, has no file name or a name that is too long, or contains a
+    /// control character. `Retry` if the disk is full.
     pub fn create(target: &Path) -> Result<Self> {
         let place = || target.display().to_string();
         paths::refuse_control_characters(target)?;
@@ -93,8 +99,10 @@ impl PartFile {
             }
             _ => {}
         }
+        check_length(target)?;
         let mut prefix = name.to_owned();
         prefix.push(".");
+        prefix.push(MARK);
         // `tempfile` would add the name of the part file to every error.
         let create =
             |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
@@ -171,6 +179,20 @@ impl PartFile {
     }
 }
 
+/// Checks that the name of `target` is short enough for a part file.
+///
+/// # Errors
+/// `Invalid` for a name that is too long.
+pub fn check_length(target: &Path) -> Result<()> {
+    let found = target.file_name().map_or(0, OsStr::len);
+    if found <= MAX_NAME {
+        return Ok(());
+    }
+    let message = format!("found a file name of {found} bytes, expected at most {MAX_NAME}");
+    let help = "choose a shorter name: while a file is written, its name is longer";
+    Err(Error::invalid(target.display().to_string(), message).help(help))
+}
+
 /// Removes part files whose writers have died. Each folder is listed only once.
 #[derive(Debug, Default)]
 pub struct Sweep(Mutex<HashMap<PathBuf, HashMap<OsString, Vec<PathBuf>>>>);
@@ -202,13 +224,13 @@ fn parts_in(folder: &Path) -> HashMap<OsString, Vec<PathBuf>> {
     parts
 }
 
-/// Returns the target's name for the name of a part file: `x.exr` for `x.exr.Ab12Cd.part`. `None`
-/// for all other names, such as `x.part`.
+/// Returns the target's name for the name of a part file: `x.exr` for `x.exr.lpAb12Cd.part`.
+/// `None` for all other names, such as `x.part`.
 fn target_of(part: &OsStr) -> Option<&OsStr> {
     let part = Path::new(part);
     part.extension().filter(|end| *end == "part")?;
     let rest = Path::new(part.file_stem()?);
-    let unique = rest.extension()?.as_encoded_bytes();
+    let unique = rest.extension()?.as_encoded_bytes().strip_prefix(MARK.as_bytes())?;
     let fits = unique.len() == UNIQUE && unique.iter().all(u8::is_ascii_alphanumeric);
     rest.file_stem().filter(|_| fits)
 }
@@ -289,13 +311,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let alive = PartFile::create(&path("a.exr")).unwrap();
-        for name in ["a.exr.dead12.part", "b.exr.dead12.part", "a.exr", "a.part"] {
+        for name in ["a.exr.lpdead12.part", "b.exr.lpdead12.part", "a.exr", "a.part"] {
             std::fs::write(path(name), "x").unwrap();
         }
         let sweep = Sweep::default();
         assert_eq!([sweep.target(&path("a.exr")), sweep.target(&path("a.exr"))], [1, 0]);
-        assert!(!path("a.exr.dead12.part").exists());
-        assert!(["b.exr.dead12.part", "a.exr", "a.part"].iter().all(|name| path(name).exists()));
+        assert!(!path("a.exr.lpdead12.part").exists());
+        let others = ["b.exr.lpdead12.part", "a.exr", "a.part"];
+        assert!(others.iter().all(|name| path(name).exists()));
         alive.commit().unwrap();
     }
 
@@ -313,11 +336,29 @@ mod tests {
     fn other_files_are_not_part_files_of_a_target_without_extension() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let others = ["a.part", "a.foo.part", "a.dead.12.part", "a.dead-2.part"];
-        for name in others.iter().chain(&["a.dead12.part"]) {
+        let others = [
+            "a.part",
+            "a.foo.part",
+            "a.backup.part",
+            "a.lpback.part",
+            "a.lpdead.12.part",
+            "a.lpdead-2.part",
+        ];
+        for name in others.iter().chain(&["a.lpdead12.part"]) {
             std::fs::write(path(name), "x").unwrap();
         }
         assert_eq!(Sweep::default().target(&path("a")), 1);
         assert!(others.iter().all(|name| path(name).exists()));
+    }
+
+    #[test]
+    fn a_name_too_long_for_its_part_file_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let create = |length: usize| PartFile::create(&folder.path().join("x".repeat(length)));
+        create(MAX_NAME).unwrap().finish("x").unwrap();
+        let error = create(MAX_NAME + 1).unwrap_err();
+        let expected = format!("found a file name of {} bytes, expected at most", MAX_NAME + 1);
+        assert!(error.to_string().contains(&expected), "{error}");
+        assert_eq!(error.exit_code(), 2);
     }
 }

@@ -177,7 +177,7 @@ fn pipes_in_the_output_folder_are_never_opened() {
     let scratch = Scratch::new();
     scratch.write("a.ply", PYRAMID);
     let args = [&["batch", "a.ply", "-o", "out"], &SMALL[..]].concat();
-    let names = ["out/a.exr", "out/a.png", "out/a.exr.abcdef.part", "out/index.html"];
+    let names = ["out/a.exr", "out/a.png", "out/a.exr.lpabcdef.part", "out/index.html"];
     for (name, codes) in names.into_iter().zip([[1, 1], [1, 1], [0, 0], [2, 2]]) {
         fs::create_dir(scratch.path("out")).unwrap();
         scratch.pipe(name);
@@ -302,4 +302,32 @@ fn a_scene_that_cannot_name_its_mesh_is_refused_before_the_render() {
         assert!(done.stderr().contains("not UTF-8"), "{}", done.stderr());
         assert_eq!((names_in(&folder), done.stdout()), (vec!["p.ply".to_string()], String::new()));
     }
+}
+
+#[test]
+fn names_too_long_for_their_part_files_are_refused_at_once() {
+    let scratch = Scratch::new();
+    let stem = "x".repeat(240);
+    let mesh = format!("{stem}.ply");
+    scratch.write(&mesh, PYRAMID);
+    for args in [&["render", &mesh][..], &["batch", &mesh, "-o", "out", "--no-sheet"]] {
+        let done = scratch.run(&[args, &SMALL[..]].concat());
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        let said = done.stderr();
+        assert!(said.contains("found a file name of 244 bytes, expected at most 241"), "{said}");
+        assert!(said.contains("help: choose a shorter name"), "{said}");
+        assert!(scratch.names().iter().all(|name| name == &mesh || name == "out"));
+    }
+    scratch.run(&[&["render", &mesh, "-o", "short"], &SMALL[..]].concat()).good();
+}
+
+/// Nothing but the word before `.part` tells a part file from a file of the user.
+#[test]
+fn a_backup_of_the_user_is_never_swept() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let names = ["out/a.exr.backup.part", "out/a.exr.lpA1b2C3.part"];
+    names.iter().for_each(|name| scratch.write(name, "mine"));
+    scratch.run(&[&["batch", "a.ply", "-o", "out"], &SMALL[..]].concat()).good();
+    assert_eq!(names.map(|name| scratch.path(name).exists()), [true, false]);
 }
