@@ -151,11 +151,16 @@ pub fn mesh_images(
     mesh.uvs.as_ref()?;
     let mut image = |name: &str| {
         let image = beside(path, name);
-        if image.is_file() {
+        // The header has this character for bytes that are not UTF-8.
+        let is_utf8 = !name.contains(char::REPLACEMENT_CHARACTER);
+        if is_utf8 && image.is_file() {
             return Some(image);
         }
         let place = path.display().to_string();
-        let reason = format!("there is no file {}", image.display());
+        let reason = match is_utf8 {
+            true => format!("there is no file {}", image.display()),
+            false => "its name is not UTF-8".to_string(),
+        };
         let message = format!("the texture {name:?} is not used: {reason}");
         warnings.push(Problem::new(place, message));
         None

@@ -308,4 +308,12 @@ fn the_texture_of_the_file_is_used_where_the_material_has_none() {
     assert!(red == green && green == blue && red > 0, "{red} {green} {blue}");
     let info = scratch.run(&["info", "b.json"]);
     assert!(info.stderr().contains("there is no file missing.png"), "{}", info.stderr());
+    // A file whose name only looks like that of the comment.
+    fs::copy(scratch.path("green.png"), scratch.path("gr\u{fffd}n.png")).unwrap();
+    fs::write(scratch.path("b.ply"), ply(b"comment TextureFile gr\xfcn.png")).unwrap();
+    assert_eq!(render("b.json").code(), 0);
+    let [red, green, blue] = pixel("b.png");
+    assert!(red == green && green == blue && red > 0, "{red} {green} {blue}");
+    let info = scratch.run(&["info", "b.json"]);
+    assert!(info.stderr().contains("its name is not UTF-8"), "{}", info.stderr());
 }
