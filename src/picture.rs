@@ -12,6 +12,7 @@ use crate::output::tonemap::Depth;
 use crate::output::{Outputs, ValueCounts, WriteOptions, exr};
 use crate::scene::written::MAX_CRYPTO_RANKS;
 use crate::scene::{Backend, CheckedCamera, Layer, Scene};
+use crate::units::counted;
 use crate::{camera, paths};
 
 /// Storage options of a picture.
@@ -295,17 +296,19 @@ fn view(camera: &CheckedCamera) -> exr::CameraMatrices {
 pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
-        let message = format!(
-            "{} pixels with a NaN or infinite value were written as 0 or 65504, the first at {spot}",
-            oddities.non_finite
-        );
+        let what =
+            ["pixel with a NaN or infinite value was", "pixels with a NaN or infinite value were"];
+        let pixels = counted(oddities.non_finite, what);
+        let message = format!("{pixels} written as 0 or 65504, the first at {spot}");
         warnings.push(Problem::new("", message).help("please report this with the scene"));
     }
     if let Some(spot) = &oddities.first_clamped {
-        let message = format!(
-            "{} pixels are brighter than a half can hold and were clamped to 65504 in the EXR, the first at {spot}",
-            oddities.clamped
-        );
+        let what = [
+            "pixel is brighter than a half can hold and was",
+            "pixels are brighter than a half can hold and were",
+        ];
+        let pixels = counted(oddities.clamped, what);
+        let message = format!("{pixels} clamped to 65504 in the EXR, the first at {spot}");
         warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
     }
     warnings.extend(dropped(&oddities.dropped));
@@ -316,8 +319,9 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
 fn dropped(dropped: &Dropped) -> Option<Problem> {
     let Dropped { pixels, share, things } = *dropped;
     let message = format!(
-        "{pixels} pixels see more things than their cryptomattes have ranks: up to {share:.2} of a \
-         pixel's coverage is lost"
+        "{} more things than their cryptomattes have ranks: up to {share:.2} of a pixel's coverage \
+         is lost",
+        counted(pixels, ["pixel sees", "pixels see"])
     );
     let help = match things.next_multiple_of(2) {
         ranks if ranks <= MAX_CRYPTO_RANKS => format!("--crypto-ranks {ranks} keeps all of it"),

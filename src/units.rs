@@ -158,8 +158,12 @@ pub fn ranges(numbers: &[u32]) -> String {
 
 /// Formats a count with its noun: `1 thread`, `2,000 threads`.
 pub fn plural(number: usize, one: &str) -> String {
-    let s = if number == 1 { "" } else { "s" };
-    format!("{} {one}{s}", count(number as u64))
+    counted(number as u64, [one, &format!("{one}s")])
+}
+
+/// Formats a count of `one` thing or `many`: `1 colour is white`, `2,000 colours are white`.
+pub fn counted(number: u64, [one, many]: [&str; 2]) -> String {
+    format!("{} {}", count(number), if number == 1 { one } else { many })
 }
 
 /// Returns the text with a capital first letter.
@@ -188,6 +192,13 @@ mod tests {
         assert_eq!(ranges(&[0, 1, 2, 7, 9, 10]), "0-2, 7, 9-10");
         let even: Vec<u32> = (0..50).map(|n| 2 * n).collect();
         assert!(ranges(&even).ends_with("36, 38 and 30 more"), "{}", ranges(&even));
+    }
+
+    #[test]
+    fn counts_agree_with_their_nouns() {
+        assert_eq!([0, 1, 2000].map(|n| plural(n, "ray")), ["0 rays", "1 ray", "2,000 rays"]);
+        let are = |n| counted(n, ["colour is", "colours are"]);
+        assert_eq!([are(1), are(2)], ["1 colour is", "2 colours are"]);
     }
 
     #[test]

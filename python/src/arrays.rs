@@ -17,7 +17,9 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<&'a 
     };
     let flat = array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
     if columns != 3 || flat.len() != rows * 3 {
-        return Err(PyValueError::new_err(format!("found {columns} columns, expected 3")));
+        return Err(PyValueError::new_err(format!(
+            "found the shape ({rows}, {columns}), expected (n, 3)"
+        )));
     }
     // SAFETY: the slice has 3 * `rows` elements, and [T; 3] has the layout of three elements.
     Ok(unsafe { std::slice::from_raw_parts(flat.as_ptr().cast(), rows) })

@@ -13,6 +13,7 @@ use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
 use crate::scene::{SamplerKind, ToneOperator};
 use crate::simd::Isa;
 use crate::studio::{Appearance, Axis, Quality, Studio, smooth};
+use crate::units::counted;
 use crate::units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two};
 
 use super::{machine, print};
@@ -376,11 +377,8 @@ impl PrefixArgs {
     /// `Check` if some are NaN or infinite.
     pub fn check(&self, values: &ValueCounts) -> Result<()> {
         let problem = values.first_non_finite.as_ref().filter(|_| self.strict).map(|spot| {
-            let count = values.non_finite;
-            Problem::new(
-                "--strict",
-                format!("{count} pixels are NaN or infinite, the first {spot}"),
-            )
+            let count = counted(values.non_finite, ["pixel is", "pixels are"]);
+            Problem::new("--strict", format!("{count} NaN or infinite, the first {spot}"))
         });
         Error::check(ErrorKind::Check, problem.into_iter().collect())
     }

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::merge::Parts;
 use crate::monitor::{Monitor, Phase};
 use crate::output::{Outputs, WriteOptions, exr};
+use crate::units::plural;
 use crate::{paths, picture};
 
 use super::flags::{MessageArgs, PrefixArgs, WorkerArgs};
@@ -124,7 +125,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     }
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
-    args.messages.note(&format!("{} parts merged in {seconds:.2} s", args.parts.len()));
+    args.messages.note(&format!("{} merged in {seconds:.2} s", plural(args.parts.len(), "part")));
     print::paths(&paths)?;
     args.files.check(&oddities)
 }

@@ -115,11 +115,12 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     }
     let Chunks { frames, per_task } = slurm.chunks;
     print::note(&format!(
-        "{} frames of {} inputs: {} tasks of {per_task} frames, {} CPUs and {} each",
-        units::count(frames),
-        units::count(job.inputs.len() as u64),
-        units::count(slurm.chunks.tasks()),
-        slurm.cpus,
+        "{} of {}: {} of {}, {} and {} each",
+        units::plural(frames as usize, "frame"),
+        units::plural(job.inputs.len(), "input"),
+        units::plural(slurm.chunks.tasks() as usize, "task"),
+        units::plural(per_task as usize, "frame"),
+        units::plural(slurm.cpus as usize, "CPU"),
         units::bytes(slurm.memory_mib << 20),
     ));
     print::paths(&written)?;

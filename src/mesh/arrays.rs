@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::files::Stamp;
+use crate::units::{counted, plural};
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -221,7 +222,8 @@ impl Mesh {
         let count = positions.len();
         let refused = |message: String| Err(Error::invalid("mesh", message));
         if triangles.is_empty() || count >= u32::MAX as usize {
-            return refused(format!("found {} triangles, {count} vertices", triangles.len()));
+            let vertices = counted(count as u64, ["vertex", "vertices"]);
+            return refused(format!("found {}, {vertices}", plural(triangles.len(), "triangle")));
         }
         for (index, triangle) in triangles.iter().enumerate() {
             if let Some(vertex) = triangle.iter().find(|&&vertex| vertex as usize >= count) {

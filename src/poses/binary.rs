@@ -7,6 +7,7 @@ use std::path::Path;
 
 use super::colmap_model::{Image, MODELS, Sensor};
 use crate::error::{Error, Result};
+use crate::units::plural;
 
 /// Bytes of a point of a picture: x, y, the id of a 3D point.
 const POINT_BYTES: u64 = 24;
@@ -45,7 +46,8 @@ impl<'p> Reader<'p> {
         if count > self.left {
             let left = self.left;
             let message = format!(
-                "found the end of the file, expected {what}: {count} bytes where {left} are left"
+                "found the end of the file, expected {what}: {} where {left} are left",
+                plural(count as usize, "byte")
             );
             return Err(Error::invalid(self.place(), message).help("the file is cut short"));
         }
@@ -102,7 +104,8 @@ impl<'p> Reader<'p> {
         match self.left {
             0 => Ok(()),
             more => {
-                let message = format!("found {more} bytes after the last entry, expected the end");
+                let bytes = plural(more as usize, "byte");
+                let message = format!("found {bytes} after the last entry, expected the end");
                 Err(Error::invalid(self.place(), message))
             }
         }
@@ -132,7 +135,7 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
             })?;
         }
         let (_, name, count) = MODELS[model];
-        let what = format!("{count} parameters of {name}");
+        let what = format!("{} of {name}", plural(count, "parameter"));
         let params = (0..count).map(|_| file.finite(&what)).collect::<Result<_>>()?;
         sensors.insert(id, Sensor { model, size, params });
     }

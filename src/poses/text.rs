@@ -7,6 +7,7 @@ use std::str::FromStr;
 use super::bytes::bytes;
 use super::colmap_model::{Image, MODELS, Sensor, model};
 use crate::error::{Error, Result};
+use crate::units::plural;
 
 /// The lines of a file that are no comments: number from 1, and text. `empty`: keeps empty lines.
 fn lines(text: &str, empty: bool) -> impl Iterator<Item = (usize, &str)> {
@@ -66,7 +67,7 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
         let model = model(&words.place, name)?;
         let size = [words.number("a width in pixels")?, words.number("a height in pixels")?];
         let (_, name, count) = MODELS[model];
-        let what = format!("{count} parameters of {name}");
+        let what = format!("{} of {name}", plural(count, "parameter"));
         let params = (0..count).map(|_| words.finite(&what)).collect::<Result<_>>()?;
         if let Some(more) = words.words.next() {
             return Err(Error::invalid(&words.place, format!("found {more:?} after {what}")));

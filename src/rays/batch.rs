@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::ray::LANES;
 use crate::simd;
+use crate::units::plural;
 
 /// Largest `tnear`: it must be finite.
 pub(super) const MAX_TNEAR: f64 = f64::MAX;
@@ -53,7 +54,8 @@ impl<'a> RayBatch<'a> {
     pub fn new(origins: &'a [[f64; 3]], directions: &'a [[f64; 3]]) -> Result<Self> {
         let (count, others) = (origins.len(), directions.len());
         if count != others {
-            let message = format!("found {others} directions, expected {count} as of origins");
+            let found = plural(others, "direction");
+            let message = format!("found {found}, expected {count} as of origins");
             return Err(Error::invalid("directions", message));
         }
         let (tnear, tfar) = (Limits::All(0.0), Limits::All(f64::INFINITY));
@@ -68,7 +70,8 @@ impl<'a> RayBatch<'a> {
         for (name, limits) in [("tnear", tnear), ("tfar", tfar)] {
             let found = if let Limits::Each(values) = limits { values.len() } else { self.len() };
             if found != self.len() {
-                let message = format!("found {found} values, expected 1 or {}", self.len());
+                let message =
+                    format!("found {}, expected 1 or {}", plural(found, "value"), self.len());
                 return Err(Error::invalid(name, message));
             }
         }

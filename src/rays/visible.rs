@@ -11,6 +11,7 @@ use crate::geometry::segment_crosses;
 use crate::monitor::Monitor;
 use crate::ray::{Mask, Rays};
 use crate::reserve;
+use crate::units::plural;
 
 impl RayScene {
     /// Returns whether each of `points` is visible from the point of `from` with the same index, or
@@ -38,7 +39,7 @@ impl RayScene {
         })?;
         if from.len() != points.len() && from.len() != 1 {
             let (found, count) = (from.len(), points.len());
-            let message = format!("found {found} points, expected 1 or {count}");
+            let message = format!("found {}, expected 1 or {count}", plural(found, "point"));
             return Err(Error::invalid("from", message));
         }
         let mut visible = reserve::filled(false, points.len(), "visible")?;

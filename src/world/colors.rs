@@ -9,6 +9,7 @@ use crate::output::srgb;
 use crate::scene::written::MAX_COLOR;
 use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
 use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
+use crate::units::counted;
 
 /// Returns the colours that a shape needs from its file. `textured` is true if its material has a
 /// texture, which hides all colours.
@@ -59,7 +60,8 @@ pub(super) fn take(
         let replaced = replace_unusable(&mut values, alpha.as_mut());
         if replaced > 0 {
             let message = format!(
-                "{replaced} colours are not finite or beyond {MAX_COLOR:e}; they are white"
+                "{} not finite or beyond {MAX_COLOR:e}; white is shown",
+                counted(replaced, ["colour is", "colours are"])
             );
             warnings.push(Problem::new(spec.path.display().to_string(), message));
         }

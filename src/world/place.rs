@@ -19,6 +19,7 @@ use crate::output::legend::Legend;
 use crate::reserve::{self, MemoryLimit};
 use crate::scene::{Smooth, Trimesh};
 use crate::shading::{MeshColors, Shape, UvSource};
+use crate::units::counted;
 
 /// Upper bound of absolute coordinates. Embree silently drops primitives beyond it (its
 /// `FLT_LARGE`). Its square is a hundredth of the largest f32.
@@ -163,7 +164,6 @@ impl PlacedMesh {
         })
     }
 
-    /// Returns the number of triangles without area in the file, for the warnings after
     /// Returns the place in the scene file and the path of the mesh, for messages.
     pub fn place_and_path(&self) -> (String, PathBuf) {
         (self.spec.place.clone(), self.spec.path.clone())
@@ -174,6 +174,7 @@ impl PlacedMesh {
         matches!(self.mesh.positions, Positions::F64(_))
     }
 
+    /// Returns the number of triangles without area in the file, for the warnings after
     /// [`Self::into_triangles`]. `None` if there are none.
     pub fn without_area(&self) -> Option<WithoutArea> {
         let count = self.mesh.notes.degenerate_dropped;
@@ -326,11 +327,23 @@ impl WithoutArea {
         let kept = mesh.stitches() as u64;
         let dropped = self.count.saturating_sub(kept);
         let counts = [
-            (dropped, "degenerate triangles (zero area) were dropped"),
-            (kept, "triangles without area are kept: they close T-junctions"),
+            (
+                dropped,
+                [
+                    "degenerate triangle (zero area) was dropped",
+                    "degenerate triangles (zero area) were dropped",
+                ],
+            ),
+            (
+                kept,
+                [
+                    "triangle without area is kept: it closes a T-junction",
+                    "triangles without area are kept: they close T-junctions",
+                ],
+            ),
         ];
         let nonzero = counts.into_iter().filter(|(count, _)| *count > 0);
-        nonzero.map(|(count, what)| Problem::new(&self.path, format!("{count} {what}")))
+        nonzero.map(|(count, what)| Problem::new(&self.path, counted(count, what)))
     }
 }
 
@@ -377,19 +390,37 @@ fn bounds(mesh: &Mesh, used: &[bool], place: impl Fn(DVec3) -> DVec3 + Sync) -> 
 fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>) {
     let notes = &mesh.notes;
     let dropped = [
-        (notes.duplicates_dropped, "duplicate triangles were dropped"),
+        (
+            notes.duplicates_dropped,
+            ["duplicate triangle was dropped", "duplicate triangles were dropped"],
+        ),
         (
             notes.repaired_dropped,
             match mesh.is_cloud() {
-                true => "points that are not finite were dropped (--repair)",
-                false => "triangles with bad vertices were dropped (--repair)",
+                true => [
+                    "point that is not finite was dropped (--repair)",
+                    "points that are not finite were dropped (--repair)",
+                ],
+                false => [
+                    "triangle with a bad vertex was dropped (--repair)",
+                    "triangles with bad vertices were dropped (--repair)",
+                ],
             },
         ),
         (
             notes.textures_repaired,
-            "faces with a texnumber out of range are shown without a texture (--repair)",
+            [
+                "face with a texnumber out of range is shown without a texture (--repair)",
+                "faces with a texnumber out of range are shown without a texture (--repair)",
+            ],
         ),
-        (notes.faces_too_small, "faces with fewer than three corners were skipped"),
+        (
+            notes.faces_too_small,
+            [
+                "face with fewer than three corners was skipped",
+                "faces with fewer than three corners were skipped",
+            ],
+        ),
     ];
     let path = spec.path.display().to_string();
     if notes.textures > 1 && textured {
@@ -407,7 +438,7 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
         warnings.push(Problem::new(&path, message));
     }
     for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
-        warnings.push(Problem::new(&path, format!("{count} {what}")));
+        warnings.push(Problem::new(&path, counted(count, what)));
     }
 }
 

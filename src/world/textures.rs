@@ -258,8 +258,8 @@ fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Ve
     }
     let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
     let message = format!(
-        "found {} in {}, the first at ({x}, {y}); they are kept, so the surfaces they cover have \
-         negative radiance",
+        "found {} in {}, the first at ({x}, {y}); such values are kept: surfaces have negative \
+         radiance there",
         plural(texels as usize, "negative texel"),
         path.display()
     );

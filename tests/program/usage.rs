@@ -227,7 +227,7 @@ fn info_refuses_the_texture_numbers_that_a_render_refuses() {
         assert!(done.stderr().contains("texnumber 7 is out of range"), "{}", done.stderr());
     }
     let repaired = scratch.run(&["render", "t.ply", "--repair", "--size", "8x8", "--spp", "1"]);
-    let expected = "1 faces with a texnumber out of range are shown without a texture (--repair)";
+    let expected = "1 face with a texnumber out of range is shown without a texture (--repair)";
     assert!(repaired.good().stderr().contains(expected));
 }
 

@@ -28,7 +28,7 @@ pub fn html(job: &Job, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Stri
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>Contact sheet</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n\
-         <h1>Contact sheet</h1>\n<p>{} inputs, {} of {} frames, \
+         <h1>Contact sheet</h1>\n<p>{}, {} of {}, \
          <span class=\"{}\">{failed} failed</span>; frames took {}, {} million rays</p>\n\
          <p class=\"controls\"><label>Sort by <select id=\"sort\">\
          <option value=\"order\">input order</option><option value=\"name\">name</option>\
@@ -38,9 +38,9 @@ pub fn html(job: &Job, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Stri
          <label><input type=\"checkbox\" id=\"down\"> descending</label> \
          <label><input type=\"checkbox\" id=\"bad\"> failures only</label> \
          <label>Find <input type=\"search\" id=\"find\"></label></p>\n</header>\n<main>\n",
-        units::count(entries.len() as u64),
+        units::plural(entries.len(), "input"),
         units::count(frames as u64),
-        units::count(of),
+        units::plural(of as usize, "frame"),
         if failed > 0 { "bad" } else { "good" },
         units::duration(seconds),
         units::count(rays / 1_000_000),

@@ -90,9 +90,9 @@ pub fn summary(report: &AccuracyReport) -> String {
     let answers: u64 =
         report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
     let mut text = format!(
-        "\n{} cases, {} answers judged, {}; ulp and relative are the worst of `bvh`\n",
-        report.rows.len(),
-        units::count(answers),
+        "\n{}, {} judged, {}; ulp and relative are the worst of `bvh`\n",
+        units::plural(report.rows.len(), "case"),
+        units::plural(answers as usize, "answer"),
         units::duration(seconds)
     );
     for (index, column) in report.columns.iter().enumerate() {
@@ -107,15 +107,16 @@ pub fn summary(report: &AccuracyReport) -> String {
         let verdict = match (column.must_be_right, missed) {
             (false, _) => String::new(),
             (true, 0) => "; holds every mark".into(),
-            (true, n) => format!("; MISSES {n} marks"),
+            (true, n) => format!("; MISSES {}", units::plural(n as usize, "mark")),
         };
         text += &format!(
-            "  {} ({}, {}): {} of {} answers fail, in {rows} cases{verdict}\n",
+            "  {} ({}, {}): {} of {} answers fail, in {}{verdict}\n",
             column.name,
             column.version,
             column.isa,
             units::count(failed),
             units::count(rays),
+            units::plural(rows as usize, "case"),
         );
     }
     text

@@ -73,11 +73,11 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     let outcome = outcome?;
     if !args.quiet {
         print::note(&format!(
-            "{} frames rendered, {} kept{}, {} failures, {}",
-            units::count(outcome.rendered),
+            "{} rendered, {} kept{}, {}, {}",
+            units::plural(outcome.rendered as usize, "frame"),
             units::count(outcome.kept),
             if args.run.no_verify { " without reading them" } else { "" },
-            outcome.failures.len(),
+            units::plural(outcome.failures.len(), "failure"),
             units::duration(seconds)
         ));
     }

@@ -61,7 +61,11 @@ fn section(scene: &SceneResult) -> Section {
     let head = [vec!["answers of pairs, ray by ray".into()]];
     tables.push(("Answers".into(), head.into_iter().chain(answers).collect()));
     Section {
-        title: format!("{} \u{2013} {} triangles", scene.name, units::count(scene.triangles)),
+        title: format!(
+            "{} \u{2013} {}",
+            scene.name,
+            units::plural(scene.triangles as usize, "triangle")
+        ),
         findings: findings(scene),
         charts,
         tables,

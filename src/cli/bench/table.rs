@@ -14,7 +14,8 @@ use crate::units;
 /// Formats the results of one scene.
 pub fn scene(scene: &SceneResult) -> String {
     let name = printable(&scene.name);
-    let mut lines = vec![format!("{name}: {} triangles", units::count(scene.triangles))];
+    let mut lines =
+        vec![format!("{name}: {}", units::plural(scene.triangles as usize, "triangle"))];
     let rays = scene.rays.iter().map(|(class, n)| match n {
         0 => format!("no {class}"),
         n => format!("{} {class}", units::count(*n)),

@@ -4,6 +4,7 @@ use crate::lab::compare::mattes::{self, Matte};
 use crate::lab::compare::{Compared, Comparison, map};
 use crate::lab::metrics::Metric;
 use crate::report::{Cell, ColorScale, Page, Section, picture_of_width};
+use crate::units::plural;
 
 use super::args::CompareArgs;
 use super::text;
@@ -142,8 +143,9 @@ fn matte_section(name: &str, found: &Comparison, failed: &[String]) -> Option<Se
     });
     Some(Section {
         title: format!(
-            "{name}: {count} mattes in {} channels, {width} x {height} pixels",
-            layers.len()
+            "{name}: {} in {}, {width} x {height} pixels",
+            plural(count, "matte"),
+            plural(layers.len(), "channel")
         ),
         findings: [(finding, false)].into_iter().chain(failures).collect(),
         charts: charts.into_iter().collect(),

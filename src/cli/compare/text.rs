@@ -9,6 +9,7 @@ use crate::error::printable;
 use crate::lab::compare::{Compared, Comparison, NonFinite};
 use crate::lab::metrics::Metric;
 use crate::scene::ToneOperator;
+use crate::units::plural;
 
 use super::args::CompareArgs;
 
@@ -109,8 +110,9 @@ pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
         return String::new();
     };
     format!(
-        "{}: {a} pixels of {} and {b} of {} are not finite, the first at {x}, {y}",
+        "{}: not finite: {} of {} and {b} of {}, the first at {x}, {y}",
         printable(layer.test.shown()),
+        plural(a as usize, "pixel"),
         shown(&args.test),
         shown(&args.reference)
     )

@@ -20,6 +20,7 @@ use crate::output::exr_read;
 use crate::scene::{SamplerKind, Scene};
 use crate::simd::Isa;
 use crate::studio;
+use crate::units::counted;
 
 use super::load::{self, SceneRequest};
 use super::outputs::OutputFlags;
@@ -165,7 +166,8 @@ fn read_reference(path: &Path, scene: &Scene) -> Result<PictureLayer> {
     }
     let bad = layer.values.iter().filter(|value| !value.is_finite()).count();
     if bad > 0 {
-        let message = format!("found {bad} values that are NaN or infinite, expected none");
+        let values = counted(bad as u64, ["value that is", "values that are"]);
+        let message = format!("found {values} NaN or infinite, expected none");
         return Err(Error::invalid(place(), message));
     }
     Ok(layer)

@@ -28,8 +28,8 @@ pub fn reference(report: &StudyReport) -> String {
         (Some(file), ..) => format!("{file}, with unknown error"),
         (None, spp, lights) => {
             format!(
-                "the mean of {} renders of {}, itself off by RMSE {}, relmse {}",
-                r.passes.unwrap_or(0),
+                "the mean of {} of {}, itself off by RMSE {}, relmse {}",
+                plural(r.passes.unwrap_or(0) as usize, "render"),
                 samples(spp.unwrap_or(0), lights),
                 error(r.rmse.unwrap_or(0.0)),
                 error(r.relmse.unwrap_or(0.0)),
@@ -39,9 +39,9 @@ pub fn reference(report: &StudyReport) -> String {
     let half = if r.half { " and rounded to 16 bits" } else { "" };
     let [width, height] = report.size;
     let line = format!(
-        "{}, {width} x {height}, {} threads; reference: {source}{half}; relmse: {}; RMSE: {}",
+        "{}, {width} x {height}, {}; reference: {source}{half}; relmse: {}; RMSE: {}",
         report.scene,
-        report.threads,
+        plural(report.threads, "thread"),
         Metric::Relmse.formula(),
         Metric::Rmse.formula(),
     );

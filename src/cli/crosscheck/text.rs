@@ -14,9 +14,9 @@ const MAX_FINDINGS: usize = 12;
 /// Formats the whole report.
 pub fn report(report: &CrosscheckReport) -> String {
     let mut out = format!(
-        "{} rays, {} primitives, seed {}; the oracle is `brute`\n",
-        units::count(report.rays),
-        units::count(report.primitives),
+        "{}, {}, seed {}; the oracle is `brute`\n",
+        units::plural(report.rays as usize, "ray"),
+        units::plural(report.primitives as usize, "primitive"),
         report.seed
     );
     for backend in &report.backends {
@@ -37,9 +37,9 @@ pub fn report(report: &CrosscheckReport) -> String {
         if crowd > 0 {
             let _ = writeln!(
                 out,
-                "  {} answers differ from the oracle's but are not judged: the ray passes within the bound of more \
+                "  {} from the oracle's without being judged: the ray passes within the bound of more \
                  than {MAX_NEAR} primitives",
-                units::count(crowd)
+                units::counted(crowd, ["answer differs", "answers differ"])
             );
         }
     }

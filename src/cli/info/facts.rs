@@ -13,7 +13,7 @@ pub fn resolution_line(detail: &Detail, of: &str) -> String {
     let Detail { ulp, shortest_edge, collapsed_edges } = detail;
     let lost = match collapsed_edges {
         0 => String::new(),
-        n => format!("; {} edges collapse", units::count(*n)),
+        n => format!("; {}", units::counted(*n, ["edge collapses", "edges collapse"])),
     };
     format!(
         "resolution{of}: {ulp:.2e} at the farthest vertex, shortest edge {shortest_edge:.2e}{lost}"
@@ -41,11 +41,10 @@ impl Facts {
     }
 
     /// Adds a count of `one` thing or `many`. A count of zero adds only JSON.
-    pub fn add_count(&mut self, key: &str, count: u64, [one, many]: [&str; 2]) {
+    pub fn add_count(&mut self, key: &str, count: u64, what: [&str; 2]) {
         let line = match count {
             0 => String::new(),
-            1 => format!("1 {one}"),
-            _ => format!("{} {many}", units::count(count)),
+            _ => units::counted(count, what),
         };
         self.add(key, count.into(), line);
     }

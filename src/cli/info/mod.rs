@@ -268,11 +268,7 @@ fn exr(path: &Path, facts: &mut Facts) -> Result<()> {
     let read = MetaData::read_from_file(path, true);
     let meta = read.map_err(|error| exr_error(path, error))?;
     let parts = meta.headers.len();
-    facts.add(
-        "type",
-        json!("exr"),
-        format!("EXR, {parts} part{}", if parts == 1 { "" } else { "s" }),
-    );
+    facts.add("type", json!("exr"), format!("EXR, {}", units::plural(parts, "part")));
     let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, facts)).collect();
     facts.add("parts", json!(parts), "");
     Ok(())

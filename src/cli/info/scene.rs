@@ -131,11 +131,7 @@ fn contents(scene: &Scene, facts: &mut Facts) {
         units::plural(spheres, "sphere"),
         units::plural(planes, "plane"),
         units::plural(triangles, "triangle"),
-        if meshes == 1 {
-            "1 mesh".to_string()
-        } else {
-            format!("{} meshes", units::count(meshes as u64))
-        },
+        units::counted(meshes as u64, ["mesh", "meshes"]),
         match instances {
             0 => String::new(),
             _ => format!(", {}", units::plural(instances, "instance")),

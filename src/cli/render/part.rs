@@ -11,6 +11,7 @@ use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
 use crate::merge::{PartDescription, PictureFormat, part};
 use crate::picture::Storage;
 use crate::scene::{Backend, MAX_PIXELS, Scene};
+use crate::units::plural;
 
 use super::args::RenderArgs;
 
@@ -56,7 +57,8 @@ impl PicturePart {
         };
         let spp = scene.spp;
         if let Some(of) = split.of.filter(|of| *of != spp) {
-            let message = format!("found {of}, but --spp or --set sets {spp} samples");
+            let message =
+                format!("found {of}, but --spp or --set sets {}", plural(spp as usize, "sample"));
             return Err(Error::invalid("--of", message).help("leave out --spp: --of replaces it"));
         }
         let samples = match split.samples {

@@ -78,14 +78,14 @@ impl Stats {
         let RayStats { counts, false_hits } = self.rays;
         let rate = counts.all() as f64 / s.render.max(1e-9) / 1e6;
         format!(
-            "{} triangles, {} ({}), {} threads\n\
+            "{}, {} ({}), {}\n\
              load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s, total {}\n\
              {}rays: {} primary, {} shadow, {} reflection; {rate:.1} Mray/s{}\n\
              peak memory {} (accelerator {}, meshes {}, textures {})",
-            units::count(self.triangles),
+            units::plural(self.triangles as usize, "triangle"),
             self.backend,
             self.isa,
-            self.threads,
+            units::plural(self.threads, "thread"),
             s.load,
             s.build,
             s.render,
@@ -103,7 +103,7 @@ impl Stats {
             units::count(counts.reflection),
             match false_hits {
                 0 => String::new(),
-                n => format!("; {} false hits discarded", units::count(n)),
+                n => format!("; {} discarded", units::plural(n as usize, "false hit")),
             },
             units::bytes(self.memory.peak_bytes),
             units::bytes(self.memory.accelerator_bytes),

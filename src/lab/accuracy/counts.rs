@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::lab::named::named;
 use crate::lab::verdict::Verdict;
+use crate::units::counted;
 
 /// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
@@ -103,7 +104,8 @@ impl CaseCounts {
     pub fn has_any(&self, kinds: &[WrongKind]) -> Option<String> {
         let count = |kind: &WrongKind| self.failures.get(kind).copied().unwrap_or(0);
         let found = kinds.iter().find(|kind| count(kind) > 0)?;
-        Some(format!("{} answers are wrong ({}), expected none", count(found), found.name()))
+        let wrong = counted(count(found), ["answer is", "answers are"]);
+        Some(format!("{wrong} wrong ({}), expected none", found.name()))
     }
 
     /// Counts a wrong answer, shown at `place` in pictures.

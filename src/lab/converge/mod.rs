@@ -42,6 +42,7 @@ use crate::monitor::Monitor;
 use crate::render::render;
 use crate::shading::Emitter;
 use crate::simd::Isa;
+use crate::units::counted;
 use crate::world::World;
 
 /// Value in place of a signal number. It means that the budget is used up.
@@ -149,8 +150,8 @@ fn work(
         values.extend(film.pixels.iter().flat_map(|[r, g, b, _]| [r, g, b]));
         let (bad, _) = non_finite(&values, 3);
         if bad > 0 {
-            let message =
-                format!("{bad} pixels are NaN or infinite, so their error cannot be computed");
+            let pixels = counted(bad as u64, ["pixel is", "pixels are"]);
+            let message = format!("{pixels} NaN or infinite, so the error cannot be computed");
             let place = describe(&job, &settings.tested_backends[setting.backend].name);
             return Err(Error::new(ErrorKind::Check, Problem::new(place, message)));
         }

@@ -23,6 +23,7 @@ use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::render::render;
 use crate::simd::{self, Isa};
+use crate::units::counted;
 
 /// Largest relative difference of a channel for pixels that count as the same.
 const SAME: f32 = 1e-5;
@@ -63,14 +64,15 @@ impl PictureReport {
         let share = self.same as f64 / self.pixels as f64;
         let mut wrong = self.backends.iter().zip(self.wrong);
         if let Some((name, n)) = wrong.find(|&(name, n)| n > 0 && must_be_right(name)) {
+            let differ = counted(n, ["pixel differs", "pixels differ"]);
             return Some(format!(
-                "pictures of `{a}` and `{b}`: {n} pixels differ by rays that `{name}` answers wrong"
+                "pictures of `{a}` and `{b}`: {differ} by rays that `{name}` answers wrong"
             ));
         }
         if let Some([x, y]) = self.first_unexplained {
-            let n = self.unexplained;
+            let differ = counted(self.unexplained, ["pixel differs", "pixels differ"]);
             return Some(format!(
-                "pictures of `{a}` and `{b}`: {n} pixels differ outside of outlines, the first at x {x}, y {y}"
+                "pictures of `{a}` and `{b}`: {differ} outside of outlines, the first at x {x}, y {y}"
             ));
         }
         (share < SHARE).then(|| {

@@ -133,7 +133,7 @@ fn one_pixel_fails_if_bvh_is_wrong() {
         first_unexplained: None,
     };
     let failure = picture(["embree", "bvh"], [0, 1]).failure().unwrap();
-    assert!(failure.contains("1 pixels differ by rays that `bvh` answers wrong"), "{failure}");
+    assert!(failure.contains("1 pixel differs by rays that `bvh` answers wrong"), "{failure}");
     assert!(picture(["bvh", "embree"], [1, 0]).failure().is_some());
     assert!(picture(["embree", "bvh:avx2"], [0, 1]).failure().is_some());
     // Embree may be wrong, and few enough pixels differ.

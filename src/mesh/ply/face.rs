@@ -18,6 +18,7 @@ use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::normals::VertexPosition;
 use crate::reserve;
+use crate::units::plural;
 
 /// Number of triangles that one task copies.
 const GRAIN: usize = 1 << 14;
@@ -203,7 +204,8 @@ impl<'a, P: VertexPosition> BlockFaces<'a, P> {
         if !self.texcoords.is_empty() && self.texcoords.len() != 2 * count {
             let found = self.texcoords.len();
             return Err(Fault::Bad(format!(
-                "texcoord has {found} values for {count} corners; expected {} or none",
+                "texcoord has {} for {count} corners; expected {} or none",
+                plural(found, "value"),
                 2 * count
             )));
         }

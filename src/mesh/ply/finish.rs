@@ -9,6 +9,7 @@ use super::vertex::PlyVertices;
 use super::{duplicates, points};
 use crate::error::{Error, Result};
 use crate::mesh::arrays::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
+use crate::units::counted;
 
 /// Everything that was read from a file.
 pub struct ParsedFile {
@@ -43,9 +44,18 @@ pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) ->
         return Err(Error::invalid(
             context.name,
             format!(
-                "no triangle is left of {} faces: {} have fewer than 3 corners, {} triangles have no \
-                 area or repeat a vertex, {} use missing or non-finite vertices",
-                tally.faces, tally.too_small, tally.degenerate, tally.unusable
+                "no triangle is left of {}: {} fewer than 3 corners, {}, {} missing or non-finite \
+                 vertices",
+                counted(tally.faces, ["face", "faces"]),
+                counted(tally.too_small, ["has", "have"]),
+                counted(
+                    tally.degenerate,
+                    [
+                        "triangle has no area or repeats a vertex",
+                        "triangles have no area or repeat a vertex"
+                    ]
+                ),
+                counted(tally.unusable, ["uses", "use"])
             ),
         ));
     }

@@ -84,6 +84,7 @@ impl Element {
             "vertex" => format!("{count} vertices"),
             "face" if count == 1 => "1 face".into(),
             "face" => format!("{count} faces"),
+            name if count == 1 => format!("1 row of '{name}'"),
             name => format!("{count} rows of '{name}'"),
         }
     }
@@ -364,7 +365,7 @@ mod tests {
         };
         assert_eq!([rows("vertex", 1), rows("vertex", 2)], ["1 vertex", "2 vertices"]);
         assert_eq!([rows("face", 1), rows("face", 0)], ["1 face", "0 faces"]);
-        assert_eq!(rows("edge", 1), "1 rows of 'edge'");
+        assert_eq!(rows("edge", 1), "1 row of 'edge'");
     }
 
     #[test]

@@ -12,6 +12,7 @@ use super::context::ReadContext;
 use super::header::{Element, Format, Header, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
+use crate::units::counted;
 
 /// Maximum number of rows that one task reads.
 const ROWS_PER_BLOCK: u64 = 1 << 14;
@@ -42,7 +43,10 @@ pub(super) fn locate(
                 Some((None, stride)) => {
                     format!("they need {stride} bytes each, {left} bytes are left")
                 }
-                None => format!("{left} bytes of data were left for them"),
+                None => {
+                    let bytes = ["byte of data was", "bytes of data were"];
+                    format!("{} left for them", counted(left as u64, bytes))
+                }
             };
             return Err(too_short(element, span.rows, &have, context));
         }

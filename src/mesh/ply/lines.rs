@@ -11,6 +11,7 @@ use super::header::{Element, Header, show};
 use super::row::{Fault, Row, RowResult};
 use super::scalar::Scalar;
 use crate::error::Result;
+use crate::units::counted;
 
 /// Number of bytes of text that one task counts.
 const CHUNK: usize = 1 << 19;
@@ -36,7 +37,7 @@ pub(super) fn locate(
         let left = lines.left;
         let span = lines.take(element, 0, element.count);
         if span.rows < element.count {
-            let have = format!("{} lines of data in all", lines.all);
+            let have = format!("{} of data in all", counted(lines.all, ["line", "lines"]));
             return Err(too_short(element, left, &have, context));
         }
         spans.push(span);

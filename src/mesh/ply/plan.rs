@@ -11,6 +11,7 @@ use super::options::ReadOptions;
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
 use crate::mesh::arrays::MeshElement;
+use crate::units::counted;
 
 /// Number of roles: 0-2 position, 3-5 normal, 6-7 texture coordinates, then the attributes. Faces
 /// use the roles of attributes only.
@@ -203,7 +204,8 @@ fn no_faces(header: &Header, vertex: &VertexPlan, file: &str) -> Error {
     if points == 0 {
         return Error::invalid(file, "has no faces and no points");
     }
-    Error::invalid(file, format!("has no faces: it is a point cloud of {points} points"))
+    let points = counted(points, ["point", "points"]);
+    Error::invalid(file, format!("has no faces: it is a point cloud of {points}"))
         .help("draw its points as spheres: --points RADIUS; or make a mesh of it first, for example with Poisson reconstruction in MeshLab or CloudCompare")
 }
 

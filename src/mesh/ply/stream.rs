@@ -27,6 +27,7 @@ use super::whole::whole;
 use crate::error::{Error, Result};
 use crate::mesh::arrays::{Mesh, Positions};
 use crate::reserve;
+use crate::units::plural;
 
 /// Number of bytes in one chunk.
 const CHUNK: usize = 1 << 21;
@@ -202,7 +203,8 @@ impl<'a> ReadWindow<'a> {
                 self.take(end);
                 if rows == 0 && row < element.count {
                     if self.ended {
-                        let have = format!("the data ends after {} bytes", self.taken);
+                        let have =
+                            format!("the data ends after {}", plural(self.taken as usize, "byte"));
                         return Err(too_short(element, row, &have, context));
                     }
                     // The row is longer than the window.

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
+use crate::units::counted;
 
 use super::context::Check;
 
@@ -61,9 +62,9 @@ impl Check<'_, '_> {
             self.problems.warn("/nbounces", message, Some("set `nbounces` to 1 or more".into()));
         }
         if scene.emitter_samples.is_some() && !scene.draws_lights() {
-            let placed = scene.placed_lights();
-            let message =
-                format!("found no fewer than the {placed} point and area lights; all are used");
+            let what = ["point or area light; it is used", "point and area lights; all are used"];
+            let placed = counted(scene.placed_lights() as u64, what);
+            let message = format!("found no fewer than the {placed}");
             self.problems.warn("/emittersamples", message, None);
         }
         if scene.adaptive_shadows && !scene.can_skip_shadow_rays() {

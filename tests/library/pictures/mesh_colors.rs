@@ -225,7 +225,7 @@ fn colours_that_are_not_finite_are_white() {
         };
         let (film, warnings) = render(&square(&names, color, &[], |_, _| 0.0), json!({})).unwrap();
         let [warning] = &warnings[..] else { panic!("{warnings:?}") };
-        assert!(warning.message.starts_with("1 colours are not finite"), "{warning}");
+        assert!(warning.message.starts_with("1 colour is not finite"), "{warning}");
         check(&film, |x, y| [0.25 + 0.75 * ((y - x) / 2.0).max(0.0); 3]);
     }
     let alpha = ["float red", "float green", "float blue", "float alpha"];

@@ -196,8 +196,8 @@ fn mesh_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "only triangles without area",
             binary(Ply::new().curve(4).faces(&[&[0, 1, 1]])),
-            "t.ply: no triangle is left of 1 faces: 0 have fewer than 3 corners, 1 triangles have no area or \
-          repeat a vertex, 0 use missing or non-finite vertices",
+            "t.ply: no triangle is left of 1 face: 0 have fewer than 3 corners, 1 triangle has no area or \
+          repeats a vertex, 0 use missing or non-finite vertices",
         ),
     ]
 }
@@ -226,7 +226,7 @@ fn data_cases() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "binary file cut in its faces",
             cut(binary(good()), 1),
-            "t.ply: the header declares 2 faces, but only 1 are in the file: 25 bytes of data were left for them",
+            "t.ply: the header declares 2 faces, but only 1 is in the file: 25 bytes of data were left for them",
         ),
         (
             "text file cut between lines",

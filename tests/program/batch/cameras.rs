@@ -370,7 +370,7 @@ fn bad_lists_are_refused_with_their_place() {
     for length in [images.len() - 1, images.len() - 30, 80, 9] {
         cut("images.bin", &images[..length], &["cut/images.bin: byte ", "the file is cut short"]);
     }
-    cut("cameras.bin", &[&cameras[..], &[0]].concat(), &["1 bytes after the last entry"]);
+    cut("cameras.bin", &[&cameras[..], &[0]].concat(), &["1 byte after the last entry"]);
     let mut many = images.clone();
     many[..8].copy_from_slice(&u64::MAX.to_le_bytes());
     cut("images.bin", &many, &["the file is cut short"]);

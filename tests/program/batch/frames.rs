@@ -240,7 +240,7 @@ fn frames_record_their_number_and_rate() {
     let length = fs::metadata(scratch.path("out/a/a.0001.exr")).unwrap().len();
     let file = fs::File::options().write(true).open(scratch.path("out/a/a.0001.exr")).unwrap();
     file.set_len(length - 1).unwrap();
-    let said = run("23.976", "1 frames rendered, 2 kept");
+    let said = run("23.976", "1 frame rendered, 2 kept");
     assert!(said.contains("a.0001.exr is not whole"), "{said}");
 }
 
@@ -281,7 +281,7 @@ fn manifests_are_files_of_their_frames() {
     }
     run("0 frames rendered, 2 kept");
     fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
-    let said = run("1 frames rendered, 1 kept");
+    let said = run("1 frame rendered, 1 kept");
     assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
     // The same settings in a job file. With another bit depth, the frames are rendered again.
     let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
@@ -552,7 +552,7 @@ fn resume_detects_flipped_bits() {
             flipped[i * (whole.len() - 1) / 23] ^= 1 << (i % 8);
             fs::write(scratch.path(&name), &flipped).unwrap();
             let said = run(&["--resume"]);
-            assert!(said.contains("1 frames rendered, 0 kept"), "{name} {i}: {said}");
+            assert!(said.contains("1 frame rendered, 0 kept"), "{name} {i}: {said}");
             assert!(said.contains(&format!("again: {name}")), "{name} {i}: {said}");
             assert!(scratch.read(&name) == whole, "{name} {i}");
         }
@@ -567,7 +567,7 @@ fn resume_detects_flipped_bits() {
     fs::remove_file(scratch.path("out/batch.jsonl")).unwrap();
     assert!(kept(&run(&["--resume", "--no-verify"])));
     let said = run(&["--resume"]);
-    assert!(said.contains("1 frames rendered, 0 kept"), "{said}");
+    assert!(said.contains("1 frame rendered, 0 kept"), "{said}");
     assert!(said.contains("no journal knows its bytes"), "{said}");
     assert!(kept(&run(&["--resume"])));
     // The journal of a range counts as much as that of a whole run.

@@ -64,7 +64,7 @@ fn names_that_are_not_utf8_are_refused() {
     assert!(done.stderr().contains("found frames whose names are not UTF-8"), "{}", done.stderr());
     assert!(!scratch.path("out").exists());
     // Under another name, the second run keeps the frame.
-    for expected in ["1 frames rendered, 0 kept", "0 frames rendered, 1 kept"] {
+    for expected in ["1 frame rendered, 0 kept", "0 frames rendered, 1 kept"] {
         let named = [&args[..], &["--name", "{input:04}"], &SMALL].concat();
         let done = scratch.run(&named).good();
         assert!(done.stderr().contains(expected), "{}", done.stderr());

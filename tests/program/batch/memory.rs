@@ -77,6 +77,6 @@ fn a_kept_frame_of_a_failed_input_counts_once() {
     let done = scratch.run(&[&args[..], &limited].concat());
     assert_eq!(done.code(), 1, "{}", done.stderr());
     assert!(done.stderr().contains("--max-memory"), "{}", done.stderr());
-    assert!(done.stderr().contains("0 frames rendered, 3 kept, 1 failures"), "{}", done.stderr());
+    assert!(done.stderr().contains("0 frames rendered, 3 kept, 1 failure,"), "{}", done.stderr());
     assert!(done.stdout().contains("openjd_status: frames 4 of 4, 1 failed"), "{}", done.stdout());
 }

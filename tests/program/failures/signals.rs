@@ -173,7 +173,7 @@ fn a_signal_during_the_contact_sheet_counts() {
         let mut child = Running(command.spawn().unwrap());
         let stderr = BufReader::new(child.0.stderr.take().unwrap());
         let mut lines = stderr.lines().map_while(std::result::Result::ok);
-        assert!(lines.any(|line| line.contains(" frames rendered, ")));
+        assert!(lines.any(|line| line.contains(" rendered, ")));
         send("TERM", child.0.id());
         let said: Vec<String> = lines.collect();
         let code = child.0.wait().unwrap().code();

@@ -125,8 +125,7 @@ fn pixels_that_are_not_finite_fail() {
     let done = scratch.run(&[&["compare", "a.exr", "b.exr"], &flags[..]].concat());
     assert_eq!(done.code(), 1);
     assert!(
-        done.stderr()
-            .contains("1 pixels of a.exr and 1 of b.exr are not finite, the first at 0, 0")
+        done.stderr().contains("not finite: 1 pixel of a.exr and 1 of b.exr, the first at 0, 0")
     );
     let layer = &json(&done)["layers"][0];
     assert_eq!(layer["non_finite"]["first"], serde_json::json!([0, 0]));

@@ -35,6 +35,7 @@ fn files_paths_summary_statistics() {
     let args = ["in/s.json", "--stats", "st.json", "--threads", "2"];
     let done = render(&scratch, &args);
     assert_eq!(done.stdout(), "s.exr\ns.png\nst.json\n");
+    assert!(done.stderr().starts_with("0 triangles, "), "{}", done.stderr());
     for expected in ["load ", "build ", "render ", "write ", "Mray/s", "peak memory"] {
         assert!(done.stderr().contains(expected), "{}", done.stderr());
     }
@@ -72,7 +73,8 @@ fn files_paths_summary_statistics() {
 fn same_bytes_for_any_threads_and_from_stdin() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
-    render(&scratch, &["s.json", "-o", "a", "--threads", "1"]);
+    let one = render(&scratch, &["s.json", "-o", "a", "--threads", "1"]).stderr();
+    assert!(one.contains(", 1 thread\n"), "{one}");
     render(&scratch, &["s.json", "-o", "b.png", "--threads", "5"]);
     let done = scratch.run_with_stdin(&["render", "-", "-o", "c"], SCENE);
     assert_eq!(done.code(), 0, "{}", done.stderr());
@@ -285,7 +287,7 @@ fn messages_name_the_mesh_as_it_was_typed() {
     {
         let template: Vec<&str> = template.map_or(vec![], |t| vec!["--template", t]);
         let done = render(&scratch, &[&[typed], &small[..], &template].concat());
-        let expected = format!("warning: {typed}: 1 faces with fewer than three corners");
+        let expected = format!("warning: {typed}: 1 face with fewer than three corners was");
         assert!(done.stderr().contains(&expected), "{}", done.stderr());
     }
 }
