@@ -150,7 +150,7 @@ fn work(
         values.extend(film.pixels.iter().flat_map(|[r, g, b, _]| [r, g, b]));
         let (bad, _) = non_finite(&values, 3);
         if bad > 0 {
-            let pixels = counted(bad as u64, ["pixel is", "pixels are"]);
+            let pixels = counted(bad, ["pixel is", "pixels are"]);
             let message = format!("{pixels} NaN or infinite, so the error cannot be computed");
             let place = describe(&job, &settings.tested_backends[setting.backend].name);
             return Err(Error::new(ErrorKind::Check, Problem::new(place, message)));

@@ -4,6 +4,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
+use glam::DVec3;
 use lightpath::{
     ErrorKind, Faces, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
     RayBatch, RayScene, Vertices,
@@ -259,6 +260,40 @@ fn a_stopped_monitor_ends_queries_and_what_they_prepare() {
     let monitor = Monitor::default();
     assert_eq!(scene.closed(&monitor), Ok(&[false][..]));
     assert_eq!(scene.contains(&points, &monitor), Ok(vec![true]));
+}
+
+/// Solid angle of a triangle (van Oosterom and Strackee 1983), in units of the sphere's.
+fn winding_of(corners: [DVec3; 3], point: [f64; 3]) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner - DVec3::from(point));
+    let (la, lb, lc) = (a.length(), b.length(), c.length());
+    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    a.dot(b.cross(c)).atan2(below) / (2.0 * std::f64::consts::PI)
+}
+
+#[test]
+fn winding_numbers_have_the_promised_error() {
+    for name in ["spot", "teapot"] {
+        let path = format!("{}/assets/{name}.ply", env!("CARGO_MANIFEST_DIR"));
+        let mesh = Mesh::read(path).expect("a mesh");
+        let scene = scene(mesh.clone());
+        let ([low, high], size) = (scene.bounds(), 500);
+        // Fractions of powers of an irrational number fill the box and its surroundings evenly.
+        let within = |i: usize, k: usize| {
+            let fraction = (i as f64 * 1.220_744_f64.powi(k as i32 + 1).recip()).fract();
+            low[k] + (high[k] - low[k]) * (1.2 * fraction - 0.1)
+        };
+        let points: Vec<_> = (0..size).map(|i| [0, 1, 2].map(|k| within(i, k))).collect();
+        let found = scene.winding_number(&points, &Monitor::default()).expect("numbers");
+        let at = |index: u32| mesh.positions.get(index as usize);
+        let errors = points.iter().zip(&found).map(|(&point, found)| {
+            let exact = mesh.triangles.iter().map(|t| winding_of(t.map(at), point));
+            (found - exact.sum::<f64>()).abs()
+        });
+        let errors: Vec<f64> = errors.collect();
+        let (worst, mean) =
+            (errors.iter().fold(0.0, |a: f64, &b| a.max(b)), errors.iter().sum::<f64>() / 500.0);
+        assert!(worst < 0.02 && mean < 0.003, "{name}: {worst} {mean}");
+    }
 }
 
 /// Arrays with signed indices.
