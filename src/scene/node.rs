@@ -79,6 +79,17 @@ impl JsonNode {
         }
     }
 
+    /// [`JsonNode::member`], to be changed.
+    pub(super) fn member_mut(&mut self, key: &str) -> Option<&mut JsonNode> {
+        match &mut self.kind {
+            NodeKind::Object(members) => {
+                let found = members.iter_mut().rev().find(|m| m.key == key)?;
+                Some(&mut found.value)
+            }
+            _ => None,
+        }
+    }
+
     /// Returns the string that the node holds; `None` for other values.
     pub fn text(&self) -> Option<&str> {
         match &self.kind {

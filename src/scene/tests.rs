@@ -233,6 +233,24 @@ fn overrides_apply_in_order_and_create() {
 }
 
 #[test]
+fn an_override_aims_the_camera_in_either_way() {
+    let lookat = |value: &Value, set: &[&str]| load_value(value, set).unwrap().scene.camera.lookat;
+    let set = ["/camera/position=[0,0,5]", "/camera/target=[0,0,0]"];
+    assert_eq!(lookat(&minimal(), &set).normalize(), glam::DVec3::NEG_Z);
+    let mut aimed = minimal();
+    let camera = aimed["camera"].as_object_mut().unwrap();
+    camera.remove("lookat");
+    camera.insert("target".into(), json!([0, 9, 0]));
+    assert_eq!(lookat(&aimed, &["/camera/lookat=[1,0,0]"]).normalize(), glam::DVec3::X);
+    // Overrides that contradict each other are refused, in either order.
+    for [a, b] in [["lookat", "target"], ["target", "lookat"]] {
+        let set = [a, b].map(|key| format!("/camera/{key}=[0,1,1]"));
+        let error = load_value(&minimal(), &[&set[0], &set[1]]).unwrap_err();
+        assert!(error.to_string().contains("found both `lookat`"), "{error}");
+    }
+}
+
+#[test]
 fn an_aperture_of_zero_is_a_pinhole() {
     assert!(
         load_value(&everything(), &["/camera/aperture=0"])
