@@ -30,8 +30,9 @@ impl Document {
     /// # Errors
     /// The first syntax error, with its place.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
-        if let Some(other) = other_format(bytes) {
-            return Err(Error::invalid(name, format!("found {other}, expected a JSON object")));
+        if let Some((other, help)) = other_format(bytes) {
+            let error = Error::invalid(name, format!("found {other}, expected a JSON object"));
+            return Err(error.maybe_help(help));
         }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let text =
@@ -122,19 +123,22 @@ fn syntax_error(name: &str, error: SyntaxError) -> Error {
     Error::new(ErrorKind::Invalid, problem)
 }
 
-/// Returns the format of a file that is not JSON, by its first bytes. Users often pass such files
-/// in place of a scene. `None` for any other file.
-fn other_format(bytes: &[u8]) -> Option<&'static str> {
-    const KNOWN: [(&[u8], &str); 7] = [
-        (b"\x89PNG", "a PNG picture"),
-        (b"v/1\x01", "an EXR picture"),
-        (b"\xff\xd8\xff", "a JPEG picture"),
-        (b"ply\n", "a PLY mesh"),
-        (b"ply\r", "a PLY mesh"),
-        (b"\x1f\x8b", "a gzip archive"),
-        (b"\x28\xb5\x2f\xfd", "a Zstandard archive"),
+/// Returns the format of a file that is not JSON, by its first bytes, and what to do with a mesh.
+/// Users often pass such files in place of a scene. `None` for any other file.
+fn other_format(bytes: &[u8]) -> Option<(&'static str, Option<&'static str>)> {
+    const MESH: Option<&str> = Some("save the mesh to a file, or name the pipe FILE.ply");
+    const PACKED: Option<&str> =
+        Some("save a packed mesh to FILE.ply.gz or FILE.ply.zst; unpack a scene");
+    const KNOWN: [(&[u8], &str, Option<&str>); 7] = [
+        (b"\x89PNG", "a PNG picture", None),
+        (b"v/1\x01", "an EXR picture", None),
+        (b"\xff\xd8\xff", "a JPEG picture", None),
+        (b"ply\n", "a PLY mesh", MESH),
+        (b"ply\r", "a PLY mesh", MESH),
+        (b"\x1f\x8b", "a gzip archive", PACKED),
+        (b"\x28\xb5\x2f\xfd", "a Zstandard archive", PACKED),
     ];
-    KNOWN.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, name)| *name)
+    KNOWN.iter().find(|(start, ..)| bytes.starts_with(start)).map(|(_, name, help)| (*name, *help))
 }
 
 fn not_utf8(name: &str, bytes: &[u8], at: usize) -> Error {

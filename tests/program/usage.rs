@@ -244,6 +244,8 @@ fn info_leaves_pipes_alone_and_refuses_unless_a_retry_helps() {
     let mut held = [0; 4];
     std::io::Read::read_exact(&mut both, &mut held).unwrap();
     assert_eq!(&held, b"0123");
+    let output = scratch.run_with_stdin(&["info", "-"], "{}");
+    assert!(output.stderr().contains("-: found a pipe"), "{}", output.stderr());
     // The first page of this file is not mapped, so that reading it is an error of the device.
     #[cfg(target_os = "linux")]
     for (files, code) in [(&["/proc/self/mem"][..], 3), (&["/proc/self/mem", "none.json"], 2)] {

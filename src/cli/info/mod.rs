@@ -60,7 +60,8 @@ fn error_json(path: &Path, error: &Error) -> Value {
 
 fn describe(path: &Path, args: &InfoArgs) -> Result<Facts> {
     // The first bytes of a pipe could not be read again, and one without a writer would never end.
-    if std::fs::metadata(path).is_ok_and(|data| !data.is_file() && !data.is_dir()) {
+    let is_special = |data: std::fs::Metadata| !data.is_file() && !data.is_dir();
+    if path == Path::new("-") || std::fs::metadata(path).is_ok_and(is_special) {
         let message = "found a pipe or a device, expected a regular file";
         return Err(Error::invalid(path.display().to_string(), message)
             .help("write its contents to a file first"));

@@ -313,6 +313,13 @@ fn names_that_are_not_utf8() {
     assert!(scratch.path("").join(OsStr::from_bytes(b"s\xff.exr")).is_file());
 }
 
+#[test]
+fn a_mesh_from_stdin_is_refused_with_a_way_out() {
+    let done = Scratch::new().run_with_stdin(&["render", "-"], program::PYRAMID);
+    assert_eq!(done.code(), 2);
+    assert!(done.stderr().contains("name the pipe FILE.ply"), "{}", done.stderr());
+}
+
 /// Behind `/dev/stdin` is a pipe, as behind the shell's `<(...)`.
 #[cfg(unix)]
 #[test]
