@@ -18,8 +18,8 @@ pub struct CrosscheckArgs {
     #[arg(long, visible_alias = "backend", value_name = "NAME,...", value_delimiter = ',')]
     pub backends: Option<Vec<AcceleratorName>>,
 
-    /// Number of rays to check, in equal shares per source of rays; sources that the scene lacks
-    /// are left out
+    /// Most rays to check, in equal shares for each source of rays; at least one packet of up to 16
+    /// rays of each source
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
 

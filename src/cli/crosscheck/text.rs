@@ -14,7 +14,7 @@ const MAX_FINDINGS: usize = 12;
 /// Formats the whole report.
 pub fn report(report: &CrosscheckReport) -> String {
     let mut out = format!(
-        "{}, {}, seed {}; the oracle is `brute`\n",
+        "{}, {}, seed {}; the oracle is `brute`; bvh and embree answer each ray in a packet and alone\n",
         units::plural(report.rays as usize, "ray"),
         units::plural(report.primitives as usize, "primitive"),
         report.seed
@@ -87,7 +87,7 @@ pub fn report(report: &CrosscheckReport) -> String {
     out
 }
 
-const HEADING: &str = "  rays                 all      agree       tie      edge     crowd      leak \
+const HEADING: &str = "  rays             answers      agree       tie      edge     crowd      leak \
                        false hit  wrong prim  wrong dist  wrong / known";
 
 fn row(name: &str, counts: &VerdictCounts, known: Option<u64>) -> String {
