@@ -39,7 +39,8 @@ impl RayScene {
         })?;
         if from.len() != points.len() && from.len() != 1 {
             let (found, count) = (from.len(), points.len());
-            let message = format!("found {}, expected 1 or {count}", plural(found, "point"));
+            let expected = if count == 1 { "1".into() } else { format!("1 or {count}") };
+            let message = format!("found {}, expected {expected}", plural(found, "point"));
             return Err(Error::invalid("from", message));
         }
         let mut visible = reserve::filled(false, points.len(), "visible")?;
