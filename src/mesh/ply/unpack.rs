@@ -1,10 +1,10 @@
 //! Compressed files: gzip and zstd. They are recognised by their first bytes, not by their name,
 //! and unpacked while they are read.
 
-use std::io::{BufReader, Error, ErrorKind, Read, Result};
+use std::io::{BufRead, BufReader, Error, ErrorKind, Read, Result};
 
 use crate::reserve::MemoryLimit;
-use flate2::bufread::MultiGzDecoder;
+use flate2::bufread::GzDecoder;
 use zstd::stream::read::Decoder;
 
 /// log2 of the window that a zstd frame may use in a file of any size. The program `zstd` has this
@@ -55,8 +55,7 @@ impl Packing {
     ) -> Result<Box<dyn Read + Send + 'a>> {
         let packed = BufReader::with_capacity(1 << 16, packed);
         Ok(match self {
-            // Reads all members, as `gunzip` does; parallel compressors write several.
-            Self::Gzip => Box::new(MultiGzDecoder::new(packed)),
+            Self::Gzip => Box::new(Members(Some(GzDecoder::new(packed)))),
             Self::Zstd => {
                 let mut frames = Decoder::with_buffer(packed)?;
                 // A window above `WINDOW_LOG` may be up to twice the size of the packed file.
@@ -68,6 +67,42 @@ impl Packing {
                 Box::new(Frames(frames))
             }
         })
+    }
+}
+
+/// Reads all members of a gzip file, as `gunzip` does; parallel compressors write several. Zeros
+/// after a member are skipped: some programs pad their files.
+struct Members<R>(Option<GzDecoder<R>>);
+
+impl<R: BufRead> Read for Members<R> {
+    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+        while let Some(member) = &mut self.0 {
+            let count = member.read(out)?;
+            if count > 0 || out.is_empty() {
+                return Ok(count);
+            }
+            let rest = self.0.take().map(GzDecoder::into_inner);
+            self.0 = rest.map_or(Ok(None), next_member)?;
+        }
+        Ok(0)
+    }
+}
+
+/// Returns the member after some zeros, or `None` at the end of the file.
+fn next_member<R: BufRead>(mut packed: R) -> Result<Option<GzDecoder<R>>> {
+    loop {
+        let bytes = match packed.fill_buf() {
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            bytes => bytes?,
+        };
+        let (all, zeros) = (bytes.len(), bytes.iter().take_while(|&&byte| byte == 0).count());
+        packed.consume(zeros);
+        if zeros < all {
+            return Ok(Some(GzDecoder::new(packed)));
+        }
+        if all == 0 {
+            return Ok(None);
+        }
     }
 }
 
@@ -126,7 +161,11 @@ mod tests {
         let data: Vec<u8> = (0..300_000u32).flat_map(|i| i.wrapping_mul(i).to_le_bytes()).collect();
         let (first, second) = data.split_at(700_001);
         let skippable = [&0x184d_2a50u32.to_le_bytes()[..], &3u32.to_le_bytes(), b"abc"].concat();
+        let padding = vec![0; 100_000];
+        let members = [gzip(first), padding.clone(), gzip(second), padding];
+        assert!(unpacked(&members.concat()).unwrap() == data);
         assert!(unpacked(&[gzip(first), gzip(second)].concat()).unwrap() == data);
+        assert!(unpacked(&[gzip(first), vec![0, 1]].concat()).is_err());
         let frames = [zstd(first), skippable.clone(), zstd(b""), zstd(second), skippable];
         assert!(unpacked(&frames.concat()).unwrap() == data);
     }
