@@ -25,6 +25,8 @@ pub use self::part::{PartDescription, PictureFormat};
 
 /// Approximate number of bytes of the parts' rows in memory at a time. A band has at least 16 rows.
 const BAND_BYTES: usize = 128 << 20;
+/// Name of the fact that all parts must have in common.
+const FINGERPRINT: &str = "fingerprint";
 /// Name of a fact that parts rendered with Embree must have in common.
 const INSTRUCTIONS: &str = "instruction set of Embree";
 /// Attribute whose value is `no` if the pixels of a render differ from run to run. Other renders do
@@ -286,7 +288,10 @@ impl OpenPart {
     /// Returns why `other` is not a part of the same picture, or `None` if it is.
     fn difference(&self, other: &Self) -> Option<Problem> {
         let texts = |open: &Self| -> Vec<(String, String)> {
-            let own = open.reader.attributes.iter().filter(|(name, _)| name != part::ATTRIBUTE);
+            // The hash is that of the fingerprint.
+            let hashes = [part::ATTRIBUTE, "lightpath:sceneHash"];
+            let own = open.reader.attributes.iter();
+            let own = own.filter(|(name, _)| !hashes.contains(&name.as_str()));
             let software = ("software".to_string(), open.reader.software.clone());
             // The most informative attribute comes first.
             [software].into_iter().chain(own.cloned()).collect()
@@ -301,7 +306,6 @@ impl OpenPart {
                 let [x0, y0, x1, y1] = open.part.whole;
                 format!("x {x0}..{x1}, y {y0}..{y1}")
             }),
-            both("fingerprint", &|open| open.part.fingerprint.clone().unwrap_or_else(none)),
             both("way of writing files", &|open| format!("{:?}", open.part.files)),
             both(INSTRUCTIONS, &|open| open.part.isa.clone().unwrap_or_else(none)),
         ];
@@ -320,6 +324,8 @@ impl OpenPart {
             both("camera", &|open| format!("{:?}", open.reader.view)),
             both("frame of a sequence", &|open| format!("{:?}", open.reader.sequence)),
             both("layers", &|open| format!("{:?}", open.part.layout)),
+            // Last, because the other facts say what differs.
+            both(FINGERPRINT, &|open| open.part.fingerprint.clone().unwrap_or_else(none)),
         ]);
         let (what, found, expected) = facts.into_iter().find(|(_, found, known)| found != known)?;
         let message =
@@ -330,6 +336,9 @@ impl OpenPart {
             }
             "software" | "lightpath:backend" => {
                 "render all parts with one version of the program and one backend"
+            }
+            FINGERPRINT => {
+                "the scene, a flag, or the contents of a mesh or texture changed between the parts"
             }
             _ => "merge parts of one picture: same scene, meshes, textures and flags",
         };
