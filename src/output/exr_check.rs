@@ -67,6 +67,22 @@ pub fn check(path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Checks that an EXR holds every chunk that its headers declare. Reads the whole file, and decodes
+/// nothing.
+///
+/// # Errors
+/// `Invalid` for a file that is cut short or damaged.
+pub fn check_whole(path: &Path) -> Result<()> {
+    let failed = |error| exr_error(path, error);
+    let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    let blocks = read_blocks(BufReader::new(file), true).map_err(failed)?;
+    if blocks.headers().iter().any(|header| header.deep) {
+        return Ok(());
+    }
+    let mut chunks = blocks.all_chunks(true).map_err(failed)?;
+    chunks.try_for_each(|chunk| chunk.map(drop)).map_err(failed)
+}
+
 /// Checks that a file of `length` bytes can hold the pixels that its headers declare. All sampling
 /// factors must be above zero.
 ///

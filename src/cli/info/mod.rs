@@ -24,7 +24,7 @@ use crate::film::Window;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
 use crate::output::exr::text::decode;
-use crate::output::exr_check::exr_error;
+use crate::output::exr_check::{check_whole, exr_error};
 use crate::scene::{Backend, Overrides};
 use crate::studio::{self, Appearance, Studio, Subject, Template, UsedVertices};
 use crate::world::{Bounds, Detail};
@@ -272,7 +272,7 @@ fn exr(path: &Path, facts: &mut Facts) -> Result<()> {
     facts.add("type", json!("exr"), format!("EXR, {}", units::plural(parts, "part")));
     let parts: Vec<Value> = meta.headers.iter().map(|header| part(header, facts)).collect();
     facts.add("parts", json!(parts), "");
-    Ok(())
+    check_whole(path)
 }
 
 fn part(header: &Header, facts: &mut Facts) -> Value {

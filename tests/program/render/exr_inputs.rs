@@ -82,6 +82,23 @@ fn a_size_that_the_file_cannot_hold_is_refused() {
     }
 }
 
+#[test]
+fn info_reports_a_file_that_is_cut_short() {
+    let scratch = Scratch::new();
+    write(&scratch, "picture.exr", Compression::ZIP16, [0, 1, 2, 3].map(noise));
+    let ok = |whole: bool| {
+        let done = scratch.run(&["info", "--json", "picture.exr"]);
+        assert_eq!(done.code(), if whole { 0 } else { 2 }, "{}", done.stderr());
+        assert!(done.stdout().contains(&format!("\"ok\":{whole}")), "{}", done.stdout());
+    };
+    ok(true);
+    let bytes = scratch.read("picture.exr");
+    for length in [bytes.len() - 1, bytes.len() / 2] {
+        std::fs::write(scratch.path("picture.exr"), &bytes[..length]).unwrap();
+        ok(false);
+    }
+}
+
 /// The best that each compression can do.
 #[test]
 fn a_picture_of_one_colour_is_read() {
