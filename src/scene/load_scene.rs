@@ -150,6 +150,11 @@ pub fn check_camera(name: &str, camera: &CameraDescription) -> Result<()> {
 }
 
 fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
+    if document.get("/inputs").is_some() && document.get("/scene").is_none() {
+        let message = "found a job file of `lightpath batch`, expected a scene";
+        let help = format!("run it by itself: lightpath batch {}", document.name);
+        return Err(Error::invalid(document.place("/inputs"), message).help(help));
+    }
     let set = overrides.iter().filter_map(|o| document.apply_set(o).err());
     let bad_overrides: Vec<Problem> = set.collect();
     let mut problems = problems::Problems::new(&document);
