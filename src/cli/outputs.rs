@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files;
 
 use super::text_file::TextFile;
@@ -46,11 +46,16 @@ impl OutputFlags<'_> {
     /// Creates the files, so that a bad output folder is found before the long work.
     ///
     /// # Errors
-    /// As for [`TextFile::create`].
+    /// As for [`TextFile::create`]; the name `-`.
     pub fn create(&self) -> Result<TextOutputs> {
         let mut files = Vec::new();
         for (flag, path) in &self.0 {
             if let Some(path) = path {
+                if path == Path::new("-") {
+                    let message = "found `-`, expected the name of a file";
+                    return Err(Error::invalid(*flag, message)
+                        .help("/dev/stdout is the standard output, ./- a file of this name"));
+                }
                 files.push((*flag, TextFile::create(path)?));
             }
         }

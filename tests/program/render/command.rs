@@ -87,6 +87,16 @@ fn same_bytes_for_any_threads_and_from_stdin() {
 }
 
 #[test]
+fn a_file_named_by_a_minus_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let done = scratch.run(&["render", "s.json", "-o", "a", "--stats", "-"]);
+    assert_eq!((done.code(), scratch.names()), (2, vec!["s.json".to_string()]));
+    let said = "--stats: found `-`, expected the name of a file\n  help: /dev/stdout is";
+    assert!(done.stderr().contains(said), "{}", done.stderr());
+}
+
+#[test]
 fn flags_are_overrides() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
