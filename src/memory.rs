@@ -309,7 +309,7 @@ impl Prediction {
 
 fn over_limit(message: String) -> Error {
     let problem = Problem::new("--max-memory", message);
-    Error::new(ErrorKind::Limit, problem.help("render a --crop, or a smaller mesh"))
+    Error::new(ErrorKind::Limit, problem.help("a smaller --size or mesh, or `render` with --crop"))
 }
 
 impl std::fmt::Display for Prediction {
