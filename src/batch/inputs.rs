@@ -8,26 +8,32 @@ use crate::{paths, studio};
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///
-/// A file stands for itself. A folder stands for its meshes, or for its scenes if it has no mesh. A
-/// pattern stands for all files that match.
+/// A file stands for itself. A folder stands for the files in it with the ending of a mesh, or of a
+/// scene if it has no mesh. A pattern stands for all files that match. Hidden files (`.NAME`) are
+/// left out, unless the pattern asks for them.
 ///
 /// # Errors
-/// A name that does not exist; a folder or pattern without a file; a folder that cannot be listed.
+/// A name that does not exist; a folder or pattern without a file; a folder that cannot be listed;
+/// a name with the ending of a mesh or scene that is no file, such as a link to nothing.
 pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let path = folder.join(text);
     let nothing = |what: &str| Error::invalid(place, format!("found {text:?}, {what}"));
-    if path.is_dir() {
-        let files = files_in(&path)?;
-        return match files.is_empty() {
-            true => Err(nothing("a folder without .ply or .json files")),
-            false => Ok(files),
-        };
-    }
-    if path.exists() {
-        return Ok(vec![path]);
-    }
-    if !text.contains(['*', '?', '[']) {
-        return Err(Error::invalid(place, format!("found {text:?}: there is no such file")));
+    match std::fs::metadata(&path) {
+        Ok(data) if data.is_dir() => {
+            let files = files_in(&path)?;
+            return match files.is_empty() {
+                true => Err(nothing("a folder without .ply or .json files")),
+                false => Ok(files),
+            };
+        }
+        Ok(_) => return Ok(vec![path]),
+        Err(_) if text.contains(['*', '?', '[']) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let what =
+                if path.is_symlink() { "it is a link to nothing" } else { "there is no such file" };
+            return Err(Error::invalid(place, format!("found {text:?}: {what}")));
+        }
+        Err(error) => return Err(Error::io(&path, "read", &error)),
     }
     let pattern = match folder.as_os_str().is_empty() || Path::new(text).is_absolute() {
         true => text.to_string(),
@@ -39,8 +45,16 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
             .map_err(|error| nothing(&format!("which is not a valid pattern: {error}")))?;
         paths.map(|path| path.map_err(|e| Error::io(e.path(), "list", e.error()))).collect()
     };
-    let matches = matches(&pattern, &listed)?;
-    let files = once(matches.into_iter().filter(|path| path.is_file()));
+    let last = text.rsplit('/').next().unwrap_or(text);
+    let wanted = |path: &PathBuf| last.starts_with('.') || !is_hidden(path);
+    let mut found = Vec::new();
+    for path in matches(&pattern, &listed)?.into_iter().filter(wanted) {
+        let named = studio::is_named_mesh(&path) || is_named_scene(&path);
+        if path.is_file() || named {
+            found.push(file(path)?);
+        }
+    }
+    let files = once(found.into_iter());
     if files.is_empty() { Err(nothing("a pattern that matches no file")) } else { Ok(files) }
 }
 
@@ -117,13 +131,32 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         all.push(entry.map_err(failed)?.path());
     }
-    all.retain(|path| path.is_file());
+    all.retain(|path| !is_hidden(path));
     all.sort();
     let (meshes, others): (Vec<PathBuf>, Vec<PathBuf>) =
-        all.into_iter().partition(|path| studio::is_mesh(path));
-    if !meshes.is_empty() {
-        return Ok(meshes);
+        all.into_iter().partition(|path| studio::is_named_mesh(path));
+    let scenes = || others.into_iter().filter(|path| is_named_scene(path)).collect();
+    let files: Vec<PathBuf> = if meshes.is_empty() { scenes() } else { meshes };
+    files.into_iter().map(file).collect()
+}
+
+/// Returns true for `.NAME`, such as the `._scan.ply` that macOS writes beside a file.
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+fn is_named_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"))
+}
+
+/// Returns the path if it is a file. Anything else would change the numbers of the frames if it
+/// were left out, for example on a machine that lacks a disk.
+fn file(path: PathBuf) -> Result<PathBuf> {
+    let data = std::fs::metadata(&path).map_err(|error| Error::io(&path, "read", &error))?;
+    if data.is_file() {
+        return Ok(path);
     }
-    let scene = |path: &PathBuf| path.extension().is_some_and(|end| end == "json");
-    Ok(others.into_iter().filter(scene).collect())
+    let what = if data.is_dir() { "a folder" } else { "a pipe or a device" };
+    let message = format!("found {what}, expected a file");
+    Err(Error::invalid(path.display().to_string(), message).help("remove it, or name the files"))
 }

@@ -9,6 +9,7 @@ use crate::error::{Error, Problem, Result};
 use crate::output::Outputs;
 use crate::paths;
 use crate::scene::did_you_mean;
+use crate::studio;
 
 /// Pattern for the path of a frame's files within the output folder, without the ending.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,7 +39,7 @@ const FIELDS: [&str; 5] = ["stem", "parent", "input", "frame", "image"];
 impl NamePattern {
     /// Default for one frame per input.
     pub const STILL: &str = "{stem}";
-    /// Default for several frames per input: each input has its own folder.
+    /// Default for a turntable: each input has its own folder.
     pub const FRAMES: &str = "{stem}/{stem}.{frame:04}";
 
     /// Default for a list of cameras.
@@ -83,7 +84,7 @@ impl NamePattern {
     /// # Errors
     /// `{image}` in the pattern without a list of cameras.
     pub fn with_images(self, place: &str, images: Vec<String>) -> Result<Self> {
-        if images.is_empty() && self.pieces.contains(&Piece::Image) {
+        if images.is_empty() && self.has_image() {
             let message = "found {image} without a list of cameras";
             return Err(Error::invalid(place, message).help("name the list: --cameras FILE"));
         }
@@ -107,8 +108,12 @@ impl NamePattern {
         if name.to_str().is_none() {
             let message = "found frames whose names are not UTF-8, expected names that the journal \
                            can hold";
-            return Err(Error::invalid(place, message)
-                .help("rename the input, or choose --name {input:04}"));
+            // The scene around a mesh holds its path, whatever the frames are called.
+            let help = match studio::is_mesh(input) {
+                true => "rename the input",
+                false => "rename the input, or choose --name {input:04}",
+            };
+            return Err(Error::invalid(place, message).help(help));
         }
         paths::refuse_control_characters(&name).map_err(|error| Error {
             problems: error
@@ -118,6 +123,11 @@ impl NamePattern {
                 .collect(),
             ..error
         })
+    }
+
+    /// Returns true if the names hold those of the pictures of a list of cameras.
+    pub fn has_image(&self) -> bool {
+        self.pieces.contains(&Piece::Image)
     }
 
     /// Returns true if the frames of one input have different names.
@@ -180,6 +190,9 @@ fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
     }
 }
 
+/// File name of the contact sheet's page.
+pub const PAGE: &str = "index.html";
+
 /// Number of pictures on one PNG of the contact sheet.
 pub const PICTURES_PER_SHEET: usize = 300;
 
@@ -195,7 +208,8 @@ pub fn sheets(inputs: usize) -> Vec<String> {
 /// Hash of a frame's name, index of its input, and index of the frame within the input.
 type HashedName = (u64, u32, u32);
 
-/// Refuses two frames with the same name, and a frame with the name of a contact sheet's PNG.
+/// Refuses two frames with the same name, and a frame with the name of a contact sheet's file or in
+/// a folder of that name.
 /// `text` is the pattern, for messages.
 ///
 /// # Errors
@@ -208,7 +222,8 @@ pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -
     let of =
         |&(_, input, frame): &HashedName| name.of(inputs[input as usize], input as usize, frame);
     let mut all: Vec<HashedName> = Vec::new();
-    let (sheets, mut first) = (sheets(inputs.len()), None);
+    let (mut sheets, mut first) = (sheets(inputs.len()), None);
+    sheets.push(PAGE.to_string());
     for input in 0..inputs.len() as u32 {
         for frame in 0..frames {
             let path = of(&(0, input, frame));
@@ -217,7 +232,8 @@ pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -
             let named = (hasher.finish(), input, frame);
             let [_, png] = Outputs::names(&path);
             let png = png.strip_prefix(".").unwrap_or(&png);
-            if first.is_none() && sheets.iter().any(|sheet| Path::new(sheet) == png) {
+            // A folder of that name would be in the way, too.
+            if first.is_none() && sheets.iter().any(|sheet| png.starts_with(sheet)) {
                 first = Some((named, None));
             }
             all.push(named);
@@ -238,12 +254,15 @@ pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -
         let path = inputs[input as usize].display();
         if frames > 1 { format!("frame {frame} of {path}") } else { path.to_string() }
     };
-    let other = other.as_ref().map_or("the contact sheet".to_string(), called);
+    let shown = other.as_ref().map_or("the contact sheet".to_string(), called);
     let path = of(&one);
     let message =
-        format!("{} and {other} would both be written to {:?}", called(&one), path.display());
-    Err(Error::invalid("output name", message)
-        .help("tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'"))
+        format!("{} and {shown} would both be written to {:?}", called(&one), path.display());
+    let help = match other {
+        Some((_, input, _)) if input == one.1 => "tell them apart: --name '{stem}/{frame:04}'",
+        _ => "tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'",
+    };
+    Err(Error::invalid("output name", message).help(help))
 }
 
 #[cfg(test)]

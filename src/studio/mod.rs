@@ -22,7 +22,7 @@ mod turntable;
 pub use builtin::Studio;
 pub use framing::{FieldOfView, frame, frame_turning};
 pub use furnish::{flags_win, with_default_placement};
-pub use points::{UsedVertices, is_mesh, read};
+pub use points::{UsedVertices, is_mesh, is_named_mesh, read};
 pub use quality::Quality;
 pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};
 pub use template::Template;

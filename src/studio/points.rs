@@ -22,8 +22,13 @@ pub fn read(subject: &Subject, options: ReadOptions, monitor: &Monitor) -> Resul
 
 /// Returns true if a file is a PLY mesh, by its name or its first bytes.
 pub fn is_mesh(path: &Path) -> bool {
+    is_named_mesh(path) || begins_as_ply(path)
+}
+
+/// Returns true if a path has the ending of a mesh.
+pub fn is_named_mesh(path: &Path) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
-    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end)) || begins_as_ply(path)
+    [".ply", ".ply.gz", ".ply.zst"].iter().any(|end| name.ends_with(end))
 }
 
 /// The vertices that triangles use, or all of a cloud of points, in file units.

@@ -18,15 +18,13 @@ use crate::threads;
 
 use super::job::Job;
 use super::journal;
-use super::names::{PICTURES_PER_SHEET, sheets};
+use super::names::{PAGE, PICTURES_PER_SHEET, sheets};
 
 pub use missing::missing;
 
 use entry::SheetEntry;
 use thumbnails::Strip;
 
-/// File name of the page.
-const PAGE: &str = "index.html";
 /// Number of thumbnails on the page to aim for: the more inputs, the fewer frames of each are
 /// shown. Each input gets at least one, so a page of more inputs exceeds it.
 const MAX_THUMBNAILS: usize = 20_000;

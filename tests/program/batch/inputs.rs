@@ -48,6 +48,70 @@ fn a_folder_that_cannot_be_listed_is_an_error() {
     lock(0o755);
 }
 
+/// Left out, they would change the numbers of the frames.
+#[test]
+fn names_of_inputs_that_are_no_files_are_refused() {
+    let scratch = Scratch::new();
+    scratch.write("scans/a.ply", PYRAMID);
+    let refused = |parts: &[&str]| {
+        for pattern in ["scans", "scans/*.ply*", "**/*.ply*"] {
+            scratch.write("job.json", &format!(r#"{{ "inputs": ["{pattern}"] }}"#));
+            let done = scratch.run(&["batch", "job.json", "--dry-run"]);
+            assert_eq!((done.code(), done.stdout()), (2, String::new()), "{}", done.stderr());
+            for part in parts {
+                assert!(done.stderr().contains(part), "{pattern}: {}", done.stderr());
+            }
+        }
+    };
+    let path = |name: &str| scratch.path("scans").join(name);
+    std::os::unix::fs::symlink("nowhere.ply", path("b.ply")).unwrap();
+    refused(&["scans/b.ply: cannot read: No such file"]);
+    let done = scratch.run(&["batch", "scans/b.ply", "--dry-run"]);
+    assert!(
+        done.stderr().contains("\"scans/b.ply\": it is a link to nothing"),
+        "{}",
+        done.stderr()
+    );
+    assert_eq!(done.code(), 2);
+    fs::remove_file(path("b.ply")).unwrap();
+    fs::create_dir(path("b.ply.gz")).unwrap();
+    refused(&["scans/b.ply.gz: found a folder, expected a file"]);
+    fs::remove_dir(path("b.ply.gz")).unwrap();
+    assert!(Command::new("mkfifo").arg(path("b.ply")).status().unwrap().success());
+    refused(&["scans/b.ply: found a pipe or a device, expected a file"]);
+}
+
+#[test]
+fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
+    let scratch = Scratch::new();
+    for name in ["a.ply", "b.PLY"] {
+        scratch.write(&format!("scans/{name}"), PYRAMID);
+    }
+    for name in ["._a.ply", "a.ply.bak", "a.ply~", "notes.txt", "s.json", "sub/c.ply"] {
+        scratch.write(&format!("scans/{name}"), "ply\n");
+    }
+    let inputs = |input: &str| {
+        let done = scratch.run(&["batch", "--dry-run", input]).good();
+        let lines = done.stdout();
+        let lines = lines.lines().map(|line| serde_json::from_str(line).unwrap());
+        lines.map(|line: serde_json::Value| line["input"].as_str().unwrap().to_string()).collect()
+    };
+    let found: Vec<String> = inputs("scans");
+    assert_eq!(found, ["scans/a.ply", "scans/b.PLY"]);
+    assert_eq!(inputs("scans/*.ply"), ["scans/a.ply"]);
+    assert_eq!(inputs("scans/.*.ply"), ["scans/._a.ply"]);
+    assert_eq!(inputs("scans/*~"), ["scans/a.ply~"]);
+}
+
+#[test]
+fn an_input_in_a_folder_that_may_not_be_entered_gives_the_error_of_the_system() {
+    let scratch = Scratch::new();
+    scratch.write("s", "");
+    let done = scratch.run(&["batch", "s/a.ply"]);
+    assert!(done.stderr().contains("s/a.ply: cannot read: Not a directory"), "{}", done.stderr());
+    assert_eq!(done.code(), 2);
+}
+
 #[test]
 fn names_that_are_not_utf8_are_refused() {
     let scratch = Scratch::new();
@@ -69,6 +133,12 @@ fn names_that_are_not_utf8_are_refused() {
         let done = scratch.run(&named).good();
         assert!(done.stderr().contains(expected), "{}", done.stderr());
     }
+    // A scene names its mesh, so another name of the frames would not help.
+    fs::write(scratch.path("").join(OsStr::from_bytes(b"m\xff.ply")), PYRAMID).unwrap();
+    let mut command = scratch.command(&["batch", "--dry-run"]);
+    let done = Done::of(command.arg("."));
+    let said = "help: rename the input\n";
+    assert!(done.code() == 2 && done.stderr().contains(said), "{}", done.stderr());
     // A pattern does not leave such a folder.
     let folder = scratch.path("").join(OsStr::from_bytes(b"job\xff"));
     fs::create_dir(&folder).unwrap();
