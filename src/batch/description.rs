@@ -88,6 +88,26 @@ pub struct JobFile {
     pub limits: LimitKeys,
 }
 
+impl JobFile {
+    /// Returns the first given key that has an effect on meshes only.
+    pub fn mesh_key(&self) -> Option<&'static str> {
+        let keys = [
+            ("template", self.template.is_some()),
+            ("up", self.up.is_some()),
+            ("rotate", self.rotate.is_some()),
+            ("margin", self.margin.is_some()),
+            ("smooth", self.smooth.is_some()),
+            ("texture", self.texture.is_some()),
+            ("quality", self.quality.is_some()),
+            ("studio", self.studio.is_some()),
+            ("color", self.color.is_some()),
+            ("points", self.points.is_some()),
+            ("ground", self.ground == Some(false)),
+        ];
+        keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+    }
+}
+
 /// A path or pattern, or an object that adds settings for the files of one path or pattern.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]

@@ -54,7 +54,9 @@ pub struct Job {
     pub folder: PathBuf,
     /// Name pattern of the frames within the output folder.
     pub name: NamePattern,
-    /// Files of the job beside its inputs: the job file, the template, the lists of cameras.
+    /// Path of the job file.
+    pub job_file: Option<PathBuf>,
+    /// Other files of the job beside its inputs: the template, the lists of cameras.
     pub files: Vec<PathBuf>,
 }
 
@@ -114,11 +116,11 @@ impl Job {
         let poses = failures.keep(poses(&file, base, &flags)).flatten();
         let frames = file.turntable.as_ref().map_or(1, |turntable| turntable.frames);
         let frames = poses.as_ref().map_or(frames, |poses| poses.list.len() as u32);
-        let pattern = match (&file.output.name, frames) {
-            (Some(name), _) => name.0.as_str(),
-            (None, _) if file.cameras.is_some() => NamePattern::IMAGES,
-            (None, 1) => NamePattern::STILL,
-            (None, _) => NamePattern::FRAMES,
+        let pattern = match &file.output.name {
+            Some(name) => name.0.as_str(),
+            None if file.cameras.is_some() => NamePattern::IMAGES,
+            None if file.turntable.is_some() => NamePattern::FRAMES,
+            None => NamePattern::STILL,
         };
         let images = poses.iter().flat_map(|poses| &poses.list);
         let images: Vec<String> = images.map(|pose| pose.image.clone()).collect();
@@ -129,6 +131,10 @@ impl Job {
             false => name.with_images("output name", images),
         };
         let name = failures.keep(name.and_then(named));
+        if name.as_ref().is_some_and(NamePattern::has_image) {
+            let bad_name = poses.as_ref().and_then(|poses| poses.bad_name.clone());
+            failures.keep(bad_name.map_or(Ok(()), Err));
+        }
         if let Some(name) = &name {
             for (number, input) in found.iter().enumerate() {
                 failures.keep(name.check(&input.path, number));
@@ -191,7 +197,8 @@ impl Job {
             per_second: rate,
             folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
             name,
-            files: flags.file.into_iter().chain(files).chain(cameras).collect(),
+            job_file: flags.file,
+            files: files.into_iter().chain(cameras).collect(),
             poses,
         })
     }
@@ -273,8 +280,15 @@ fn input(
     };
     let mut overrides = common(file);
     overrides.append(patches(camera, set));
-    let place = format!("inputs/{number}");
+    let place = match flags.file {
+        Some(_) => format!("inputs/{number}"),
+        None => "INPUT".to_string(),
+    };
     let files = inputs::expand(&place, &path.0, base)?;
+    if (up.is_some() || rotate.is_some()) && !files.iter().any(|file| studio::is_mesh(file)) {
+        let key = if up.is_some() { "up" } else { "rotate" };
+        return Err(without_mesh(&format!("{place}/{key}")));
+    }
     // An entry's own `up` or `rotate` replaces both of the job's.
     let (up, rotate) = match (up, rotate) {
         (None, None) => (file.up, file.rotate),
@@ -296,6 +310,12 @@ fn input(
         JobInput { path, up, rotate: rotate.map(|angles| angles.0), overrides }
     };
     Ok(files.into_iter().map(one).collect())
+}
+
+/// Returns the error of the key `place`, which only meshes have, with scenes.
+pub fn without_mesh(place: &str) -> Error {
+    let message = "found with scenes, expected with a .ply file";
+    Error::invalid(place, message).help("a scene sets this itself, and in its trimesh")
 }
 
 /// Returns the overrides that the job applies to every scene.

@@ -19,7 +19,8 @@ use super::{scene, sheet};
 /// Reads scenes and mesh headers on the threads of the current rayon pool.
 pub fn inputs(job: &Job) -> FileSet {
     let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
-    job.files.iter().chain(&job.looks.texture).chain(named.iter().flatten()).collect()
+    let own = job.job_file.iter().chain(&job.files);
+    own.chain(&job.looks.texture).chain(named.iter().flatten()).collect()
 }
 
 /// Returns an input's path and the paths of the files that it names. If the scene is

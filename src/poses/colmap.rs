@@ -44,7 +44,7 @@ pub(super) fn read(path: &Path) -> Result<Poses> {
         list.push(pose(image, &sensors)?);
     }
     list.sort_by(|a, b| a.image.cmp(&b.image));
-    Ok(Poses { list, files })
+    Ok(Poses { list, files, bad_name: None })
 }
 
 fn pose(image: &Image, sensors: &HashMap<u32, Sensor>) -> Result<Pose> {
@@ -80,7 +80,8 @@ fn pose(image: &Image, sensors: &HashMap<u32, Sensor>) -> Result<Pose> {
         world_to_camera: Some(Matrix(rows)),
         ..sensor.intrinsics()
     });
-    Ok(Pose { image: image.name.clone(), camera, place: image.place.clone() })
+    let place = image.place.clone();
+    Ok(Pose { image: image.name.clone(), camera, image_place: place.clone(), place })
 }
 
 impl Sensor {

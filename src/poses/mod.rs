@@ -67,8 +67,13 @@ impl Poses {
             }
         }
         for pose in &mut poses.list {
-            pose.image =
-                picture_name(&pose.image).ok_or_else(|| bad_name(&pose.place, &pose.image))?;
+            match picture_name(&pose.image) {
+                Some(name) => pose.image = name,
+                None => {
+                    let error = || bad_name(&pose.image_place, &pose.image);
+                    poses.bad_name.get_or_insert_with(error);
+                }
+            }
         }
         poses.check()?;
         Ok(poses)
@@ -122,7 +127,7 @@ fn picture_name(name: &str) -> Option<String> {
 
 fn bad_name(place: &str, name: &str) -> Error {
     let message = format!("found the picture {name:?}, expected a path that stays in its folder");
-    Error::invalid(place, message)
+    Error::invalid(place, message).help("choose names without {image}: --name '{stem}/{frame:04}'")
 }
 
 fn from_json(path: &Path) -> Result<Poses> {
@@ -131,7 +136,7 @@ fn from_json(path: &Path) -> Result<Poses> {
     let files = vec![path.to_owned()];
     if document.get("/frames").is_some() {
         let list = transforms::read(&document, path.parent().unwrap_or(Path::new("")))?;
-        return Ok(Poses { list, files });
+        return Ok(Poses { list, files, bad_name: None });
     }
     if document.get("/cameras").is_none() {
         let message = "found neither `cameras` nor `frames`, expected a list of cameras";
@@ -143,8 +148,9 @@ fn from_json(path: &Path) -> Result<Poses> {
         image: named.image.0,
         camera: named.camera,
         place: document.place(&format!("/cameras/{i}/camera")),
+        image_place: document.place(&format!("/cameras/{i}/image")),
     });
-    Ok(Poses { list: list.collect(), files })
+    Ok(Poses { list: list.collect(), files, bad_name: None })
 }
 
 #[cfg(test)]

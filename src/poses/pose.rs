@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::error::Error;
 use crate::scene::written::CameraDescription;
 
 /// A camera of a list, and the picture that it belongs to.
@@ -13,6 +14,8 @@ pub struct Pose {
     pub camera: CameraDescription,
     /// Place of the camera in its file, for messages.
     pub(super) place: String,
+    /// Place of the name in its file, for messages.
+    pub(super) image_place: String,
 }
 
 /// All cameras of a file.
@@ -23,4 +26,6 @@ pub struct Poses {
     pub list: Vec<Pose>,
     /// The files that were read.
     pub files: Vec<PathBuf>,
+    /// The error of the first picture whose name cannot be that of an output.
+    pub bad_name: Option<Error>,
 }

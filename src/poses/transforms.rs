@@ -106,7 +106,8 @@ impl FrameEntry<'_> {
             axes: Axes::OpenGl,
         });
         let place = self.document.place(&self.pointer);
-        Ok(Pose { image: image.to_string(), camera, place })
+        let image_place = self.document.place(&format!("{}/file_path", self.pointer));
+        Ok(Pose { image: image.to_string(), camera, place, image_place })
     }
 
     /// The size by the keys `w` and `h`, or else of the picture itself. A picture of another size

@@ -351,7 +351,7 @@ fn bad_lists_are_refused_with_their_place() {
     );
     text("images.txt", "7 left/c d.png", "7", &["expected the name of a picture"]);
     text("images.txt", "left/b.png", "../b.png", &["\"../b.png\"", "stays in its folder"]);
-    text("images.txt", "left/b.png", "a.png", &["would both be written"]);
+    text("images.txt", "left/b.png", "a.png", &["would both be written", "'{stem}/{frame:04}'"]);
 
     // Three words of a name and nine numbers look like four points.
     text("images.txt", "1.5 2.5 -1 3 4 7", "1.5 2.5 -1 3 four 7", &["three numbers each"]);
@@ -405,6 +405,25 @@ fn bad_lists_are_refused_with_their_place() {
 }
 
 /// NeRF's files have one angle, no size and no endings.
+#[test]
+fn names_of_pictures_count_only_where_they_name_frames() {
+    let scratch = scratch();
+    let mut own = own_list();
+    own["cameras"][1]["image"] = json!("../b.png");
+    let mut nerf = transforms();
+    nerf["frames"][1]["file_path"] = json!("../b.png");
+    for (list, pointer) in [(own, "(/cameras/1/image)"), (nerf, "(/frames/1/file_path)")] {
+        scratch.write("up.json", &list.to_string());
+        let done = batch(&scratch, "up.json", &["--dry-run"]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        for part in [pointer, "found the picture \"../b.png\"", "--name '{stem}/{frame:04}'"] {
+            assert!(done.stderr().contains(part), "{}", done.stderr());
+        }
+        let named = batch(&scratch, "up.json", &["--name", "{stem}/{frame:04}", "--dry-run"]);
+        assert_eq!(named.good().stdout().lines().count(), 3);
+    }
+}
+
 #[test]
 fn sizes_come_from_pictures_where_the_list_has_none() {
     let scratch = scratch();
