@@ -10,6 +10,8 @@ use crate::output::tonemap::Depth;
 use crate::picture::Storage;
 use crate::scene::{Backend, EmbreeMode, Loaded};
 
+use super::job::Job;
+
 /// Hexadecimal digits kept of a hash: 128 bits.
 const DIGITS: usize = 32;
 
@@ -22,6 +24,13 @@ pub struct Settings {
     pub storage: Storage,
     /// Frame number and frame rate in the header.
     pub sequence: Sequence,
+}
+
+impl Settings {
+    /// Returns the settings of a job, with the sequence of its first frame.
+    pub fn of(job: &Job) -> Self {
+        Self { repair: job.repair, storage: job.storage, sequence: job.sequence(0) }
+    }
 }
 
 /// Returns the fingerprint of a frame. `hash` is its [`crate::world::fingerprint`].

@@ -141,7 +141,7 @@ pub fn run(
         journal,
         tell,
         sweep: Sweep::default(),
-        settings: Settings { repair: job.repair, storage: job.storage, sequence: job.sequence(0) },
+        settings: Settings::of(job),
         pool: threads::pool(options.threads)?,
         loading,
         inputs,

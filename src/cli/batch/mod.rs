@@ -21,7 +21,7 @@ use crate::output::tonemap::Depth;
 use crate::scene::written::{Angles, Name, Point};
 use crate::scene::{self, Document};
 use crate::studio::{self, Appearance, Template, Turning};
-use crate::{paths, units};
+use crate::{memory, paths, units};
 
 use super::progress::{Progress, ProgressMode};
 use super::{flags, machine, overrides, print, signals};
@@ -37,9 +37,10 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     let options = options(args, &limits)?;
     if args.run.sheet_only {
         signals::end_at_once()?;
-        machine::pool(Some(options.threads as u16))?.install(|| batch::refuse_sheet(&job))?;
+        let pool = machine::pool(Some(options.threads as u16))?;
+        pool.install(|| batch::refuse_sheet(&job))?;
         print::paths(&sheet::write(&job, options.threads, &Monitor::default())?)?;
-        return complete(&job);
+        return pool.install(|| complete(&job, options.max_memory));
     }
     let monitor = Arc::new(Monitor::default());
     let status = Arc::new(Status::default());
@@ -93,14 +94,16 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     verdict(&job, Outcome { signal, ..outcome }, sheet)
 }
 
-/// Checks that no frame is missing, and that none failed after it was made.
+/// Checks that no frame is missing, that each is a frame of the job as it is now, and that none
+/// failed after it was made.
 ///
 /// # Errors
-/// `Check`, with one problem per input that lacks frames or failed.
-fn complete(job: &Job) -> Result<()> {
-    let mut problems = sheet::missing(job);
-    let message =
-        format!("{} of {} inputs lack frames or failed:", problems.len(), job.inputs.len());
+/// `Check`, with the problems of each input that lacks frames or failed.
+fn complete(job: &Job, max_memory: Option<u64>) -> Result<()> {
+    let memory_limit = max_memory.map(memory::limit_for_meshes).or_else(memory::limit_of_machine);
+    let inputs = sheet::missing(job, memory_limit);
+    let message = format!("{} of {} inputs lack frames or failed:", inputs.len(), job.inputs.len());
+    let mut problems = inputs.concat();
     if !problems.is_empty() {
         problems.insert(0, Problem::new("", message));
     }

@@ -41,7 +41,9 @@ fn a_sheet_of_large_frames_takes_little_memory() {
     let limited = "ulimit -v 200000; exec \"$0\" \"$@\" --sheet-only";
     command.args(["-c", limited, env!("CARGO_BIN_EXE_lightpath")]).args(args);
     command.current_dir(scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
-    Done::of(&mut command).good();
+    // The picture is not that of the batch.
+    let done = Done::of(&mut command);
+    assert!(done.code() == 1 && done.stderr().contains("has no fingerprint"), "{}", done.stderr());
     let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
     assert_eq!(html.matches("src=\"data:image/jpeg").count(), 1);
 }

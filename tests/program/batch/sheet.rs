@@ -1,6 +1,8 @@
 //! The contact sheet in a browser: it needs no other file, shows turntables, sorts, and shows
 //! failures.
 
+use serde_json::json;
+
 use crate::support::browser::browse;
 use crate::support::program::{PYRAMID, Scratch};
 
@@ -43,8 +45,11 @@ fn complete_files_count_and_the_journal_does_not() {
         String::from_utf8(scratch.read("out/index.html")).unwrap()
     };
     assert!(turn("6", &[], 0).contains("6 of 6 frames"));
-    let html = turn("3", &["--sheet-only"], 0);
+    // The files are there, but they are of other angles.
+    let html = turn("3", &["--sheet-only"], 1);
     assert!(html.contains("3 of 3 frames") && html.contains("class=\"done\""), "{html}");
+    turn("3", &[], 0);
+    turn("3", &["--sheet-only"], 0);
     let whole = scratch.read("out/a/a.0001.exr");
     std::fs::remove_file(scratch.path("out/a/a.0001.exr")).unwrap();
     let html = turn("3", &["--sheet-only"], 1);
@@ -92,6 +97,50 @@ fn a_failure_after_the_frames_were_made_counts() {
     batch(&["--sheet-only"], 0);
 }
 
+/// A second submission may die before its tasks begin.
+#[test]
+fn frames_of_other_settings_or_files_are_older() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    scratch.write("b.ply", PYRAMID);
+    let job = |exposure: u32| {
+        let job = json!({ "inputs": ["a.ply", "b.ply"], "size": [24, 16],
+                          "set": { "/tonemap/exposure": exposure },
+                          "turntable": { "frames": 2 } });
+        scratch.write("job.json", &job.to_string());
+    };
+    let run = |more: &[&str], code: i32| {
+        let args = ["batch", "job.json", "-o", "out", "--threads", "2", "--quiet"];
+        let done = scratch.run(&[&args[..], more].concat());
+        assert_eq!(done.code(), code, "{more:?}: {}", done.stderr());
+        done.stderr()
+    };
+    job(0);
+    run(&[], 0);
+    run(&["--sheet-only"], 0);
+    job(1);
+    let said = run(&["--sheet-only"], 1);
+    assert!(said.contains("2 of 2 inputs lack frames or failed:"), "{said}");
+    let older = "a.ply: all frames are older than the job: out/a/a.0000.exr: the scene changed";
+    assert!(said.contains(older), "{said}");
+    job(0);
+    // A frame that is cut short is missing, and the rest is older: the mesh changed.
+    let whole = scratch.read("out/b/b.0000.exr");
+    std::fs::write(scratch.path("out/b/b.0000.exr"), &whole[..whole.len() / 2]).unwrap();
+    let said = run(&["--sheet-only"], 1);
+    let broken = "b.ply: frame 0 is missing: out/b/b.0000.exr is not whole";
+    assert!(said.contains(broken) && said.contains("1 of 2 inputs"), "{said}");
+    scratch.write("b.ply", &PYRAMID.replace("0 2 0", "0 2.5 0"));
+    let said = run(&["--sheet-only"], 1);
+    assert!(said.contains("b.ply: frame 1 is older than the job: "), "{said}");
+    // A mesh that became invalid cannot be compared, though no run has tried it.
+    run(&["--resume"], 0);
+    run(&["--sheet-only"], 0);
+    scratch.write("b.ply", "ply\n");
+    let said = run(&["--sheet-only"], 1);
+    assert!(said.contains("b.ply: its frames cannot be compared with it: "), "{said}");
+}
+
 /// The same mesh twice, once with an invalid setting.
 #[test]
 fn inputs_of_one_path_have_their_own_records() {
@@ -128,7 +177,7 @@ fn inputs_of_one_path_have_their_own_records() {
     let (said, _) = run(&["--sheet-only"]);
     assert!(said.contains("all frames are missing: set: found 500"), "{said}");
     // Two inputs fail, not one.
-    scratch.write("job.json", &job.replace("PATH", "a.ply").replace("[24, 16]", "[24, 0]"));
+    scratch.write("a.ply", "ply\n");
     assert!(run(&[]).0.contains("2 of 2 inputs failed:"));
 }
 
