@@ -2,10 +2,11 @@
 //!
 //! On a terminal the display is a bar on stderr. Elsewhere it is a plain line every 3 seconds. So a
 //! short job prints none, and the log of a long job stays readable. Other modes print JSON lines
-//! for programs to stderr, or lines for render farms to stdout.
+//! for programs to stderr, or lines for render farms to stdout; the last one is the final state.
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -13,6 +14,9 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
+
+use crate::error::Result;
+use crate::threads::lock;
 
 use super::print;
 
@@ -47,17 +51,19 @@ pub struct Progress {
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
     start: Instant,
+    /// The first path that could not be printed.
+    unprinted: Mutex<Result<()>>,
 }
 
 impl Progress {
     /// Starts the display thread. `meter` reads the counters.
     pub fn start(mode: ProgressMode, mut meter: impl FnMut() -> Reading + Send + 'static) -> Self {
-        let start = Instant::now();
+        let (start, unprinted) = (Instant::now(), Mutex::new(Ok(())));
         let terminal = std::io::stderr().is_terminal();
         let bar = (mode == ProgressMode::Auto && terminal).then(new_bar);
         let every = match (mode, &bar) {
             (ProgressMode::Off, _) => {
-                return Self { bar, stop: None, thread: None, start };
+                return Self { bar, stop: None, thread: None, start, unprinted };
             }
             (ProgressMode::Json, _) => JSON_EVERY,
             (ProgressMode::Openjd | ProgressMode::Alf, _) => POLL_EVERY,
@@ -73,6 +79,8 @@ impl Progress {
                 let now = meter();
                 if let ProgressMode::Openjd | ProgressMode::Alf = mode {
                     last_percent = now.farm(mode, last_percent);
+                } else if over && mode == ProgressMode::Json {
+                    now.json();
                 } else if !over && shown_at.elapsed() >= every {
                     shown_at = Instant::now();
                     match (&shown, mode) {
@@ -93,6 +101,7 @@ impl Progress {
             // Without a thread there is no progress display; the job is not affected.
             thread: thread.spawn(work).ok(),
             start,
+            unprinted,
         }
     }
 
@@ -101,15 +110,29 @@ impl Progress {
         self.start.elapsed().as_secs_f64()
     }
 
-    /// Prints the paths of finished files to stdout without breaking the bar.
+    /// Prints the paths of finished files to stdout without breaking the bar. An error does not
+    /// stop the job.
     pub fn result(&self, paths: &[PathBuf]) {
         let lines = print::path_lines(paths);
-        // A closed reader does not stop a batch.
-        let show = || print::bytes(&lines).unwrap_or_default();
-        match &self.bar {
+        let show = || print::bytes(&lines);
+        let shown = match &self.bar {
             Some(bar) => bar.suspend(show),
             None => show(),
+        };
+        if let Err(error) = shown {
+            let mut unprinted = lock(&self.unprinted);
+            if unprinted.is_ok() {
+                *unprinted = Err(error);
+            }
         }
+    }
+
+    /// Ends the display.
+    ///
+    /// # Errors
+    /// The first error of [`Progress::result`].
+    pub fn finish(self) -> Result<()> {
+        lock(&self.unprinted).clone()
     }
 
     /// Prints a message to stderr without breaking the bar.

@@ -70,7 +70,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     };
     let outcome = batch::run(&job, &options, &monitor, &status, &tell);
     let seconds = progress.elapsed();
-    drop(progress);
+    let listed = progress.finish();
     let outcome = outcome?;
     if !args.quiet {
         print::note(&format!(
@@ -89,9 +89,10 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         }
         false => Ok(()),
     };
+    // A list of paths that is lost does not stop the batch, but its exit code says so.
     // The signal may have come while the sheet was written.
     let signal = Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0);
-    verdict(&job, Outcome { signal, ..outcome }, sheet)
+    verdict(&job, Outcome { signal, ..outcome }, listed.and(sheet))
 }
 
 /// Checks that no frame is missing, that each is a frame of the job as it is now, and that none

@@ -475,10 +475,48 @@ fn progress_for_farms() {
     assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
     let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
     assert!(said.is_sorted() && said.last() == Some(&100));
-    // A short batch may end before the first line of progress.
-    for line in run("json").1.lines().filter(|line| line.starts_with('{')) {
-        let line: Value = serde_json::from_str(line).unwrap();
-        assert_eq!(line["total"], 12);
+    let said = run("json").1;
+    let lines = said.lines().filter(|line| line.starts_with('{'));
+    let lines: Vec<Value> = lines.map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(lines.iter().all(|line| line["total"] == 12), "{said}");
+    assert_eq!(lines.last().unwrap()["rendered"], 12, "{said}");
+}
+
+#[test]
+fn paths_that_cannot_be_printed_are_told_at_the_end() {
+    let scratch = scans();
+    let run = |stdout: &str| {
+        let line = format!("\"$0\" batch scans -o out --size 24x16 --no-sheet --quiet {stdout}");
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_lightpath")]);
+        program::Done::of(shell.current_dir(scratch.path("")))
+    };
+    let full = run("> /dev/full");
+    assert_eq!(full.code(), 3, "{}", full.stderr());
+    assert!(full.stderr().contains("<stdout>: cannot write"), "{}", full.stderr());
+    assert_eq!(pictures(&scratch.path("out")).len(), 6);
+    // A reader may end early.
+    assert_eq!(run("--jobs 1 | true").code(), 0);
+}
+
+#[test]
+fn a_turntable_of_one_frame_is_named_like_any_other() {
+    let scratch = scans();
+    let done = batch(&scratch, &["scans/a.ply", "-o", "out", "--turntable", "1", "--no-sheet"]);
+    assert_eq!(done.good().stdout(), "out/a/a.0000.exr\nout/a/a.0000.png\n");
+}
+
+#[test]
+fn a_job_file_is_no_scene() {
+    let scratch = scans();
+    scratch.write("job.json", r#"{ "inputs": ["scans"] }"#);
+    for args in [&["info", "job.json"][..], &["render", "job.json", "-o", "x"]] {
+        let done = scratch.run(args);
+        assert_eq!(done.code(), 2, "{args:?}: {}", done.stderr());
+        let said =
+            "job.json:1:13 (/inputs): found a job file of `lightpath batch`, expected a scene";
+        assert!(done.stderr().contains(said), "{}", done.stderr());
+        assert_eq!(done.stderr().matches("error:").count(), 1, "{}", done.stderr());
     }
 }
 
@@ -521,6 +559,9 @@ fn names_that_collide_in_any_frame_are_refused() {
     scratch.write("sheet.2.ply", PYRAMID);
     refused(&["sheet.ply"], ["sheet.ply", "contact sheet"]);
     refused(&["sheet.ply", "--name", "./{stem}"], ["sheet.ply", "contact sheet"]);
+    let done = batch(&scratch, &["job.json", "scans/a.ply", "-o", "out"]);
+    assert!(done.stderr().contains("lightpath batch job.json"), "{}", done.stderr());
+    assert_eq!(done.code(), 1);
     let done = batch(&scratch, &["sheet.2.ply", "-o", "fine"]);
     assert_eq!(done.code(), 0, "one sheet is enough: {}", done.stderr());
     // The same pattern is valid with fewer inputs.
