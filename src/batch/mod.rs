@@ -23,10 +23,10 @@ mod tasks;
 mod workers;
 
 pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
-pub use job::{Flags, Job};
+pub use job::{Flags, Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
 pub use outputs::{refuse_files, refuse_sheet};
-pub use scene::predict;
+pub use scene::{check_settings, predict};
 pub use status::{Event, Status};
 pub use tasks::{index, tasks};
 pub use workers::{BatchOptions, Outcome};

@@ -13,7 +13,7 @@ use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::picture::{self, PictureFiles};
 use crate::reserve::MemoryLimit;
-use crate::scene::{Loaded, Scene, Source};
+use crate::scene::{Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject, Turntable};
 use crate::world::{self, ContentHashes};
 
@@ -76,6 +76,27 @@ pub fn predict(job: &Job, input: &JobInput) -> Result<(Scene, Prediction)> {
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
     let prediction = memory::predict(&scene, window)?.with_film_bytes(deeper);
     Ok((scene, prediction))
+}
+
+/// Checks that the settings of the job and its flags fit at least one input. Otherwise they are a
+/// mistake of the whole job. Inputs that are invalid by themselves do not count.
+///
+/// # Errors
+/// The problems of the settings with the first input that is valid without them.
+pub fn check_settings(job: &Job) -> Result<()> {
+    let mut first = None;
+    for input in &job.inputs {
+        let checked = with_default_placement(job, input)
+            .and_then(|scene| picture::check_storage(&scene, job.storage));
+        let Err(error) = checked else { return Ok(()) };
+        // Without overrides, only the job sets what a mesh is rendered with.
+        let plain =
+            |path| studio::load(Source::File(path), Overrides::default(), None, &mut vec![]);
+        if studio::is_mesh(&input.path) || plain(&input.path).is_ok() {
+            first.get_or_insert(error);
+        }
+    }
+    first.map_or(Ok(()), Err)
 }
 
 /// Returns the scene of an input without reading a mesh: the mesh is neither rotated nor framed.

@@ -28,9 +28,16 @@ use super::{flags, machine, overrides, print, signals};
 
 use self::args::BatchArgs;
 
+/// JSON pointer of the limit of memory in a job file.
+pub const MEMORY_KEY: &str = "/limits/memory";
+
+/// Places of problems of a scene that come from keys of the job file.
+const JOB_KEYS: [&str; 5] = ["size", "layers", "cryptoranks", "camera", "set"];
+
 /// Renders the batch that the arguments describe.
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
+    check_settings(&job)?;
     if args.run.dry_run {
         return list(&job, args);
     }
@@ -82,6 +89,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
             units::duration(seconds)
         ));
     }
+    // A list of paths that is lost does not stop the batch, but its exit code says so.
     let with_sheet = outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none();
     let sheet = match with_sheet {
         true => {
@@ -89,7 +97,6 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         }
         false => Ok(()),
     };
-    // A list of paths that is lost does not stop the batch, but its exit code says so.
     // The signal may have come while the sheet was written.
     let signal = Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0);
     verdict(&job, Outcome { signal, ..outcome }, listed.and(sheet))
@@ -148,21 +155,20 @@ fn verdict(job: &Job, outcome: Outcome, sheet: Result<()>) -> Result<()> {
     Err(Error { kind, problems })
 }
 
-/// Returns the limit of memory of a job file in bytes.
+/// Returns the limit of memory of a job file in bytes. `place` names the limit in messages.
 ///
 /// # Errors
 /// A text that is no size.
-pub fn max_memory(limits: &LimitKeys) -> Result<Option<u64>> {
+pub fn max_memory(limits: &LimitKeys, place: &str) -> Result<Option<u64>> {
     let parse = |Name(text): &Name| {
-        units::parse_bytes(text).map_err(|expected| {
-            Error::invalid("limits/memory", format!("found {text:?}, {expected}"))
-        })
+        units::parse_bytes(text)
+            .map_err(|expected| Error::invalid(place, format!("found {text:?}, {expected}")))
     };
     limits.memory.as_ref().map(parse).transpose()
 }
 
 fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
-    let written = max_memory(limits)?;
+    let written = max_memory(limits, MEMORY_KEY)?;
     Ok(BatchOptions {
         threads: machine::threads(args.machine.workers.threads.or(limits.threads)),
         jobs: args.run.jobs.or(limits.jobs).map(usize::from),
@@ -200,13 +206,32 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
     };
+    let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(own), beside)?;
-    if !job.inputs.iter().any(|input| studio::is_mesh(&input.path)) {
+    if !has_mesh(&job) {
         let mesh = &args.mesh;
         let given = (&mesh.placement, mesh.template.as_deref(), &mesh.looks);
         flags::refuse_mesh_flags(given, "scenes")?;
     }
+    refuse_mesh_key(&job, mesh_key)?;
     Ok((job, limits))
+}
+
+/// Refuses settings that no input of the job can be rendered with.
+///
+/// # Errors
+/// The problems of the first input. Those of keys of the job file name the file.
+pub fn check_settings(job: &Job) -> Result<()> {
+    let file = job.job_file.as_ref().map(|path| path.display().to_string());
+    batch::check_settings(job).map_err(|mut error| {
+        for problem in &mut error.problems {
+            if let Some(file) = file.as_ref().filter(|_| JOB_KEYS.contains(&problem.place.as_str()))
+            {
+                problem.place = format!("{file}: {}", problem.place);
+            }
+        }
+        error
+    })
 }
 
 /// Loads a job file and its limits as `batch` loads them, with another output folder if one is
@@ -219,7 +244,25 @@ pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<(Job, 
     set_output(&mut file, output)?;
     let limits = file.limits.clone();
     let flags = Flags { file: Some(path.to_owned()), ..Flags::default() };
-    Ok(Some((Job::check(file, folder_of(Some(path)), flags)?, limits)))
+    let mesh_key = file.mesh_key();
+    let job = Job::check(file, folder_of(Some(path)), flags)?;
+    refuse_mesh_key(&job, mesh_key)?;
+    Ok(Some((job, limits)))
+}
+
+fn has_mesh(job: &Job) -> bool {
+    job.inputs.iter().any(|input| studio::is_mesh(&input.path))
+}
+
+/// Refuses a key of the job file that only meshes have, if no input is one.
+fn refuse_mesh_key(job: &Job, key: Option<&str>) -> Result<()> {
+    match key.filter(|_| !has_mesh(job)) {
+        Some(key) => {
+            let file = job.job_file.as_deref().unwrap_or(Path::new(""));
+            Err(batch::without_mesh(&format!("{}: {key}", file.display())))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Returns the folder that the paths of a job file are relative to. Without a job file it is the
@@ -240,6 +283,7 @@ fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
         return Ok(None);
     }
     let mut file: JobFile = scene::read_as(&document)?;
+    max_memory(&file.limits, &document.place(MEMORY_KEY))?;
     if let Some(folder) = &mut file.output.folder {
         folder.0 = paths::named(&folder_of(Some(path)).join(&folder.0))?;
     }

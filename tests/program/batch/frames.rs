@@ -57,6 +57,22 @@ fn flags_for_meshes_are_refused_with_scenes_alone() {
         assert_eq!(alone.code(), 2);
         scratch.run(&[&["batch", "s.json", "scans/a.ply", "--dry-run"], flag].concat()).good();
     }
+    // So are keys of a job file.
+    for (key, value) in [("up", "\"z\""), ("margin", "0.2"), ("quality", "\"draft\"")] {
+        let job = |inputs: &str| {
+            scratch.write("job.json", &format!(r#"{{ "inputs": {inputs}, "{key}": {value} }}"#));
+            scratch.run(&["batch", "job.json", "--dry-run"])
+        };
+        let done = job(r#"["s.json"]"#);
+        let expected = format!("error: job.json: {key}: found with scenes, expected with a .ply");
+        assert!(done.code() == 2 && done.stderr().contains(&expected), "{}", done.stderr());
+        job(r#"["s.json", "scans/a.ply"]"#).good();
+    }
+    let entry = r#"{ "inputs": ["scans/a.ply", { "path": "s.json", "up": "z" }] }"#;
+    scratch.write("job.json", entry);
+    let done = scratch.run(&["batch", "job.json", "--dry-run"]);
+    assert!(done.stderr().contains("error: inputs/1/up: found with scenes"), "{}", done.stderr());
+    assert_eq!(done.code(), 2);
 }
 
 #[test]
@@ -337,7 +353,7 @@ fn fast_mode_of_embree_applies_to_every_frame() {
     let again = batch(&scratch, &[&args[..], &["--backend", "embree", "--resume"]].concat());
     assert!(again.stderr().contains("settings changed"), "{}", again.stderr());
     let refused = batch(&scratch, &[&args[..], &["--fast"]].concat());
-    assert_eq!(refused.code(), 1, "{}", refused.stderr());
+    assert_eq!(refused.code(), 2, "{}", refused.stderr());
     assert!(refused.stderr().contains("which has no fast mode"), "{}", refused.stderr());
 }
 
@@ -415,7 +431,8 @@ fn invalid_jobs_are_refused_before_rendering() {
         assert!(done.stderr().contains(expected), "{args:?}: {}", done.stderr());
         assert!(!scratch.path("out").exists(), "{args:?}");
     };
-    refused(&["nosuch.ply"], "there is no such file");
+    refused(&["nosuch.ply"], "INPUT: found \"nosuch.ply\": there is no such file");
+    refused(&["scans", "--name", "index.html/{stem}"], "the contact sheet would both be written");
     refused(&["scans", "other"], "would both be written to");
     refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
     refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
@@ -428,11 +445,35 @@ fn invalid_jobs_are_refused_before_rendering() {
     refused(&[job(r#"{ "inputs": [{ "path": "scans", "upp": "z" }] }"#)], "job.json:1:33");
     refused(&[job(r#"{ "inputs": ["scans/*.obj"] }"#)], "a pattern that matches no file");
     refused(&[job(r#"{ "inputs": ["scans"], "limits": { "memory": "lots" } }"#)], "limits/memory");
-    // A wrong value of the scene is reported for every mesh.
-    let done = batch(&scratch, &["scans", "-o", "bad", "--set", "/camera/fov=200", "--quiet"]);
-    assert_eq!(done.code(), 1);
-    assert_eq!(done.stderr().matches("/camera/fov").count(), 6, "{}", done.stderr());
-    // Too little memory is reported for every mesh, too, with the numbers.
+    // A setting that no mesh can be rendered with is a mistake of the whole job.
+    for (flag, value) in [
+        ("--set", "/camera/fov=200"),
+        ("--set", "/nope/x=3"),
+        ("--set", "/spp=abc"),
+        ("--aov", "Q"),
+        ("--size", "0x5"),
+    ] {
+        for more in [&[][..], &["--dry-run"]] {
+            let done = scratch.run(&[&["batch", "scans", "-o", "out", flag, value], more].concat());
+            assert_eq!(done.code(), 2, "{value}: {}", done.stderr());
+            assert!(done.stderr().contains(&format!("error: {flag}")), "{}", done.stderr());
+            assert!(!scratch.path("out").exists(), "{value}");
+        }
+    }
+    for (key, value) in [
+        ("layers", r#"["Q"]"#),
+        ("size", "[0, 48]"),
+        ("camera", r#"{ "fov": 0 }"#),
+        ("set", r#"{ "/nope/x": 3 }"#),
+    ] {
+        let job = job(&format!(r#"{{ "inputs": ["scans"], "{key}": {value} }}"#));
+        let said = scratch.run(&["batch", job, "--dry-run"]);
+        assert_eq!(said.code(), 2, "{key}: {}", said.stderr());
+        assert!(said.stderr().contains(&format!("error: job.json: {key}: ")), "{}", said.stderr());
+    }
+    let limited = job(r#"{ "inputs": ["scans"], "limits": { "memory": "8X" } }"#);
+    refused(&[limited, "--dry-run"], "job.json:1:46 (/limits/memory): found \"8X\"");
+    // Too little memory is reported for every mesh, with the numbers.
     let done = batch(&scratch, &["scans", "-o", "bad", "--max-memory", "1M", "--quiet"]);
     assert_eq!(done.code(), 1);
     assert!(done.stderr().contains("--max-memory: found 1.0 MiB, expected at least"));
@@ -518,6 +559,9 @@ fn a_job_file_is_no_scene() {
         assert!(done.stderr().contains(said), "{}", done.stderr());
         assert_eq!(done.stderr().matches("error:").count(), 1, "{}", done.stderr());
     }
+    let done = batch(&scratch, &["job.json", "scans/a.ply", "-o", "out"]);
+    assert!(done.stderr().contains("lightpath batch job.json"), "{}", done.stderr());
+    assert_eq!(done.code(), 1);
 }
 
 #[test]
@@ -559,9 +603,6 @@ fn names_that_collide_in_any_frame_are_refused() {
     scratch.write("sheet.2.ply", PYRAMID);
     refused(&["sheet.ply"], ["sheet.ply", "contact sheet"]);
     refused(&["sheet.ply", "--name", "./{stem}"], ["sheet.ply", "contact sheet"]);
-    let done = batch(&scratch, &["job.json", "scans/a.ply", "-o", "out"]);
-    assert!(done.stderr().contains("lightpath batch job.json"), "{}", done.stderr());
-    assert_eq!(done.code(), 1);
     let done = batch(&scratch, &["sheet.2.ply", "-o", "fine"]);
     assert_eq!(done.code(), 0, "one sheet is enough: {}", done.stderr());
     // The same pattern is valid with fewer inputs.
