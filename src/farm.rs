@@ -43,6 +43,34 @@ impl Chunks {
     }
 }
 
+/// Seconds between the signal that stops a task and its time limit.
+pub const SECONDS_TO_END: f64 = 60.0;
+
+/// Parses a time limit as `sbatch` does, in seconds; infinite without a limit. `None` for any other
+/// text.
+pub fn time_limit(text: &str) -> Option<f64> {
+    if ["UNLIMITED", "INFINITE"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
+        return Some(f64::INFINITY);
+    }
+    let number = |text: &str| text.parse::<u32>().ok().map(f64::from);
+    let (days, rest) = match text.split_once('-') {
+        Some((days, rest)) => (number(days)?, rest),
+        None => (0.0, text),
+    };
+    let parts = rest.split(':').map(number).collect::<Option<Vec<f64>>>()?;
+    let [hours, minutes, seconds] = match (text.contains('-'), parts.as_slice()) {
+        (true, &[hours]) => [hours, 0.0, 0.0],
+        (true, &[hours, minutes]) => [hours, minutes, 0.0],
+        (false, &[minutes]) => [0.0, minutes, 0.0],
+        (false, &[minutes, seconds]) => [0.0, minutes, seconds],
+        (_, &[hours, minutes, seconds]) => [hours, minutes, seconds],
+        _ => return None,
+    };
+    let all = ((24.0 * days + hours) * 60.0 + minutes) * 60.0 + seconds;
+    // To Slurm, 0 is no limit.
+    Some(if all == 0.0 { f64::INFINITY } else { all })
+}
+
 /// Script of a task of the array job. Arguments: program, job, folder, frames, frames per task.
 pub const FRAMES_SCRIPT: &str = include_str!("../farm/slurm-frames.sh");
 /// Script of the job for the contact sheet. Arguments: program, job, folder.
@@ -157,6 +185,26 @@ mod tests {
                     assert!((chunks.tasks() - 1) * chunks.per_task < frames);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn time_limits_are_those_of_slurm() {
+        let known = [
+            ("30", 1800.0),
+            ("2:30", 150.0),
+            ("4:00:00", 14_400.0),
+            ("1-2", 93_600.0),
+            ("1-2:30", 95_400.0),
+            ("1-2:30:15", 95_415.0),
+            ("0", f64::INFINITY),
+            ("unlimited", f64::INFINITY),
+        ];
+        for (text, seconds) in known {
+            assert_eq!(time_limit(text), Some(seconds), "{text}");
+        }
+        for text in ["", "blah", "1h", "-1", "1:2:3:4", "1-", "1-2:3:4:5", "1.5"] {
+            assert_eq!(time_limit(text), None, "{text}");
         }
     }
 

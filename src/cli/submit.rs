@@ -1,6 +1,7 @@
 //! `lightpath submit slurm`: submits a job file as an array job of `lightpath batch --range`, and a
 //! second job for the contact sheet.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -103,6 +104,7 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
     signals::end_at_once()?;
     let (job, limits) = load(args)?;
+    batch_command::check_settings(&job)?;
     let slurm = plan(args, &job, &limits, &self::program(program)?)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
@@ -175,12 +177,11 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
     let per_mesh = u64::from(job.frames());
     let frames = batch::index(job.frames(), job.inputs.len(), 0);
     let needs = Needs::of(job, args)?;
+    let measured = || frame_seconds(batch::journal(&job.folder), per_mesh, &needs.camera_rays);
+    let frame_seconds = args.frame_seconds.or_else(measured).unwrap_or(needs.frame_seconds);
     let chunks = match args.frames_per_task {
         Some(per_task) => Chunks { frames, per_task: per_task.min(frames) },
         None => {
-            let known =
-                args.frame_seconds.or_else(|| frame_seconds(batch::journal(&job.folder), per_mesh));
-            let frame_seconds = known.unwrap_or(needs.frame_seconds);
             let seconds = 60.0 * f64::from(args.minutes);
             Chunks::new(frames, per_mesh, frame_seconds, seconds, u64::from(args.max_tasks))
         }
@@ -200,6 +201,15 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
         if option.contains(char::is_control) {
             return Err(Error::invalid(flag, "found a line break or another control character"));
         }
+    }
+    if let Some(time) = &args.time {
+        check_time(time, chunks.per_task as f64 * frame_seconds)?;
+    }
+    if args.memory.is_some_and(|memory| memory < needs.peak) {
+        print::note(&format!(
+            "warning: --memory: the largest input needs about {}, and its task may be killed",
+            units::bytes_rounded_up(needs.peak)
+        ));
     }
     let folder = absolute(&job.folder)?;
     if folder.contains('\\') {
@@ -222,12 +232,41 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
     })
 }
 
+/// Checks the time limit of a task, and warns if it is shorter than the task's `seconds` and the
+/// minute that Slurm leaves for its end.
+///
+/// # Errors
+/// A text that is no time of Slurm, or a time of at most that minute.
+fn check_time(time: &str, seconds: f64) -> Result<()> {
+    let refused = |expected: &str| {
+        let message = format!("found {time:?}, expected {expected}");
+        Err(Error::invalid("--time", message).help("hours, minutes and seconds: 4:00:00"))
+    };
+    match farm::time_limit(time) {
+        None => refused(
+            "MINUTES[:SECONDS], HOURS:MINUTES:SECONDS, DAYS-HOURS[:MINUTES[:SECONDS]] \
+                         or UNLIMITED",
+        ),
+        Some(limit) if limit <= farm::SECONDS_TO_END => {
+            refused("more than a minute: a task stops one minute before its time limit")
+        }
+        Some(limit) if limit < seconds + farm::SECONDS_TO_END => {
+            print::note(&format!(
+                "warning: --time: a task takes about {} and stops one minute before {time}",
+                units::duration(seconds)
+            ));
+            Ok(())
+        }
+        Some(_) => Ok(()),
+    }
+}
+
 /// Returns the memory per task in bytes: what the job's own limit lets it take, else `needed`.
 ///
 /// # Errors
 /// `--memory` below the job's limit; a limit that is no size.
 fn memory(args: &SlurmArgs, limits: &LimitKeys, needed: u64) -> Result<u64> {
-    let limit = batch_command::max_memory(limits)?;
+    let limit = batch_command::max_memory(limits, batch_command::MEMORY_KEY)?;
     match (args.memory, limit) {
         (Some(memory), Some(limit)) if memory < limit => {
             let message = format!(
@@ -248,7 +287,11 @@ fn memory(args: &SlurmArgs, limits: &LimitKeys, needed: u64) -> Result<u64> {
 struct Needs {
     /// Memory per task in bytes.
     memory: u64,
+    /// Memory of the largest input alone in bytes.
+    peak: u64,
     frame_seconds: f64,
+    /// Camera rays per frame: one number for each size and `spp` of the job.
+    camera_rays: BTreeSet<u64>,
 }
 
 impl Needs {
@@ -258,7 +301,8 @@ impl Needs {
     /// # Errors
     /// The first error, if no input can be read.
     fn of(job: &Job, args: &SlurmArgs) -> Result<Self> {
-        let mut needs = Self { memory: 0, frame_seconds: 0.0 };
+        let mut needs =
+            Self { memory: 0, peak: 0, frame_seconds: 0.0, camera_rays: BTreeSet::new() };
         let mut first_error = None;
         for input in &job.inputs {
             let (scene, prediction) = match batch::predict(job, input) {
@@ -276,7 +320,12 @@ impl Needs {
                 Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,
                 Err(_) => prediction.peak_bytes + prediction.peak_bytes / 2,
             };
-            needs.memory = needs.memory.max(peak);
+            needs.peak = needs.peak.max(peak);
+            let poses = job.poses.iter().flat_map(|poses| &poses.list);
+            let sizes = poses.map(|pose| pose.camera.size());
+            let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
+            let rays = sizes.map(|[width, height]| u64::from(width) * u64::from(height));
+            needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
             if needs.frame_seconds == 0.0 {
                 let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
                 let points = |light: &CheckedLight| match light.kind {
@@ -293,11 +342,11 @@ impl Needs {
             }
         }
         match first_error {
-            Some(error) if needs.memory == 0 => Err(error),
+            Some(error) if needs.peak == 0 => Err(error),
             // A batch holds up to two meshes: the next one loads while the current one renders. A
             // quarter of both is the reserve.
             _ => {
-                needs.memory = needs.memory.saturating_mul(2);
+                needs.memory = needs.peak.saturating_mul(2);
                 needs.memory = needs.memory.saturating_add(needs.memory / 4);
                 Ok(needs)
             }
@@ -307,11 +356,21 @@ impl Needs {
 
 /// Returns the seconds per frame by the journals of earlier runs: the median of a frame, and its
 /// share of the median of loading and building a mesh for `per_mesh` frames. `None` without frames.
-fn frame_seconds(journal: impl IntoIterator<Item = JournalRecord>, per_mesh: u64) -> Option<f64> {
+///
+/// Only frames with one of the numbers of `camera_rays` count: others have another size or `spp`.
+fn frame_seconds(
+    journal: impl IntoIterator<Item = JournalRecord>,
+    per_mesh: u64,
+    camera_rays: &BTreeSet<u64>,
+) -> Option<f64> {
     let (mut frames, mut meshes) = (Vec::new(), Vec::new());
     for record in journal {
         match record {
-            JournalRecord::Frame(frame) => frames.push(frame.render_s + frame.write_s),
+            JournalRecord::Frame(frame) => {
+                if frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) {
+                    frames.push(frame.render_s + frame.write_s);
+                }
+            }
             JournalRecord::Mesh(mesh) => meshes.push(mesh.load_s + mesh.build_s),
             _ => {}
         }
@@ -387,14 +446,17 @@ mod tests {
         let frame = |seconds: f64| {
             record(&format!(
                 r#"{{"event": "frame", "index": 0, "input": "a.ply", "frame": 0, "outputs": [],
-                    "render_s": {seconds}, "write_s": 0.5, "rays": {{}}, "peak_bytes": 1,
-                    "warnings": []}}"#
+                    "render_s": {seconds}, "write_s": 0.5, "rays": {{"primary": 96}},
+                    "peak_bytes": 1, "warnings": []}}"#
             ))
         };
+        let rays = BTreeSet::from([96, 200]);
         let all = || [mesh.clone(), frame(9.0), frame(1.0), frame(2.0)];
-        assert_eq!(frame_seconds(all(), 1), Some(8.5));
-        assert_eq!(frame_seconds(all(), 4), Some(4.0));
-        assert_eq!(frame_seconds([mesh.clone()], 1), None);
-        assert_eq!(frame_seconds([frame(3.0)], 1), Some(3.5));
+        assert_eq!(frame_seconds(all(), 1, &rays), Some(8.5));
+        assert_eq!(frame_seconds(all(), 4, &rays), Some(4.0));
+        assert_eq!(frame_seconds([mesh.clone()], 1, &rays), None);
+        assert_eq!(frame_seconds([frame(3.0)], 1, &rays), Some(3.5));
+        // Frames of a preview do not count.
+        assert_eq!(frame_seconds(all(), 1, &BTreeSet::from([200])), None);
     }
 }

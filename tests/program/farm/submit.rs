@@ -1,5 +1,7 @@
 //! `lightpath submit slurm`: arguments of `sbatch` for any names. `cluster.rs` runs them.
 
+use std::process::Command;
+
 use crate::support::program::{self, PYRAMID, Scratch};
 
 fn scratch(frames: u32) -> Scratch {
@@ -77,13 +79,74 @@ fn the_memory_of_a_task_covers_the_limit_of_the_job() {
     assert_eq!(memory(&["--memory", "9G"]), "9216M");
     for (limits, flags, message) in [
         (r#"{ "memory": "8G" }"#, &["--memory", "1G"][..], "--memory: found 1.0 GiB, expected at"),
-        (r#"{ "memory": "lots" }"#, &[], "limits/memory: found \"lots\""),
+        (r#"{ "memory": "lots" }"#, &[], "(/limits/memory): found \"lots\""),
     ] {
         job(limits);
         let done = submit(&scratch, flags);
         assert_eq!(done.code(), 2, "{}", done.stderr());
         assert!(done.stderr().contains(message), "{}", done.stderr());
     }
+}
+
+#[test]
+fn frames_of_a_preview_say_nothing_about_the_time() {
+    let scratch = scratch(24);
+    let journal = |primary: u32, name: &str| {
+        let frame = serde_json::json!({
+            "event": "frame", "index": 0, "input": "a.ply", "frame": 0, "outputs": [],
+            "render_s": 300.0, "write_s": 0.0, "rays": { "primary": primary }, "peak_bytes": 1,
+            "warnings": [],
+        });
+        scratch.write(&format!("out/{name}"), &format!("{frame}\n"));
+    };
+    let set = r#"{ "inputs": ["*.ply"], "turntable": { "frames": 24 }, "size": [96, 54],
+                   "set": { "/spp": 2 } }"#;
+    scratch.write("job.json", set);
+    // Frames of five minutes: tasks of two. Journals of ranges count, too.
+    journal(96 * 54 * 2, "batch.0-5.jsonl");
+    let said = submit(&scratch, &[]).good().stderr();
+    assert!(said.contains("36 tasks of 2 frames"), "{said}");
+    journal(48 * 27, "batch.0-5.jsonl");
+    let said = submit(&scratch, &[]).good().stderr();
+    assert!(said.contains("1 task of 72 frames"), "{said}");
+}
+
+#[test]
+fn time_and_memory_below_the_plan_are_told() {
+    let scratch = scratch(24);
+    let told = |flags: &[&str]| submit(&scratch, flags).good().stderr();
+    let plan = ["--frame-seconds", "100", "--minutes", "10"];
+    let said = told(&[&plan[..], &["--time", "0:05:00"]].concat());
+    assert!(said.contains("warning: --time: a task takes about 10"), "{said}");
+    let said = told(&[&plan[..], &["--time", "1:00:00", "--memory", "10M"]].concat());
+    assert!(said.contains("warning: --memory: the largest input needs about"), "{said}");
+    let said = told(&[&plan[..], &["--time", "1:00:00", "--memory", "4G"]].concat());
+    assert!(!said.contains("warning"), "{said}");
+}
+
+/// Runs the script of a task in the template of Open Job Description with a program that ends with
+/// each exit code.
+#[test]
+fn bad_inputs_do_not_fail_the_task_of_open_job_description() {
+    let template = include_str!("../../../farm/openjd-template.yaml");
+    let script = template.split("data: |\n").nth(1).unwrap();
+    let script: Vec<&str> = script.lines().take_while(|line| line.starts_with("    ")).collect();
+    let scratch = Scratch::new();
+    scratch.write("run.sh", &script.join("\n"));
+    for (ended, expected) in [(0, 0), (1, 0), (2, 2), (3, 3), (137, 137)] {
+        scratch.write("program", &format!("#!/bin/sh\necho \"$@\"\nexit {ended}\n"));
+        let program = scratch.path("program");
+        assert!(Command::new("chmod").arg("+x").arg(&program).status().unwrap().success());
+        let mut bash = Command::new("bash");
+        bash.arg(scratch.path("run.sh")).arg("4-7").arg(program).args(["job.json", "out dir"]);
+        let done = program::Done::of(&mut bash);
+        assert_eq!(done.code(), expected, "{ended}: {}", done.stderr());
+        let said = "batch job.json -o out dir --range 4..8 --resume --progress openjd\n";
+        assert_eq!(done.stdout(), said);
+    }
+    // The last step renders nothing.
+    let sheet = template.split("- name: Sheet").nth(1).unwrap();
+    assert!(sheet.contains("--sheet-only") && !sheet.contains("--resume"), "{sheet}");
 }
 
 #[test]
@@ -125,6 +188,8 @@ fn bad_input_is_refused() {
         (&["slurm", "job.json", "--frame-seconds", "-1"], "--frame-seconds"),
         (&["slurm", "job.json", "--frame-seconds", "nan"], "--frame-seconds"),
         (&["slurm", "job.json", "--time", "1\n#SBATCH --wrap=x"], "line break"),
+        (&["slurm", "job.json", "--time", "blah"], "--time: found \"blah\", expected MINUTES"),
+        (&["slurm", "job.json", "--time", "1"], "expected more than a minute"),
         (&["pbs", "job.json"], "pbs"),
     ];
     for (args, text) in cases {
