@@ -212,13 +212,20 @@ pub fn write(
 /// # Errors
 /// The first contradiction.
 pub fn check_storage(scene: &Scene, storage: Storage) -> Result<()> {
-    let mattes = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
-    if storage.compression.is_lossy() && scene.layers.iter().any(mattes) {
-        let message =
-            "found dwaa with cryptomatte: its losses change the ids, so mattes cannot be found";
-        return Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"));
+    if !storage.compression.is_lossy() {
+        return Ok(());
     }
-    Ok(())
+    let harmed = |layer: &Layer| match layer {
+        Layer::CryptoObject | Layer::CryptoMaterial => {
+            Some(("cryptomatte", "its losses change the ids, so mattes cannot be found"))
+        }
+        Layer::Position => Some(("P", "it keeps `P.Y` as halves, up to 65504")),
+        Layer::Distance => Some(("distance", "it keeps `distance.Y` as halves, up to 65504")),
+        _ => None,
+    };
+    let Some((layer, why)) = scene.layers.iter().find_map(harmed) else { return Ok(()) };
+    let message = format!("found dwaa with {layer}: {why}");
+    Err(Error::invalid("--compression", message).help("zip, zips, piz, rle or none"))
 }
 
 /// Returns the header attributes that say how the EXR was made. They are equal for equal pictures,
@@ -300,7 +307,8 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
             ["pixel with a NaN or infinite value was", "pixels with a NaN or infinite value were"];
         let pixels = counted(oddities.non_finite, what);
         let message = format!("{pixels} written as 0 or 65504, the first at {spot}");
-        warnings.push(Problem::new("", message).help("please report this with the scene"));
+        let help = "are coefficients or lights huge? Otherwise please report this with the scene";
+        warnings.push(Problem::new("", message).help(help));
     }
     if let Some(spot) = &oddities.first_clamped {
         let what = [
@@ -309,7 +317,8 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         ];
         let pixels = counted(oddities.clamped, what);
         let message = format!("{pixels} clamped to 65504 in the EXR, the first at {spot}");
-        warnings.push(Problem::new("", message).help("make the lights weaker, or write --float"));
+        let help = "make the lights weaker, or write --float, without dwaa";
+        warnings.push(Problem::new("", message).help(help));
     }
     warnings.extend(dropped(&oddities.dropped));
     warnings

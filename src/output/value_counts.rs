@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::exr::Options;
 use crate::film::{ChannelKind, Dropped, Film};
 
 /// Largest finite value of a half-float.
@@ -42,31 +43,32 @@ pub struct ValueCounts {
 
 impl ValueCounts {
     /// Counts the pixels of a film with such values, on the threads of the caller's rayon pool.
-    /// With `float`, no value is written as a half, so none is clamped.
-    pub fn count(film: &Film, float: bool) -> Self {
+    /// With `float`, only the compression makes halves of values.
+    pub fn count(film: &Film, options: &Options) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
-        let largest = |kind| match kind {
-            ChannelKind::Half if !float => HALF_MAX,
+        let largest = |name: &str, kind| match kind {
+            ChannelKind::Half if !options.float => HALF_MAX,
+            _ if options.compression.halves(name) => HALF_MAX,
             _ => f32::MAX,
         };
-        let beauty = largest(ChannelKind::Half);
+        let beauty = ["R", "G", "B", "A"].map(|name| largest(name, ChannelKind::Half));
         let kinds = film.planes.channels.iter().enumerate();
         let floats: Vec<(usize, f32)> = kinds
             .filter(|(_, channel)| channel.kind != ChannelKind::Uint)
-            .map(|(i, channel)| (i, largest(channel.kind)))
+            .map(|(i, channel)| (i, largest(&channel.name, channel.kind)))
             .collect();
         let found = rows.map(|(row, pixels)| {
             let mut found = Self::default();
             for (column, pixel) in pixels.iter().enumerate() {
                 let index = row * width + column;
                 // NaN fails the comparison, so the common case is one test per channel.
-                if pixel.iter().all(|c| c.abs() <= beauty)
+                if pixel.iter().zip(beauty).all(|(c, limit)| c.abs() <= limit)
                     && floats.iter().all(|&(i, limit)| film.planes.float(i, index).abs() <= limit)
                 {
                     continue;
                 }
-                let names = ["R", "G", "B", "A"].into_iter().zip(*pixel).zip([beauty; 4]);
+                let names = ["R", "G", "B", "A"].into_iter().zip(*pixel).zip(beauty);
                 let planes = floats.iter().map(|&(i, limit)| {
                     let name = film.planes.channels[i].name.as_str();
                     ((name, film.planes.float(i, index)), limit)

@@ -18,7 +18,8 @@ pub enum Compression {
     Rle,
     /// No compression at all.
     None,
-    /// DWAA over 32 lines: a lossy DCT for channels named R, G, B or Y, lossless for all others.
+    /// DWAA over 32 lines: a lossy DCT of halves for channels named R, G, B or Y, lossless for all
+    /// others.
     Dwaa,
 }
 
@@ -41,6 +42,12 @@ impl Compression {
     /// Returns true if the method changes values.
     pub fn is_lossy(self) -> bool {
         self == Self::Dwaa
+    }
+
+    /// Returns true if the method keeps the values of a channel as halves, whatever its type.
+    pub fn halves(self, channel: &str) -> bool {
+        let axis = channel.rsplit('.').next().unwrap_or_default();
+        self == Self::Dwaa && ["R", "G", "B", "Y"].contains(&axis)
     }
 }
 

@@ -84,8 +84,26 @@ fn lights_that_share_a_name_are_told_apart_only_where_it_matters() {
 }
 
 #[test]
-fn lossy_compression_and_mattes_exclude_each_other() {
+fn lossy_compression_and_layers_of_more_bits_exclude_each_other() {
     let scratch = scratch();
+    for layer in ["P", "distance"] {
+        let done = render(&scratch, &["--aov", layer, "--compression", "dwaa"]);
+        assert_eq!(done.code(), 2);
+        let expected = format!("--compression: found dwaa with {layer}: ");
+        assert!(done.stderr().contains(&expected), "{}", done.stderr());
+    }
+    // The depth is not called R, G, B or Y.
+    let bright = ["--set", "/scene/backgroundcolor=[1e5,0,0]", "--aov", "Z", "--float"];
+    let run = |flags: &[&str]| {
+        scratch.run(&[&["render", "s.json", "-o", "b"], &bright[..], flags].concat()).good()
+    };
+    let said = run(&["--compression", "dwaa"]).stderr();
+    assert!(
+        said.contains("were clamped to 65504 in the EXR, the first at x 0, y 0 in R"),
+        "{said}"
+    );
+    assert_eq!(scratch.floats("b.exr")["Z"][0], 1e30);
+    assert!(!run(&[]).stderr().contains("clamped"));
     let done = render(&scratch, &["--aov", "cryptomatte", "--compression", "dwaa"]);
     assert_eq!(done.code(), 2);
     assert!(done.stderr().contains("ids"), "{}", done.stderr());
