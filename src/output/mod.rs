@@ -14,6 +14,7 @@ pub mod over;
 pub mod png;
 pub mod preview;
 pub mod srgb;
+pub mod stored_curve;
 pub mod text;
 pub mod tonemap;
 mod value_counts;

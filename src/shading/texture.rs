@@ -21,6 +21,8 @@ use crate::scene::{Filter, Wrap};
 pub struct Texture {
     image: TexelImage,
     had_alpha: bool,
+    ignored_gamma: Option<f64>,
+    lacks_disk: bool,
     negative: Option<Negative>,
     stamp: Option<Stamp>,
     mip_map: Option<Box<MipMap>>,
@@ -41,17 +43,22 @@ impl Texture {
         Ok(image_file::size(path, whole)?.1)
     }
 
-    /// Reads a whole image that needs at most `max_bytes` while it is decoded.
+    /// Reads a whole image that needs at most `max_bytes` while it is decoded. The `gAMA` chunk of
+    /// a PNG counts.
     pub fn load_within(path: &Path, max_bytes: u64) -> Result<Self> {
-        Self::load(ImageRequest { path, color_space: None, max_bytes, whole: u64::MAX })
+        Ok(Self::new(image_file::read_by_gamma(path, max_bytes)?, u64::MAX))
     }
 
     /// Reads an image. One that is kept in tiles lies in a temporary file, and memory is taken only
     /// for the texels that threads looked at last.
     pub fn load(request: ImageRequest) -> Result<Self> {
-        let DecodedImage { image, had_alpha, stamp } = image_file::read(request)?;
-        let negative = image.negative();
-        Ok(Self { image, had_alpha, negative, stamp, mip_map: None, whole: request.whole })
+        Ok(Self::new(image_file::read(request)?, request.whole))
+    }
+
+    fn new(decoded: DecodedImage, whole: u64) -> Self {
+        let DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, stamp } = decoded;
+        let (negative, mip_map) = (image.negative(), None);
+        Self { image, had_alpha, ignored_gamma, lacks_disk, negative, stamp, mip_map, whole }
     }
 
     /// Width in texels, >= 1.
@@ -67,6 +74,16 @@ impl Texture {
     /// Whether the file has an alpha channel, which is ignored.
     pub fn had_alpha(&self) -> bool {
         self.had_alpha
+    }
+
+    /// Value of a PNG's `gAMA` chunk that is not that of sRGB, if it is ignored.
+    pub fn ignored_gamma(&self) -> Option<f64> {
+        self.ignored_gamma
+    }
+
+    /// Whether the image is in memory because no disk has space for its tiles.
+    pub fn lacks_disk(&self) -> bool {
+        self.lacks_disk
     }
 
     /// Texels with negative values, if there are any. They are kept.

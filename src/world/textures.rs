@@ -12,7 +12,7 @@ use crate::shading::{
     DEFAULT_MAX_BYTES, ImageRequest, Material, Negative, Texture, TextureChoice, TexturesByFace,
     WHOLE_TEXELS,
 };
-use crate::units::plural;
+use crate::units::{self, plural};
 
 use super::sources::{LoadLog, beside};
 
@@ -249,12 +249,28 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
     warn_of_texels(&spec.place, &spec.path, texture, warnings);
 }
 
-/// Warns of alpha, and of texels below 0: no real surface has them, and they make radiance
-/// negative.
+/// Warns of alpha, of a gamma chunk, of a large image in memory, and of texels below 0: no real
+/// surface has them, and they make radiance negative.
 fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
     if texture.had_alpha() {
         let message = format!("the alpha channel of {} is ignored", path.display());
         warnings.push(Problem::new(place, message));
+    }
+    if let Some(gamma) = texture.ignored_gamma() {
+        let message = format!(
+            "the gAMA chunk of {} ({gamma}) is ignored: it is read as sRGB",
+            path.display()
+        );
+        let help = "set `colorspace` of the material to linear or srgb";
+        warnings.push(Problem::new(place, message).help(help));
+    }
+    if texture.lacks_disk() {
+        let message = format!(
+            "{} takes {} of memory: no disk has space for its temporary file",
+            path.display(),
+            units::bytes(texture.bytes())
+        );
+        warnings.push(Problem::new(place, message).help("set TMPDIR to a folder on a disk"));
     }
     let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
     let message = format!(

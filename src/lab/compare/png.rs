@@ -7,10 +7,10 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use png::{BitDepth, ColorType, Decoder, DecodingError, Info, Limits, Transformations};
+use png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Transformations};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::output::srgb;
+use crate::output::stored_curve::{self, StoredCurve};
 
 use super::layer::{MAX_BYTES, Meaning, PictureLayer, fits};
 
@@ -22,7 +22,8 @@ pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     let mut decoder = Decoder::new_with_limits(BufReader::new(file), limits);
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(failed)?;
-    let curve = Curve::of(reader.info());
+    let gamma = stored_curve::gamma(reader.info());
+    let curve = gamma.map_or(StoredCurve::Srgb, StoredCurve::of_gamma);
     let bytes = reader.output_buffer_size().unwrap_or(usize::MAX);
     fits(path, bytes as u64)?;
     let mut buffer = Vec::new();
@@ -51,7 +52,7 @@ pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     for pixel in values.chunks_exact(channels) {
         let a = if with_alpha { pixel[channels - 1] } else { 1.0 };
         let at = |c: usize| pixel[if channels < 3 { 0 } else { c }];
-        light.extend((0..3).map(|c| (curve.linear(at(c)) * a) as f32));
+        light.extend((0..3).map(|c| (curve.to_linear(at(c)) * a) as f32));
         if with_alpha {
             alpha.push(a as f32);
         }
@@ -71,35 +72,6 @@ pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
         layers.push(layer("A", Meaning::Data, &["A"], alpha));
     }
     Ok(layers)
-}
-
-/// Encoding of the values in the file.
-#[derive(Debug, Clone, Copy)]
-enum Curve {
-    Srgb,
-    /// A value raised to this power is linear.
-    Power(f64),
-}
-
-impl Curve {
-    fn of(info: &Info) -> Self {
-        match (info.srgb, info.gama_chunk) {
-            (None, Some(gamma)) if gamma.into_value() > 0.0 => {
-                let gamma = f64::from(gamma.into_value());
-                // A gamma of 1 / 2.2 is a common approximation of sRGB.
-                if (gamma - 1.0 / 2.2).abs() < 1e-3 { Self::Srgb } else { Self::Power(1.0 / gamma) }
-            }
-            _ => Self::Srgb,
-        }
-    }
-
-    fn linear(self, value: f64) -> f64 {
-        match self {
-            Self::Srgb => srgb::to_linear(value),
-            Self::Power(1.0) => value,
-            Self::Power(power) => value.powf(power),
-        }
-    }
 }
 
 fn decoding_error(path: &Path, error: DecodingError) -> Error {

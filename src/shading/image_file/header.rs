@@ -10,6 +10,7 @@ use super::exr::ExrLayout;
 use super::{jpeg_segments, pnm};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
+use crate::output::stored_curve;
 use crate::shading::tiles;
 
 const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
@@ -40,6 +41,8 @@ pub(super) struct Opened {
     pub(super) by_rows: bool,
     /// Size of the file.
     pub(super) bytes: u64,
+    /// Gamma of a PNG's values, if its header has one and is not damaged.
+    pub(super) gamma: Option<f64>,
 }
 
 impl Opened {
@@ -87,8 +90,15 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
         return Err(Error::invalid(name(path), "not an image of a known format")
             .help(format!("textures are {FORMATS}")));
     };
+    let mut gamma = None;
     let by_rows = match format {
-        ImageFormat::Png => interlacing == Some(0),
+        ImageFormat::Png => {
+            let mut file = reader.into_inner();
+            gamma = png_gamma(&mut file, max_bytes);
+            file.rewind().map_err(failed)?;
+            reader = ImageReader::with_format(file, format);
+            interlacing == Some(0)
+        }
         ImageFormat::Jpeg => {
             let mut file = reader.into_inner();
             let in_order = jpeg_segments::rows_are_in_order(&mut file).map_err(failed)?;
@@ -114,7 +124,14 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
             ImageSource::Image(format, Box::new(reader.into_decoder().map_err(failed)?), None)
         }
     };
-    Ok(Opened { source, stamp, by_rows, bytes })
+    Ok(Opened { source, stamp, by_rows, bytes, gamma })
+}
+
+/// The gamma of a PNG. Errors are left to the decoder of the image.
+fn png_gamma(file: &mut BufReader<File>, max_bytes: u64) -> Option<f64> {
+    let bytes = usize::try_from(decoder_limit(max_bytes)).unwrap_or(usize::MAX);
+    let decoder = png::Decoder::new_with_limits(file, png::Limits { bytes });
+    stored_curve::gamma(decoder.read_info().ok()?.info())
 }
 
 /// Bytes that a file's metadata may take, such as colour profiles and XMP. Nobody counts them

@@ -4,9 +4,9 @@
 //! format, never the file name. Texels are decoded to linear light before filtering: integer images
 //! of any format from sRGB, float images unchanged, unless the scene sets the colour space.
 //! Integers are divided by the largest value of their type; Netpbm samples are divided by the white
-//! level of their header. Embedded colour profiles, gamma chunks and EXIF orientations are ignored;
-//! alpha is dropped. The texture of an OpenEXR is its display window; memory is allocated only for
-//! the pixels in the file.
+//! level of their header. Gamma chunks count in [`read_by_gamma`] alone. Embedded colour profiles
+//! and EXIF orientations are ignored; alpha is dropped. The texture of an OpenEXR is its display
+//! window; memory is allocated only for the pixels in the file.
 //!
 //! Rejected are:
 //!
@@ -34,7 +34,7 @@ use super::texel_image::TexelImage;
 use super::tiles::{TileWriter, Tiles};
 use crate::error::{Error, Result};
 use crate::files::Stamp;
-use crate::output::srgb;
+use crate::output::stored_curve::StoredCurve;
 use crate::reserve;
 use crate::scene::ColorSpace;
 use exr::ExrLayout;
@@ -51,6 +51,10 @@ pub struct DecodedImage {
     pub image: TexelImage,
     /// Whether the file has an alpha channel, which is ignored.
     pub had_alpha: bool,
+    /// Gamma of a PNG that is not that of sRGB, if it is ignored.
+    pub ignored_gamma: Option<f64>,
+    /// Whether the image is in memory because no disk has space for its tiles.
+    pub lacks_disk: bool,
     /// Stamp of the file when it was opened.
     pub stamp: Option<Stamp>,
 }
@@ -82,15 +86,37 @@ pub struct ImageRequest<'a> {
     pub whole: u64,
 }
 
+impl ImageRequest<'_> {
+    /// The curve that the scene sets.
+    fn curve(&self) -> Option<StoredCurve> {
+        self.color_space.map(|space| match space {
+            ColorSpace::Srgb => StoredCurve::Srgb,
+            ColorSpace::Linear => StoredCurve::LINEAR,
+        })
+    }
+}
+
 /// Reads an image.
 pub fn read(request: ImageRequest) -> Result<DecodedImage> {
-    let ImageRequest { path, max_bytes, whole, .. } = request;
+    let ImageRequest { path, color_space, max_bytes, whole } = request;
     let opened = source(path, max_bytes)?;
-    if opened.is_for_tiles(whole) {
-        return read_in_tiles(request, opened);
-    }
+    let is_ignored =
+        |gamma: &f64| color_space.is_none() && StoredCurve::of_gamma(*gamma) != StoredCurve::Srgb;
+    let ignored_gamma = opened.gamma.filter(is_ignored);
+    let decoded = if opened.is_for_tiles(whole) {
+        read_in_tiles(request, opened)?
+    } else {
+        let needed = check_size(path, &opened, max_bytes)?;
+        read_whole(path, request.curve(), opened, needed)?
+    };
+    Ok(DecodedImage { ignored_gamma, ..decoded })
+}
+
+/// Reads a whole image that needs at most `max_bytes`, by the `gAMA` chunk of a PNG.
+pub fn read_by_gamma(path: &Path, max_bytes: u64) -> Result<DecodedImage> {
+    let opened = source(path, max_bytes)?;
     let needed = check_size(path, &opened, max_bytes)?;
-    read_whole(request, opened, needed)
+    read_whole(path, opened.gamma.map(StoredCurve::of_gamma), opened, needed)
 }
 
 /// [`read`] for an image of many texels.
@@ -112,8 +138,13 @@ fn read_in_tiles(request: ImageRequest, opened: Opened) -> Result<DecodedImage> 
     };
     let tiles = Tiles::new(opened.source.dimensions(), 3);
     let needed = check_size(path, &opened, max_bytes)?;
-    let decoded = read_whole(request, opened, needed)?;
-    let Some(tiles) = tiles else { return Ok(decoded) };
+    let decoded = read_whole(path, request.curve(), opened, needed)?;
+    into_tiles(decoded, tiles, path)
+}
+
+/// Moves an image in memory into tiles, if a disk has space for them.
+fn into_tiles(decoded: DecodedImage, tiles: Option<Tiles>, path: &Path) -> Result<DecodedImage> {
+    let Some(tiles) = tiles else { return Ok(DecodedImage { lacks_disk: true, ..decoded }) };
     let image = decoded.image.into_tiles(TileWriter::new(tiles, &name(path))?)?;
     Ok(DecodedImage { image, ..decoded })
 }
@@ -126,7 +157,7 @@ fn read_by_rows(
     format: ImageFormat,
     header: Box<dyn ImageDecoder>,
 ) -> Result<Option<DecodedImage>> {
-    let ImageRequest { path, color_space, max_bytes, .. } = request;
+    let ImageRequest { path, max_bytes, .. } = request;
     let (size, bytes) = (header.dimensions(), header.total_bytes());
     let had_alpha = header.color_type().has_alpha();
     drop(header);
@@ -138,17 +169,22 @@ fn read_by_rows(
         let Some(pixels) = FilePages::new(bytes) else { return Ok(None) };
         jpeg_rows::read(path, tiles, pixels)?
     };
-    let image = TexelImage::from_tiles(tiles, byte_table(color_space, 255));
-    Ok(Some(DecodedImage { image, had_alpha, stamp }))
+    let image = TexelImage::from_tiles(tiles, byte_table(request.curve(), 255));
+    Ok(Some(DecodedImage { image, had_alpha, ignored_gamma: None, lacks_disk: false, stamp }))
 }
 
-/// Reads an image into memory. Decoding takes `needed` bytes.
-fn read_whole(request: ImageRequest, opened: Opened, needed: u64) -> Result<DecodedImage> {
-    let ImageRequest { path, color_space, .. } = request;
+/// Reads an image into memory. Decoding takes `needed` bytes. Without a `curve`, the format
+/// decides.
+fn read_whole(
+    path: &Path,
+    curve: Option<StoredCurve>,
+    opened: Opened,
+    needed: u64,
+) -> Result<DecodedImage> {
     let (had_alpha, image) = match opened.source {
         ImageSource::Exr(layout, mut file) => {
             let floats = layout.read(&mut file, path)?;
-            (layout.has_alpha, decode_exr(layout, floats, color_space))
+            (layout.has_alpha, decode_exr(layout, floats, curve))
         }
         ImageSource::Image(format, decoder, white) => {
             let had_alpha = decoder.color_type().has_alpha();
@@ -159,7 +195,7 @@ fn read_whole(request: ImageRequest, opened: Opened, needed: u64) -> Result<Deco
             reserve::probe(needed, &name(path))?;
             let image = DynamicImage::from_decoder(decoder).map_err(|e| explain(path, e))?;
             let width = u64::from(image.width());
-            let image = decode(image, color_space, white).map_err(|texel| {
+            let image = decode(image, curve, white).map_err(|texel| {
                 let (x, y) = (texel % width, texel / width);
                 let white = white.unwrap_or_default();
                 let message = format!(
@@ -176,7 +212,8 @@ fn read_whole(request: ImageRequest, opened: Opened, needed: u64) -> Result<Deco
             format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
         ));
     }
-    Ok(DecodedImage { image, had_alpha, stamp: opened.stamp })
+    let (ignored_gamma, lacks_disk) = (None, false);
+    Ok(DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, stamp: opened.stamp })
 }
 
 /// Drops alpha, expands grey to RGB and makes values linear. `white` is the divisor of integers, if
@@ -186,15 +223,15 @@ fn read_whole(request: ImageRequest, opened: Opened, needed: u64) -> Result<Deco
 /// The first texel (row by row) with a value above `white`.
 fn decode(
     image: DynamicImage,
-    color_space: Option<ColorSpace>,
+    curve: Option<StoredCurve>,
     white: Option<u16>,
 ) -> std::result::Result<TexelImage, u64> {
     let size = (image.width(), image.height());
     let color = image.color();
     let bytes_per_value = color.bytes_per_pixel() / color.channel_count();
     let is_float = matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
-    let default = if is_float { ColorSpace::Linear } else { ColorSpace::Srgb };
-    let linear = |stored: f64| linear(stored, color_space.unwrap_or(default));
+    let default = if is_float { StoredCurve::LINEAR } else { StoredCurve::Srgb };
+    let linear = |stored: f64| curve.unwrap_or(default).to_linear(stored) as f32;
     let beyond = |at: Option<usize>| at.map_or(Ok(()), |at| Err(at as u64 / 3));
     if is_float {
         let mut floats = image.into_rgb32f().into_raw();
@@ -208,7 +245,7 @@ fn decode(
         if white < 255 {
             beyond(bytes.iter().position(|&byte| u16::from(byte) > white))?;
         }
-        Ok(TexelImage::from_bytes(size, bytes, byte_table(color_space, white)))
+        Ok(TexelImage::from_bytes(size, bytes, byte_table(curve, white)))
     } else {
         let words = image.into_rgb16().into_raw();
         let white = white.unwrap_or(65535);
@@ -220,28 +257,16 @@ fn decode(
     }
 }
 
-/// The linear value of a stored value.
-fn linear(stored: f64, color_space: ColorSpace) -> f32 {
-    match color_space {
-        ColorSpace::Srgb => srgb::to_linear(stored) as f32,
-        ColorSpace::Linear => stored as f32,
-    }
-}
-
 /// The linear value of each byte. `white` is 1.
-fn byte_table(color_space: Option<ColorSpace>, white: u16) -> Box<[f32; 256]> {
-    let space = color_space.unwrap_or(ColorSpace::Srgb);
-    Box::new(std::array::from_fn(|byte| linear(byte as f64 / f64::from(white), space)))
+fn byte_table(curve: Option<StoredCurve>, white: u16) -> Box<[f32; 256]> {
+    let curve = curve.unwrap_or(StoredCurve::Srgb);
+    Box::new(std::array::from_fn(|byte| curve.to_linear(byte as f64 / f64::from(white)) as f32))
 }
 
 /// The image of an EXR: linear unless the scene sets another colour space.
-fn decode_exr(
-    layout: ExrLayout,
-    mut floats: Vec<f32>,
-    color_space: Option<ColorSpace>,
-) -> TexelImage {
-    if color_space == Some(ColorSpace::Srgb) {
-        floats.iter_mut().for_each(|v| *v = srgb::to_linear(f64::from(*v)) as f32);
+fn decode_exr(layout: ExrLayout, mut floats: Vec<f32>, curve: Option<StoredCurve>) -> TexelImage {
+    if let Some(curve) = curve {
+        floats.iter_mut().for_each(|v| *v = curve.to_linear(f64::from(*v)) as f32);
     }
     let ExrLayout { size, columns, rows, .. } = layout;
     TexelImage::from_part(size.into(), columns, rows, floats)

@@ -8,6 +8,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::error::ErrorKind;
+use crate::output::srgb;
 use crate::scene::Wrap;
 
 const R: Wrap = Wrap::Repeat;
@@ -198,6 +199,17 @@ fn hdr_and_exr_are_linear_and_unbounded() {
     }
 }
 
+/// Without a disk, a large image stays in memory.
+#[test]
+fn an_image_without_space_for_its_tiles_is_kept_and_told() {
+    let t = load("t.ppm", b"P6 2 1 255\n\x00\x80\xff\xff\x80\xff");
+    assert!(!t.lacks_disk);
+    let expected = nearest(&t, 0.1, 0.5);
+    let kept = into_tiles(t, None, Path::new("t.ppm")).unwrap();
+    assert!(kept.lacks_disk && kept.image.tiles().is_none());
+    assert_eq!(nearest(&kept, 0.1, 0.5), expected);
+}
+
 #[test]
 fn exr_alpha_is_dropped_and_nan_refused() {
     let rgba = image::Rgba32FImage::from_pixel(2, 2, Rgba([1.0, 2.0, 3.0, 0.5]));
@@ -286,7 +298,7 @@ fn files_that_are_no_images_have_clear_errors() {
     assert!(error("t.png", b"").to_string().contains("is empty"));
     let unknown = error("t.png", b"hello world, this is text").to_string();
     assert!(unknown.contains("not an image of a known format"), "{unknown}");
-    assert!(unknown.contains("PNG, JPEG"));
+    assert!(unknown.contains("Netpbm (P1 to P7), PNG, JPEG"));
     let webp = error("t.webp", b"RIFF\x00\x00\x00\x00WEBPVP8 ");
     assert_eq!(webp.kind, ErrorKind::Unsupported);
 }

@@ -158,6 +158,47 @@ fn alpha_and_negative_texels_of_a_plate_are_told() {
     assert!(dark.contains(expected) && !dark.contains("alpha"), "{dark}");
 }
 
+/// Writes a grey PNG of linear values.
+fn linear_png(scratch: &Scratch, name: &str, value: u8) {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 40, 30);
+    encoder.set_source_gamma(png::ScaledFloat::new(1.0));
+    encoder.write_header().unwrap().write_image_data(&[value; 40 * 30]).unwrap();
+    std::fs::write(scratch.path(name), bytes).unwrap();
+}
+
+#[test]
+fn a_plate_of_linear_values_is_as_bright_as_it_says() {
+    let scratch = scratch();
+    linear_png(&scratch, "linear.png", 51);
+    exr::prelude::write_rgb_file(scratch.path("same.exr"), 40, 30, |_, _| (0.2f32, 0.2f32, 0.2f32))
+        .unwrap();
+    for (name, plate) in [("a", "linear.png"), ("b", "same.exr")] {
+        render(&scratch, name, &["--transparent", "--over", plate]);
+    }
+    assert!(scratch.read("a.png") == scratch.read("b.png"));
+}
+
+#[test]
+fn a_gamma_that_a_texture_ignores_is_told() {
+    let scratch = Scratch::new();
+    linear_png(&scratch, "linear.png", 51);
+    let said = |material: &str| {
+        let material = format!(r#""material": {{ "tPath": "linear.png"{material} }}"#);
+        let scene = SCENE.replace(r#""material": { "kr": 0.3 }"#, &material);
+        assert_ne!(scene, SCENE);
+        scratch.write("s.json", &scene);
+        scratch.run(&["render", "s.json", "-o", "o", "--spp", "1"]).good().stderr()
+    };
+    let warned = said("");
+    let expected = "the gAMA chunk of linear.png (1) is ignored: it is read as sRGB";
+    assert!(warned.contains(expected) && warned.contains("`colorspace`"), "{warned}");
+    for space in ["srgb", "linear"] {
+        let said = said(&format!(r#", "colorspace": "{space}""#));
+        assert!(!said.contains("gAMA"), "{said}");
+    }
+}
+
 #[test]
 fn contradictions_are_refused_before_anything_is_written() {
     let refusals = Refusals::new();
