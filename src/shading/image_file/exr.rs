@@ -10,6 +10,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use exr::meta::MetaData;
+use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, read};
 
@@ -36,7 +37,7 @@ impl ExrLayout {
     /// Reads the layout from the header of a file.
     ///
     /// # Errors
-    /// `Invalid` for a file that is no EXR or has no channels R, G and B.
+    /// `Invalid` for a file that is no EXR or has no channels R, G and B of half or float.
     pub fn read_header(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
         exr_check::check(path)?;
         rewind(file, path)?;
@@ -50,6 +51,15 @@ impl ExrLayout {
             let message = "cannot read this EXR: found no part with the channels R, G and B";
             return Err(Error::invalid(path.display().to_string(), message));
         };
+        let mut colours = header
+            .channels
+            .list
+            .iter()
+            .filter(|channel| ["R", "G", "B"].iter().any(|name| channel.name.eq(name)));
+        if colours.any(|channel| channel.sample_type == SampleType::U32) {
+            let message = "found R, G or B of type uint, expected half or float";
+            return Err(Error::invalid(path.display().to_string(), message));
+        }
         let display = header.shared_attributes.display_window;
         let (data, first) = (header.layer_size, header.own_attributes.layer_position);
         let side = |size: usize| u32::try_from(size).unwrap_or(u32::MAX);

@@ -1,9 +1,10 @@
 //! Headers of image files: format detection by content, and error messages.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Seek};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use image::codecs::hdr::HdrDecoder;
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::ExrLayout;
@@ -13,10 +14,13 @@ use crate::files::Stamp;
 use crate::output::stored_curve;
 use crate::shading::tiles;
 
-const FORMATS: &str = "PPM (P3, P6), PNG, JPEG, Radiance HDR or OpenEXR";
+const FORMATS: &str = "Netpbm (P1 to P7), PNG, JPEG, Radiance HDR or OpenEXR";
 
 /// Offset of the byte of a PNG that is not 0 if the image is interlaced.
 const PNG_INTERLACING: usize = 28;
+
+/// First bytes of a Radiance file, and those that some programs write. The decoder knows the first.
+const RADIANCE: [&[u8]; 2] = [b"#?RADIANCE", b"#?RGBE"];
 
 /// Opens a regular file that is not empty.
 pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
@@ -84,8 +88,14 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     let (mut file, stamp) = open(path)?;
     let failed = |e| Error::io(path, "read the texture", &e);
     let bytes = file.get_ref().metadata().map_err(failed)?.len();
-    let interlacing = file.fill_buf().map_err(failed)?.get(PNG_INTERLACING).copied();
+    let start = file.fill_buf().map_err(failed)?;
+    let interlacing = start.get(PNG_INTERLACING).copied();
+    let [known, other] = RADIANCE;
+    let renamed = start.starts_with(other);
     let mut reader = ImageReader::new(file).with_guessed_format().map_err(failed)?;
+    if renamed {
+        reader.set_format(ImageFormat::Hdr);
+    }
     let Some(format) = reader.format() else {
         return Err(Error::invalid(name(path), "not an image of a known format")
             .help(format!("textures are {FORMATS}")));
@@ -110,6 +120,14 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     };
     let failed = |error| explain(path, error);
     let source = match format {
+        ImageFormat::Hdr if renamed => {
+            let mut file = reader.into_inner();
+            let begin = SeekFrom::Start(other.len() as u64);
+            file.seek(begin).map_err(|error| failed(ImageError::IoError(error)))?;
+            let mut decoder = HdrDecoder::new(Cursor::new(known).chain(file)).map_err(failed)?;
+            decoder.set_limits(limits(max_bytes)).map_err(failed)?;
+            ImageSource::Image(format, Box::new(decoder), None)
+        }
         ImageFormat::Pnm => {
             let (mut decoder, white) = pnm::decoder(reader.into_inner()).map_err(failed)?;
             decoder.set_limits(limits(max_bytes)).map_err(failed)?;

@@ -199,6 +199,32 @@ fn hdr_and_exr_are_linear_and_unbounded() {
     }
 }
 
+#[test]
+fn a_radiance_file_may_begin_with_its_other_name() {
+    let image = image::Rgb32FImage::from_pixel(3, 2, Rgb([4.0, 0.25, 0.0]));
+    let (folder, path) = saved("t.hdr", &DynamicImage::ImageRgb32F(image));
+    let whole = std::fs::read(path).unwrap();
+    let renamed = [&b"#?RGBE"[..], whole.strip_prefix(b"#?RADIANCE").unwrap()].concat();
+    let path = folder.path().join("renamed.hdr");
+    std::fs::write(&path, &renamed).unwrap();
+    assert_eq!(super::size(&path, u64::MAX).unwrap().0, (3, 2));
+    let t = read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+    assert_eq!(nearest(&t, 0.4, 0.6), Vec3::new(4.0, 0.25, 0.0));
+    let cut = error("cut.hdr", &renamed[..renamed.len() - 3]).to_string();
+    assert!(cut.contains("ends too early"), "{cut}");
+}
+
+#[test]
+fn an_exr_of_integers_is_refused() {
+    use ::exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+    let (_folder, path) = file("t.exr", b"");
+    let channel = |name| AnyChannel::new(name, FlatSamples::U32(vec![7; 4]));
+    let channels = AnyChannels::sort(["R", "G", "B"].map(channel).into_iter().collect());
+    Image::from_channels((2, 2), channels).write().to_file(&path).unwrap();
+    let message = read(&path, None, DEFAULT_MAX_BYTES).unwrap_err().to_string();
+    assert!(message.contains("of type uint, expected half or float"), "{message}");
+}
+
 /// Without a disk, a large image stays in memory.
 #[test]
 fn an_image_without_space_for_its_tiles_is_kept_and_told() {
