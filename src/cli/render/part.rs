@@ -216,12 +216,13 @@ fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
         let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
         return Err(Error::invalid("--overscan", message));
     }
-    check_overscan(&scene.camera, overscan).map_err(|fold| {
+    // The other pixels of the tiles need no rays: no picture keeps them.
+    check_overscan(&scene.camera, pixels).map_err(|fold| {
         let [x, y] = fold.raster.map(f64::floor);
         let message = format!(
             "found {pixels}, but the distortion of the camera folds around the frame, at pixel ({x}, {y})"
         );
-        Error::invalid("--overscan", message).help("give fewer pixels, in steps of 32")
+        Error::invalid("--overscan", message).help("give fewer pixels")
     })?;
     Ok((overscan, window))
 }

@@ -242,6 +242,36 @@ fn overscan_is_data_beside_the_frame() {
     assert!(done.stderr().contains("--overscan"), "{}", done.stderr());
 }
 
+/// The fisheye folds some 20 pixels beyond the frame.
+#[test]
+fn overscan_ends_where_a_distortion_folds() {
+    let scratch = Scratch::new();
+    let camera = r#""camera": { "type": "intrinsics", "width": 96, "height": 64, "fx": 30, "fy": 30,
+        "cx": 40.3, "cy": 35.1, "world_to_camera": [[1,0,0,0], [0,-1,0,0], [0,0,-1,4], [0,0,0,1]],
+        "distortion": { "type": "fisheye", "k1": 0.02, "k2": -0.005, "k3": 0.0003 } },"#;
+    let (start, rest) = SCENE.split_once(r#""camera""#).unwrap();
+    let (_, scene) = rest.split_once("},").unwrap();
+    scratch.write("s.json", &format!("{start}{camera}{scene}"));
+    for overscan in ["0", "1", "8"] {
+        let flags = ["-o", overscan, "--overscan", overscan, "--aov", "Z,N"];
+        let done = render(&scratch, &flags);
+        assert_eq!((done.code(), done.stderr()), (0, String::new()), "{overscan}");
+        assert!(
+            scratch.floats(&format!("{overscan}.exr")).values().flatten().all(|v| v.is_finite())
+        );
+    }
+    let rows = |name: &str| scratch.rgba(name);
+    let (frame, wide) = (rows("0.exr"), rows("8.exr"));
+    assert!(frame.iter().zip(&wide[8..]).all(|(row, wide)| row[..] == wide[8..8 + row.len()]));
+    let done = render(&scratch, &["--overscan", "60"]);
+    assert_eq!(done.code(), 2);
+    assert!(
+        done.stderr().contains("--overscan: found 60, but the distortion"),
+        "{}",
+        done.stderr()
+    );
+}
+
 #[test]
 fn the_header_names_the_origin_of_a_picture() {
     let scratch = scratch();
