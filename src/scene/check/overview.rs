@@ -38,12 +38,14 @@ impl Check<'_, '_> {
                 LightKind::Environment { .. } => continue,
                 LightKind::Sun { towards, angle_deg, .. } => {
                     let elevation = towards.y.clamp(-1.0, 1.0).asin().to_degrees();
-                    if elevation < -angle_deg / 2.0 {
+                    let pointer = format!("/scene/lightsources/{l}");
+                    // In a scene whose z is up, a `direction` may well have y < 0.
+                    let by_angles = self.document.get(&format!("{pointer}/elevation")).is_some();
+                    if by_angles && elevation < -angle_deg / 2.0 {
                         let message = format!(
                             "found the light {:.1} degrees below the horizon; y is up",
                             -elevation
                         );
-                        let pointer = format!("/scene/lightsources/{l}");
                         self.problems.warn(&pointer, message, None);
                     }
                     continue;

@@ -141,4 +141,8 @@ fn problems_of_suns_are_reported_with_their_places() {
     let loaded = LoadedScene::from_json(&floor(4, below, &[]).to_string(), &[]).unwrap();
     let warnings: Vec<String> = loaded.warnings().iter().map(ToString::to_string).collect();
     assert!(warnings.iter().any(|w| w.contains("5.0 degrees below the horizon")), "{warnings:?}");
+    // A scene may have its up elsewhere.
+    let by_direction = json!({ "type": "sun", "direction": [0, 1, -1], "id": [1, 1, 1] });
+    let loaded = LoadedScene::from_json(&floor(4, by_direction, &[]).to_string(), &[]).unwrap();
+    assert!(loaded.warnings().is_empty(), "{:?}", loaded.warnings());
 }
