@@ -67,6 +67,8 @@ pub struct RenderOptions {
     pub storage: Storage,
     /// Layers that are also written as PNGs, with the paths of the PNGs.
     pub previews: Vec<(String, PathBuf)>,
+    /// True if `--png-layer` was given.
+    pub png_layers: bool,
     /// Paths of the files of `--visible-faces` and `--png-ids`.
     pub dataset: DatasetPaths,
     /// Image of `--over`: the PNG shows the picture over it.
@@ -124,6 +126,7 @@ impl RenderOptions {
             prefix,
             storage,
             previews,
+            png_layers: !args.files.png_layer.is_empty(),
             dataset,
             plate,
             sequence: args.files.sequence(),
@@ -140,11 +143,21 @@ impl RenderOptions {
         })
     }
 
-    /// Returns warnings about options that make the picture irreproducible, and about the plate.
+    /// Returns warnings about options that make the picture irreproducible or have no effect, and
+    /// about the plate.
     pub fn warnings(&self) -> Vec<Problem> {
+        let sidecar = self.storage.crypto_sidecar && self.plan.mattes.is_empty();
+        let sidecar = sidecar.then(|| {
+            Problem::new("--crypto-sidecar", "found without cryptomattes; it has no effect")
+                .help("--aov cryptomatte")
+        });
+        let previews = self.png_layers && self.previews.is_empty();
+        let previews = previews.then(|| {
+            Problem::new("--png-layer", "found without layers; it has no effect").help("--aov all")
+        });
         let sampling = self.adaptive.as_ref().and_then(sampling::warning);
         let plate = self.plate.iter().flat_map(PlateImage::warnings);
-        sampling.into_iter().chain(plate).collect()
+        sampling.into_iter().chain(plate).chain(sidecar).chain(previews).collect()
     }
 
     /// Returns the format of the picture's files. The file of a part keeps every bit; its attribute

@@ -52,6 +52,11 @@ impl Check<'_, '_> {
                 }
             }
         }
+        let is_matte = |layer: &Layer| matches!(layer, Layer::CryptoObject | Layer::CryptoMaterial);
+        if self.document.get("/output/cryptoranks").is_some() && !layers.iter().any(is_matte) {
+            let message = "found `cryptoranks` without cryptomattes; it has no effect";
+            self.problems.warn("/output/cryptoranks", message, None);
+        }
         if layers.iter().any(|layer| layer.is_per_light()) {
             for (light, label) in collisions {
                 let pointer = format!("/scene/lightsources/{light}");

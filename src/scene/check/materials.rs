@@ -90,6 +90,11 @@ impl Check<'_, '_> {
         name: Option<&String>,
         written: &MaterialDescription,
     ) -> CheckedMaterial {
+        let has = |key: &str| self.document.get(&format!("{pointer}/{key}")).is_some();
+        if has("specularexponent") && !has("ks") {
+            let message = "found `specularexponent` without `ks`; it has no effect";
+            self.problems.warn(&format!("{pointer}/specularexponent"), message, None);
+        }
         CheckedMaterial {
             name: name.cloned(),
             kd: written.kd as f32,

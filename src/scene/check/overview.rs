@@ -3,13 +3,15 @@
 use glam::DVec3;
 
 use crate::scene::checked::{FIRST_SHADOW_POINTS, LightKind, Scene, ShapeKind};
+use crate::scene::layers::Layer;
 use crate::units::counted;
 
 use super::context::Check;
 
 impl Check<'_, '_> {
-    /// Warns about a camera or a light inside a sphere, suns below the horizon, mirrors without
-    /// bounces, at least as many draws as lights, and adaptive shadows that cannot skip a ray.
+    /// Warns about a camera or a light inside a sphere, suns below the horizon, poles without a
+    /// texture, mirrors without bounces, at least as many draws as lights, and adaptive shadows
+    /// that cannot skip a ray.
     pub(super) fn warn_about_mistakes(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
@@ -57,6 +59,15 @@ impl Check<'_, '_> {
                     "found the light inside the sphere /scene/shapes/{i}, so everything outside the sphere is in its shadow"
                 );
                 self.problems.warn(&format!("/scene/lightsources/{l}"), message, None);
+            }
+        }
+        let shows_uv = scene.layers.contains(&Layer::Uv);
+        for (i, shape) in scene.shapes.iter().enumerate() {
+            let pointer = format!("/scene/shapes/{i}/pole");
+            let used = shows_uv || scene.materials[shape.material].texture.is_some();
+            if !used && self.document.get(&pointer).is_some() {
+                let message = "found `pole` without a texture; it has no effect";
+                self.problems.warn(&pointer, message, None);
             }
         }
         if scene.nbounces == 0 && scene.materials.iter().any(|m| m.kr > 0.0) {

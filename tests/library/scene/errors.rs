@@ -439,6 +439,21 @@ fn warnings() {
             assert_eq!(told, warned, "{kind} {set}: {:?}", loaded.warnings);
         }
     }
+    for (sets, warned) in [
+        (&["/scene/shapes/0/pole=y"][..], Some("found `pole` without a texture")),
+        (&["/scene/shapes/0/pole=y", r#"/output/layers=["uv"]"#], None),
+        (
+            &["/scene/shapes/0/material/specularexponent=9"],
+            Some("found `specularexponent` without"),
+        ),
+        (&["/scene/shapes/0/material/specularexponent=9", "/scene/shapes/0/material/ks=0"], None),
+        (&["/output/cryptoranks=4"], Some("found `cryptoranks` without cryptomattes")),
+        (&["/output/cryptoranks=4", r#"/output/layers=["CryptoMaterial"]"#], None),
+    ] {
+        let loaded = text(with(CAMERA, sphere()).as_bytes(), sets).unwrap();
+        assert_eq!(loaded.warnings.len(), usize::from(warned.is_some()), "{:?}", loaded.warnings);
+        says(loaded.warnings.iter().map(|w| w.to_string()).collect(), warned.as_slice());
+    }
     for (samples, warned) in [(4, true), (5, false)] {
         let lights = format!(
             r#"/scene/lightsources=[{{"type":"arealight","v0":[3,3,3],"v1":[4,3,3],"v2":[3,3,4],"id":[1,1,1],"samples":{samples}}}]"#

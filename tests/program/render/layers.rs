@@ -273,6 +273,26 @@ fn overscan_ends_where_a_distortion_folds() {
 }
 
 #[test]
+fn options_without_effect_are_told() {
+    let scratch = scratch();
+    let said = |flags: &[&str]| {
+        let common = ["render", "s.json", "-o", "x", "--spp", "1"];
+        scratch.run(&[&common[..], flags].concat()).good().stderr()
+    };
+    let cases: [(&[&str], &[&str], &str); 3] = [
+        (&["--crypto-sidecar"], &["--aov", "cryptomatte"], "--crypto-sidecar: found without"),
+        (&["--crypto-ranks", "4"], &["--aov", "CryptoObject"], "--crypto-ranks: found"),
+        (&["--png-layer", "all"], &["--aov", "Z"], "--png-layer: found without layers"),
+    ];
+    for (flags, layers, expected) in cases {
+        let warning = said(flags);
+        assert!(warning.contains(&format!("warning: {expected}")), "{warning}");
+        let none = said(&[flags, layers].concat());
+        assert!(!none.contains("warning"), "{none}");
+    }
+}
+
+#[test]
 fn the_header_names_the_origin_of_a_picture() {
     let scratch = scratch();
     let flags = ["-o", "x", "--frame", "-7", "--fps", "23.976"];
