@@ -99,9 +99,10 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
         let message = format!("found {}, expected a finite number of stops", args.exposure);
         return Err(Error::invalid("--exposure", message));
     }
-    let known = || files.into_iter().flat_map(|file| &file.layers).map(|layer| layer.shown());
+    let layers = || files.into_iter().flat_map(|file| &file.layers);
+    let known = || layers().map(|layer| layer.shown());
     for name in &args.layer {
-        if !known().any(|other| other == name) {
+        if !layers().any(|layer| layer.is_called(name)) {
             let mut all: Vec<&str> = known().collect();
             all.sort_unstable();
             all.dedup();
@@ -110,7 +111,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
             return Err(Error::invalid("--layer", message).maybe_help(help));
         }
         for file in files {
-            if !file.layers.iter().any(|layer| layer.shown() == name) {
+            if !file.layers.iter().any(|layer| layer.is_called(name)) {
                 let names = list(file.layers.iter().map(|layer| layer.shown()));
                 let message =
                     format!("found `{name}`, which {} does not have: it has {names}", file.path);

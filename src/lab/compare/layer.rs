@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::lab::named::named;
+use crate::output::exr::layer_of;
 
 /// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
@@ -44,6 +45,11 @@ impl PictureLayer {
     /// Name of the layer in tables and messages: `beauty` for the picture itself.
     pub fn shown(&self) -> &str {
         if self.name.is_empty() { "beauty" } else { &self.name }
+    }
+
+    /// Returns whether `name` is the name of these channels or of the layer that they belong to.
+    pub fn is_called(&self, name: &str) -> bool {
+        [self.shown(), layer_of(self.shown())].contains(&name)
     }
 
     /// Returns whether the layer is light of a single channel in the file, used for R, G and B.

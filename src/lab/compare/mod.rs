@@ -23,7 +23,8 @@ use mattes::Names;
 /// Layers to compare, and the tone mapping of light to 8-bit pictures.
 #[derive(Debug, Clone)]
 pub struct CompareSettings {
-    /// Names of the layers to compare. If empty, all layers that both files have.
+    /// Names of the layers to compare, of some channels or of all of a layer. If empty, all layers
+    /// that both files have.
     pub layers: Vec<String>,
     /// Tone curve; `None` for [`CompareSettings::default_tonemap`]. `Max` divides both pictures by
     /// the largest value of the reference.
@@ -80,7 +81,7 @@ pub fn compare(
     };
     let alone = [missing(&test, &reference), missing(&reference, &test)];
     let chosen = |layer: &PictureLayer| {
-        settings.layers.is_empty() || settings.layers.iter().any(|name| name == layer.shown())
+        settings.layers.is_empty() || settings.layers.iter().any(|name| layer.is_called(name))
     };
     let mut mattes = reference.mattes;
     for (kind, names) in test.mattes {

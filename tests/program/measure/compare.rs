@@ -180,9 +180,34 @@ fn layers_are_matched_by_name() {
     // With one layer selected, thresholds apply to that layer only.
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--layer", "N", "--fail-above", "max=0"]);
     assert_eq!((done.code(), done.stdout().contains("beauty")), (0, false));
+    let done = scratch.run(&["compare", "a.exr", "b.exr", "--layer", "light_key"]);
+    assert_eq!(done.code(), 2);
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--fail-above", "max=0.4"]);
     assert!(done.stderr().contains("Z: max is 5.0000e-1, above 0.4"), "{}", done.stderr());
     assert_eq!(done.code(), 1);
+}
+
+#[test]
+fn the_name_of_a_layer_selects_all_its_channels() {
+    let scratch = Scratch::new();
+    let mut channels = light([0.5; 6]);
+    let half = || floats(&[0.5; 2]);
+    channels.extend([("uv.U", half()), ("uv.V", half()), ("primid.id", half())]);
+    channels.extend([("CryptoObject00.R", half()), ("CryptoObject01.G", half())]);
+    write_exr(&scratch.path("a.exr"), [2, 1], &channels);
+    for (layer, expected) in [
+        ("uv", &["uv.U", "uv.V"][..]),
+        ("uv.U", &["uv.U"]),
+        ("primid", &["primid.id"]),
+        ("CryptoObject", &["CryptoObject00.R", "CryptoObject01.G"]),
+        ("beauty", &["beauty"]),
+    ] {
+        let done = scratch.run(&["compare", "a.exr", "a.exr", "--json", "--layer", layer]).good();
+        let report = json(&done);
+        let names =
+            report["layers"].as_array().unwrap().iter().map(|l| l["name"].as_str().unwrap());
+        assert_eq!(names.collect::<Vec<_>>(), expected, "{layer}");
+    }
 }
 
 #[test]
