@@ -40,7 +40,11 @@ impl Check<'_, '_> {
         let Some(distortion) = camera.distortion.map(|d| distortion(&d)) else {
             return Some(Projection::Calibrated(calibration));
         };
-        if !sized {
+        // Numbers out of range are already reported. Nothing can be inverted with them.
+        let is_sound = focal.iter().all(|f| (1e-3..=1e12).contains(f))
+            && principal.iter().all(|c| c.abs() <= 1e9 + 0.5)
+            && camera.skew.abs() <= 1e6;
+        if !(sized && is_sound) {
             return None;
         }
         match shared_inverse(calibration, distortion, [camera.width, camera.height]) {

@@ -283,6 +283,14 @@ fn calibrated_cameras() {
         ],
     );
     says(lens(r#""fisheye", "k2": -0.9"#), &["(/camera/distortion/k2): ", "theta = 39."]);
+    // A bad number is not taken for a fold.
+    let fisheye = format!(r#"{TO_CAMERA}, "distortion": {{"type": "fisheye", "k2": -0.01}}"#);
+    for bad in ["fx=0", "fy=1e-300", "cx=1e12", "skew=1e9"] {
+        let bad = format!("/camera/{bad}");
+        let error = text(calibrated(&fisheye).as_bytes(), &[&bad]).unwrap_err();
+        assert_eq!(error.problems.len(), 1, "{error}");
+        says(error.to_string(), &["expected a number in ["]);
+    }
     let far = format!(r#"{TO_CAMERA}, "cx": 900"#);
     let warnings = text(calibrated(&far).as_bytes(), &[]).unwrap().warnings;
     says(warnings[0].to_string(), &["(/camera/cx): found a principal point outside of the frame"]);
