@@ -55,7 +55,11 @@ impl Check<'_, '_> {
     /// Checks that a name can be written to an EXR header. Returns the name even if it cannot.
     pub fn name(&mut self, pointer: &str, name: &Option<Name>) -> Option<String> {
         let Name(name) = name.as_ref()?;
-        if name.chars().any(char::is_control) || name.trim().is_empty() {
+        // An empty name is already reported.
+        if !name.is_empty() && name.trim().is_empty() {
+            let message = format!("found {name:?}, expected a name that is not blank");
+            self.problems.error(pointer, message, None);
+        } else if name.chars().any(char::is_control) {
             let message = format!("found {name:?}, expected a name without control characters");
             self.problems.error(pointer, message, None);
         } else if name.chars().count() > MAX_NAME_CHARS {

@@ -29,6 +29,10 @@ impl Check<'_, '_> {
         let mut layers = Vec::new();
         for (i, Name(word)) in words.iter().enumerate() {
             let pointer = format!("/output/layers/{i}");
+            // An empty word is already reported.
+            if word.is_empty() {
+                continue;
+            }
             if words[..i].iter().any(|Name(before)| before == word) {
                 let message = format!("found the layer {word:?} a second time; it is written once");
                 self.problems.warn(&pointer, message, None);

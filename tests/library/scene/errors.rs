@@ -417,6 +417,14 @@ fn common_keys_are_checked_even_if_the_type_is_unknown() {
 }
 
 #[test]
+fn names() {
+    let name = |name: &str| set(&[&format!("/scene/shapes/0/name={name}")]);
+    says(name("\"\""), &["found \"\", expected a string that is not empty"]);
+    says(name("\"  \""), &["found \"  \", expected a name that is not blank"]);
+    says(name("\"a\\nb\""), &["expected a name without control characters"]);
+}
+
+#[test]
 fn warnings() {
     let sets = [
         "/camera/position=[0,0.5,0]",

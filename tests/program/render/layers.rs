@@ -74,6 +74,17 @@ fn unknown_layers_are_refused_with_the_nearest() {
 }
 
 #[test]
+fn an_empty_layer_has_one_error() {
+    for layers in ["", "N,,Z"] {
+        let done = render(&scratch(), &["--aov", layers]);
+        assert_eq!(done.code(), 2);
+        let said = done.stderr();
+        assert!(said.contains("found \"\", expected a string that is not empty"), "{said}");
+        assert_eq!(said.matches("error: ").count(), 1, "{said}");
+    }
+}
+
+#[test]
 fn lights_that_share_a_name_are_told_apart_only_where_it_matters() {
     let scratch = scratch();
     let done = render(&scratch, &["--aov", "light"]);
