@@ -94,9 +94,10 @@ impl Origin {
     /// Returns a warning if the rounding is visible.
     pub fn warning(&self) -> Option<Problem> {
         let Self { extent, nearest, rounding, pixels, .. } = *self;
+        let share = if pixels < 1e4 { format!("{pixels:.2}") } else { format!("{pixels:.1e}") };
         let message = format!(
             "the scene is {extent:.1e} wide and its nearest shape {nearest:.1e} from the camera: \
-             there, positions are rounded to {rounding:.1e}, {pixels:.2} of a pixel"
+             there, positions are rounded to {rounding:.1e}, {share} of a pixel"
         );
         let help = "leave out what is so far away, choose smaller spheres, or move all closer to 0";
         (pixels > MAX_PIXELS).then(|| Problem::new("scene", message).help(help))
@@ -153,6 +154,8 @@ mod tests {
         let origin = choose(DVec3::new(0.5, 1.7, 4.0), &[sphere(1e14), sphere(1.0)]);
         let warning = origin.warning().unwrap().to_string();
         assert!(warning.contains("of a pixel"), "{warning}");
+        let huge = Origin { pixels: 7e300, ..origin }.warning().unwrap().to_string();
+        assert!(huge.contains(", 7.0e300 of a pixel"), "{huge}");
     }
 
     #[test]
