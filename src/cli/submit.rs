@@ -366,10 +366,10 @@ fn frame_seconds(
     let (mut frames, mut meshes) = (Vec::new(), Vec::new());
     for record in journal {
         match record {
-            JournalRecord::Frame(frame) => {
-                if frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) {
-                    frames.push(frame.render_s + frame.write_s);
-                }
+            JournalRecord::Frame(frame)
+                if frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) =>
+            {
+                frames.push(frame.render_s + frame.write_s);
             }
             JournalRecord::Mesh(mesh) => meshes.push(mesh.load_s + mesh.build_s),
             _ => {}

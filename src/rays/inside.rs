@@ -40,10 +40,10 @@ impl RayScene {
     /// Returns whether each point lies inside a mesh or on its surface.
     ///
     /// For each closed mesh the answer is exact: the crossings of a half-line are counted without
-    /// rounding, from the caller's coordinates in f64. This needs coordinates of points and vertices
-    /// that are 0 or at least 1e-70 in magnitude; below that, a sign may be lost. The meshes that are
-    /// not closed are taken together. A point is inside them if their winding number there, in
-    /// magnitude, is at least 1/2, as [`RayScene::winding_number`] computes it.
+    /// rounding, from the caller's coordinates in f64. This needs coordinates of points and
+    /// vertices that are 0 or at least 1e-70 in magnitude; below that, a sign may be lost. The
+    /// meshes that are not closed are taken together. A point is inside them if their winding
+    /// number there, in magnitude, is at least 1/2, as [`RayScene::winding_number`] computes it.
     ///
     /// # Errors
     /// `Invalid` for a point with a coordinate that is not finite or beyond 1e18 in magnitude;
@@ -147,8 +147,8 @@ impl RayScene {
 
 /// Returns the value of a cell, which `compute` makes if the cell is empty.
 ///
-/// The cell is not locked while `compute` runs; two threads may both compute the value. With a lock,
-/// a thread of a pool that waits for others might begin another query, and wait for itself.
+/// The cell is not locked while `compute` runs; two threads may both compute the value. With a
+/// lock, a thread of a pool that waits for others might begin another query, and wait for itself.
 fn known<T>(cell: &OnceLock<T>, compute: impl FnOnce() -> Result<T>) -> Result<&T> {
     if let Some(value) = cell.get() {
         return Ok(value);

@@ -115,7 +115,8 @@ struct Refine<'a> {
 impl Kernel for Refine<'_> {
     type Output = Refined;
 
-    /// Moeller and Trumbore 1997, eq. 6, with the operations of [`crate::geometry::refine_triangle`].
+    /// Moeller and Trumbore 1997, eq. 6, with the operations of
+    /// [`crate::geometry::refine_triangle`].
     #[inline(always)]
     fn run(self) -> Refined {
         let Self { rays, hits, corners: [v0, v1, v2] } = self;

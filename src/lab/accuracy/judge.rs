@@ -58,8 +58,8 @@ impl AimedPacket {
         packet
     }
 
-    /// Sets ray `i` from `origin`, rounded to f32, to `goal`. But for the rounding of the direction,
-    /// t is 1 at `goal`.
+    /// Sets ray `i` from `origin`, rounded to f32, to `goal`. But for the rounding of the
+    /// direction, t is 1 at `goal`.
     pub fn through(&mut self, i: usize, origin: DVec3, goal: DVec3) {
         let origin = origin.as_vec3().as_dvec3();
         self.put(i, origin, goal - origin);

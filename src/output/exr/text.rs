@@ -10,7 +10,8 @@ pub fn encode(text: &str) -> Text {
     Text::from_slice_unchecked(text.as_bytes())
 }
 
-/// Decodes a text of the file: as UTF-8, or, as the crate does, as Latin-1 if it is not valid UTF-8.
+/// Decodes a text of the file: as UTF-8, or, as the crate does, as Latin-1 if it is not valid
+/// UTF-8.
 pub fn decode(text: &Text) -> String {
     match std::str::from_utf8(text.as_slice()) {
         Ok(utf8) => utf8.to_string(),

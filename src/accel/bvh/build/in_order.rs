@@ -1,5 +1,5 @@
-//! Makes references in the order of the primitives' indices: where no grid of [`super::cells`] sorts
-//! them, in small scenes and in those without finite bounds.
+//! Makes references in the order of the primitives' indices: where no grid of [`super::cells`]
+//! sorts them, in small scenes and in those without finite bounds.
 
 use std::ops::Range;
 
