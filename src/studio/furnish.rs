@@ -247,22 +247,20 @@ fn notes(
     let shows_own = !colored && mesh.textures.is_none();
     if template.builtin && subject.looks.texture.is_none() && shows_own {
         let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
-        let unused = |name: &String, reason: String| {
-            let message = format!("found the texture {name:?}, which is not used: {reason}");
-            Problem::new(place(), message)
-        };
         notes.extend(match (&mesh.texture_file, missing) {
             (Some(_), None) if mesh.uvs.is_some() => several_textures_warning(mesh, subject.path),
             (None, _) if mesh.uvs.is_some() => {
                 let message = "found texture coordinates and no texture";
                 Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
             }
-            (Some(name), Some(image)) => {
-                Some(unused(name, format!("there is no file {}", image.display())))
-            }
             (Some(name), None) if mesh.uvs.is_none() => {
-                Some(unused(name, "the mesh has no texture coordinates".to_string()))
+                let message = format!(
+                    "found the texture {name:?}, which is not used: the mesh has no texture \
+                     coordinates"
+                );
+                Some(Problem::new(place(), message))
             }
+            // The world warns of an image that is missing.
             _ => None,
         });
     }

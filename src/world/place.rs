@@ -437,9 +437,47 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
         let message = "the alpha of all its colours is 0; it is ignored";
         warnings.push(Problem::new(&path, message));
     }
-    for (count, what) in dropped.into_iter().filter(|(count, _)| *count > 0) {
+    let of_file = spec.vertex_colors && spec.color.is_none() && !textured;
+    let is_ignored = |channel: &str| notes.ignored.iter().any(|name| name == channel);
+    let unread = ["vertex.red", "vertex.green", "vertex.blue"].into_iter().all(is_ignored);
+    if of_file && unread && mesh.colors.is_none() && mesh.face_colors.is_none() {
+        let message = "its red, green and blue are not shown: expected the same type for all, \
+                       uchar, ushort, float or double";
+        warnings.push(Problem::new(&path, message));
+    }
+    let normals = mesh.normals.as_ref().filter(|_| spec.smooth != Smooth::Off);
+    let normals = normals.map_or(0, |all| not_finite(all));
+    let shows_image = textured || (spec.color.is_none() && mesh.texture_file.is_some());
+    let uvs = match &mesh.uvs {
+        Some(Uvs::PerVertex(all)) if shows_image => not_finite(all),
+        Some(Uvs::PerCorner(all)) if shows_image => not_finite(all.as_flattened()),
+        _ => 0,
+    };
+    let not_finite = [
+        (
+            normals,
+            [
+                "normal is not finite; its triangles are shown flat",
+                "normals are not finite; their triangles are shown flat",
+            ],
+        ),
+        (
+            uvs,
+            [
+                "pair of texture coordinates is not finite",
+                "pairs of texture coordinates are not finite",
+            ],
+        ),
+    ];
+    for (count, what) in dropped.into_iter().chain(not_finite).filter(|(count, _)| *count > 0) {
         warnings.push(Problem::new(&path, counted(count, what)));
     }
+}
+
+/// Returns the number of rows with a number that is NaN or infinite.
+fn not_finite<const N: usize>(rows: &[[f32; N]]) -> u64 {
+    let is_bad = |row: &&[f32; N]| !row.iter().all(|x| x.is_finite());
+    rows.par_iter().with_min_len(1 << 14).filter(is_bad).count() as u64
 }
 
 #[cfg(test)]

@@ -26,6 +26,17 @@ fn square(more: &str) -> String {
     )
 }
 
+/// A square with values of its vertices.
+fn rows(properties: [&str; 3], [a, b, c, d]: [&str; 4]) -> String {
+    let named = properties.into_iter().filter(|property| !property.is_empty());
+    let named: String = named.map(|property| format!("property {property}\n")).collect();
+    format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{named}\
+         element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+         -1 0 0 {a}\n1 0 0 {b}\n1 2 0 {c}\n-1 2 0 {d}\n4 0 1 2 3\n"
+    )
+}
+
 /// 2 x 2 texels: red, green, blue, white.
 const IMAGE: &str = "P3\n2 2\n255\n255 0 0 0 255 0\n0 0 255 255 255 255\n";
 
@@ -54,6 +65,34 @@ fn a_block_is_flat_and_a_ball_is_smooth() {
     let [studio, off, all] = [&[][..], &["--smooth", "off"], &["--smooth", "all"]]
         .map(|flags| picture(&scratch, ball, flags));
     assert!(studio == all && studio != off);
+}
+
+#[test]
+fn data_that_are_not_shown_are_told() {
+    let scratch = Scratch::new();
+    let image = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/checker.ppm");
+    let coordinates = rows(["float s", "float t", ""], ["nan 0", "1 0", "1 1", "0 1"]);
+    let normal = "0 0 1";
+    let normals = rows(["float nx", "float ny", "float nz"], ["nan 0 1", normal, normal, normal]);
+    let colours = rows(["int red", "int green", "int blue"], ["9 9 9"; 4]);
+    for (mesh, flags, warning) in [
+        (coordinates, &["--texture", image][..], "1 pair of texture coordinates is not finite"),
+        (normals, &[], "1 normal is not finite"),
+        (colours, &[], "its red, green and blue are not shown"),
+    ] {
+        scratch.write("m.ply", &mesh);
+        let done = render(&scratch, "m.ply", flags);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        assert!(done.stderr().contains(warning), "{warning}: {}", done.stderr());
+    }
+}
+
+#[test]
+fn a_missing_texture_is_told_once() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", &square("comment TextureFile no.png\n"));
+    let told = render(&scratch, "m.ply", &[]).good().stderr();
+    assert_eq!(told.matches("no.png").count(), 2, "a name and a path in one message: {told}");
 }
 
 #[test]
