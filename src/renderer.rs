@@ -185,7 +185,7 @@ impl LoadedScene {
         let mut user = Overrides::default();
         overrides.iter().for_each(|set| user.set(set));
         let template = Template::studio(Studio::default());
-        let shown = studio::show_mesh(&subject, mesh, &template, user, None)?;
+        let shown = studio::show_mesh(&subject, mesh, &template, user, None).map_err(readable)?;
         Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings, monitor)
     }
 
@@ -240,8 +240,9 @@ impl LoadedScene {
                 return Err(Error::invalid(name, message));
             };
             warnings.retain(|warning| warning.message != scene::unused_material(material));
-            // No file name contains a NUL, so this path cannot be the path of a file.
-            let path = PathBuf::from(format!("\0{}/{name}", ready.len()));
+            // No file name contains a NUL, so this path cannot be the path of a file. Meshes of the
+            // same name differ in their numbers of NULs.
+            let path = PathBuf::from(format!("{name}{}", "\0".repeat(ready.len() + 1)));
             let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
             let name = Some(name.to_string());
             let (visible, role, semantic) = Default::default();
@@ -266,11 +267,24 @@ impl LoadedScene {
         monitor: &Monitor,
     ) -> Result<Self> {
         let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (world, more) = World::load(&scene, options, monitor)?;
+        let (world, more) = World::load(&scene, options, monitor).map_err(readable)?;
         warnings.extend(more);
+        warnings.iter_mut().for_each(drop_nuls);
         let plan = LayerPlan::new(&scene);
         Ok(Self { scene, world, plan, warnings })
     }
+}
+
+/// Removes the NULs of the paths of meshes from memory.
+fn drop_nuls(problem: &mut Problem) {
+    for text in [&mut problem.place, &mut problem.message] {
+        text.retain(|c| c != '\0');
+    }
+}
+
+fn readable(mut error: Error) -> Error {
+    error.problems.iter_mut().for_each(drop_nuls);
+    error
 }
 
 /// Returns the shape for a mesh from memory, without any transformation.

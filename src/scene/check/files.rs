@@ -11,8 +11,9 @@ use super::context::Check;
 /// Help for a mesh that is not PLY.
 pub const CONVERT: &str = "convert other formats to PLY first, for example with MeshLab or Blender";
 
-/// Path of a mesh that exists only in memory. No file can have it.
-pub const IN_MEMORY: &str = "\0mesh from memory";
+/// Path of a mesh that exists only in memory. No file can have it. Messages show it without the
+/// NUL.
+pub const IN_MEMORY: &str = "mesh\0";
 
 /// Maximum number of names in a folder that are compared with a misspelt one.
 const MAX_LISTED: usize = 10_000;
