@@ -75,16 +75,33 @@ def mesh(vertices, faces):
     return vertices, _native(faces, kept)
 
 
+def wrong_type(name, source, expected):
+    """Return the exception for an object that is no mesh."""
+    found = f"{name}: found {type(source).__name__}, expected {expected}"
+    # A scene of trimesh holds meshes.
+    help = "; take scene.to_geometry()" if hasattr(source, "geometry") else ""
+    return TypeError(found + help)
+
+
 def trimesh_arrays(source):
     """Return the vertices and faces of a `trimesh.Trimesh`."""
+    if not (hasattr(source, "vertices") and hasattr(source, "faces")):
+        raise wrong_type("mesh", source, "a trimesh.Trimesh")
     return source.vertices.view(np.ndarray), source.faces.view(np.ndarray)
 
 
 def open3d_arrays(source):
     """Return the vertices and faces of an Open3D triangle mesh, legacy or tensor-based."""
-    if hasattr(source, "triangles"):
+    if hasattr(source, "vertices") and hasattr(source, "triangles"):
         return np.asarray(source.vertices), np.asarray(source.triangles)
-    return source.vertex.positions.numpy(), source.triangle.indices.numpy()
+    if hasattr(source, "vertex") and hasattr(source, "triangle"):
+        return source.vertex.positions.numpy(), source.triangle.indices.numpy()
+    raise wrong_type("mesh", source, "a triangle mesh of Open3D")
+
+
+def array(value):
+    """Return the numpy array of a tensor; any other value as it is."""
+    return value.numpy() if hasattr(value, "numpy") else value
 
 
 def threads(value):

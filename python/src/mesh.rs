@@ -5,7 +5,7 @@ use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::{arrays, pools, watch};
+use crate::{arrays, errors, pools, watch};
 
 /// The rows of a numpy array, and a reference that keeps the array alive.
 struct Rows<T> {
@@ -98,6 +98,18 @@ impl MeshArrays for NumpyMesh {
             FaceRows::I64(rows) => Faces::I64(rows.get()),
         }
     }
+}
+
+/// Raises the exceptions that a scene of this mesh would raise.
+#[pyfunction]
+pub fn check_mesh(
+    py: Python<'_>,
+    vertices: &Bound<'_, PyAny>,
+    faces: &Bound<'_, PyAny>,
+) -> PyResult<()> {
+    let mesh = NumpyMesh::new(vertices, faces)?;
+    let checked = py.detach(|| mesh.check(""));
+    checked.map_err(|error| errors::to_python(py, error))
 }
 
 /// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32.

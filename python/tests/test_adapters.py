@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+import lightpath
 from lightpath.open3d import RaycastingScene
 from lightpath.trimesh import RayMeshIntersector
 from shapes import cube
@@ -66,3 +67,67 @@ def test_open3d_methods():
     assert scene.compute_occupancy(points).tolist() == [1, 0]
     assert scene.compute_distance(points).tolist() == [1, 2]
     assert scene.compute_closest_points(points)["points"][1].tolist() == [0, 0, 1]
+
+
+class Tensor:
+    """What the adapter uses of a tensor of Open3D."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def numpy(self):
+        return self.array
+
+
+def test_open3d_meshes_are_checked_when_they_are_added():
+    vertices, faces = cube()
+    scene = RaycastingScene()
+    for bad, kind, message in [
+        ((vertices, faces + 7), ValueError, r"^faces\[0, 1\]: found vertex 9, expected 0 to 7"),
+        ((vertices * np.nan, faces), ValueError, r"^vertices\[0\]: found \[NaN"),
+        ((vertices, faces * 1.0), TypeError, "faces: found dtype float64"),
+        ((Tensor(vertices), Tensor(faces[:0])), ValueError, "faces: found no face"),
+    ]:
+        with pytest.raises(kind, match=message):
+            scene.add_triangles(*bad)
+    with pytest.raises(ValueError, match="threads: found -1"):
+        RaycastingScene(nthreads=-1)
+    assert scene.add_triangles(Tensor(vertices), Tensor(faces)) == 0
+    assert scene.cast_rays(Tensor(np.array([[0.1, 0.2, 9, 0, 0, -1]])))["t_hit"].tolist() == [8]
+    assert scene.compute_distance(Tensor(np.array([[0.0, 0, 3]]))).tolist() == [2]
+
+
+def test_open3d_rays_that_cannot_hit_miss():
+    scene = RaycastingScene()
+    good = [0.1, 0.2, 9, 0, 0, -1]
+    rays = [good, [0.1, 0.2, 9, 0, 0, 0], [0, 0, np.nan, 0, 0, 1], [0, 0, 9, 0, np.inf, -1]]
+    for expected in [[np.inf] * 4, [8] + [np.inf] * 3]:
+        hits = scene.cast_rays(rays)
+        assert hits["t_hit"].tolist() == expected
+        assert (hits["primitive_ids"] == scene.INVALID_ID).tolist() == np.isinf(expected).tolist()
+        assert scene.test_occlusions(rays).tolist() == np.isfinite(expected).tolist()
+        assert scene.count_intersections(rays).tolist() == [2 * (t < np.inf) for t in expected]
+        assert len(scene.list_intersections(rays)["t_hit"]) == 2 * (expected[0] < np.inf)
+        scene.add_triangles(*cube())
+
+
+class Cloud:
+    vertices = points = np.zeros((3, 3))
+
+
+class Scene:
+    """What `trimesh.Scene` has in common with meshes."""
+
+    geometry, triangles = {}, np.zeros((0, 3, 3))
+
+
+@pytest.mark.parametrize("thing", [Cloud(), Scene(), None])
+def test_things_that_are_no_mesh(thing):
+    for make, expected in [
+        (lightpath.RayScene.from_trimesh, "expected a trimesh.Trimesh"),
+        (lightpath.RayScene.from_open3d, "expected a triangle mesh of Open3D"),
+        (lightpath.render, "expected a file, dict or mesh"),
+    ]:
+        with pytest.raises(TypeError, match=expected) as caught:
+            make(thing)
+        assert ("to_geometry" in str(caught.value)) == isinstance(thing, Scene)

@@ -141,6 +141,18 @@ pub trait MeshArrays: Send + Sync {
     /// Vertex indices of the faces.
     fn faces(&self) -> Faces<'_>;
 
+    /// Checks the arrays. `place` begins the places of errors.
+    ///
+    /// # Errors
+    /// `Invalid`: no face, an index out of range, or a vertex of a face that is not finite or beyond
+    /// 1e18.
+    fn check(&self, place: &str) -> Result<()>
+    where
+        Self: Sized,
+    {
+        check(self, place).map(drop)
+    }
+
     /// Copies the arrays to a mesh, without the faces that repeat a vertex. `place` begins the
     /// places of errors.
     ///
