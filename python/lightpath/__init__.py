@@ -17,6 +17,7 @@ array([ True, False])
 """
 
 from . import open3d, trimesh
+from ._errors import FileError, MissingFileError
 from ._lightpath import Error, __version__
 from ._pictures import Picture, render, render_views
 from ._rays import AllHits, ClosestPoints, Hits, RayScene
@@ -25,7 +26,9 @@ __all__ = [
     "AllHits",
     "ClosestPoints",
     "Error",
+    "FileError",
     "Hits",
+    "MissingFileError",
     "Picture",
     "RayScene",
     "__version__",

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from . import _convert, _lightpath
+from ._errors import MissingFileError
 
 
 class Picture(dict):
@@ -42,8 +43,16 @@ class Picture(dict):
             self[layer] = plane[:, :, 0] if len(indices) == 1 else plane
 
     def write(self, prefix):
-        """Write PREFIX.exr and PREFIX.png, and return their paths."""
-        return [Path(path) for path in self._picture.write(os.fspath(prefix))]
+        """Write PREFIX.exr and PREFIX.png, and return their paths.
+
+        An ending .exr or .png of the prefix is dropped.
+        """
+        prefix = os.fspath(prefix)
+        if not os.path.basename(prefix) or os.path.isdir(prefix):
+            raise ValueError(f"prefix: found the folder {prefix!r}, expected a name of files")
+        start, end = os.path.splitext(prefix)
+        prefix = start if end.lower() in (".exr", ".png") else prefix
+        return [Path(path) for path in self._picture.write(prefix)]
 
     def write_exr(self, path):
         """Write an EXR with all layers. The file appears only when it is complete.
@@ -51,16 +60,20 @@ class Picture(dict):
         Parameters
         ----------
         path : str or path-like
-            Name of the file, with its ending.
+            Name of the file, with its ending .exr.
         """
-        self._write_one(path, 0)
+        self._write_one(path, 0, ".exr")
 
     def write_png(self, path):
         """Write a tone-mapped PNG. The file appears only when it is complete."""
-        self._write_one(path, 1)
+        self._write_one(path, 1, ".png")
 
-    def _write_one(self, path, which):
+    def _write_one(self, path, which, ending):
         path = Path(path)
+        if path.suffix.lower() != ending:
+            raise ValueError(f"path: found {str(path)!r}, expected a name with the ending {ending}")
+        if not path.parent.is_dir():
+            raise MissingFileError(f"path: found {str(path)!r}: there is no folder {path.parent}")
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
             os.replace(self.write(Path(folder) / "picture")[which], path)
 
@@ -104,7 +117,8 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     ------
     lightpath.Error
         An invalid scene. The message and the attribute `problems` list all problems.
-        `lightpath.Error` is a ValueError.
+        `lightpath.Error` is a ValueError. For files that are missing or cannot be read it is also a
+        FileNotFoundError or OSError.
 
     Examples
     --------
@@ -125,6 +139,9 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     if backend is not None:
         overrides["/scene/accelerator"] = backend
     overrides.update(settings or {})
+    for pointer in overrides:
+        if "=" in pointer:
+            raise ValueError(f"settings: found {pointer!r}, expected a JSON pointer without `=`")
     overrides = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
     subject = _subject(scene, meshes)
     threads = _convert.threads(threads)
@@ -193,9 +210,9 @@ def _arrays(scene):
         return np.concatenate(vertices), np.concatenate(faces)
     if hasattr(scene, "vertices") and hasattr(scene, "faces"):
         return _convert.trimesh_arrays(scene)
-    if hasattr(scene, "triangles") or hasattr(scene, "triangle"):
+    if hasattr(scene, "vertex") or (hasattr(scene, "vertices") and hasattr(scene, "triangles")):
         return _convert.open3d_arrays(scene)
-    raise TypeError(f"scene: found {type(scene).__name__}, expected a file, dict or mesh")
+    raise _convert.wrong_type("scene", scene, "a file, dict or mesh")
 
 
 def _plain(value):

@@ -134,6 +134,8 @@ class RayScene:
         self._build([_convert.mesh(vertices, faces)], threads, backend, progress)
 
     def _build(self, meshes, threads, backend, progress=None):
+        if not isinstance(backend, str):
+            raise TypeError(f"backend: found {backend!r}, expected a string")
         self._meshes = meshes
         self._threads = _convert.threads(threads)
         self._backend = backend

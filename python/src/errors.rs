@@ -1,6 +1,6 @@
 //! Errors of the library as Python exceptions.
 
-use lightpath::ErrorKind;
+use lightpath::{ErrorKind, Problem};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
 use pyo3::prelude::*;
@@ -13,8 +13,10 @@ create_exception!(
 );
 
 /// Converts an error. `Interrupted` becomes `KeyboardInterrupt`. `Retry` becomes `MemoryError` if
-/// its text says "memory", else `OSError`. All others become `lightpath.Error`, a `ValueError`.
-pub fn to_python(py: Python<'_>, error: lightpath::Error) -> PyErr {
+/// its text says "memory", else `OSError`. All others become `lightpath.Error`, a `ValueError`; if
+/// all problems are those of files, one of its classes that are also `OSError`s.
+pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
+    error.problems = error.problems.into_iter().map(translated).collect();
     let lines: Vec<String> = error.problems.iter().map(|problem| problem.to_string()).collect();
     let text = lines.join("\n");
     match error.kind {
@@ -22,7 +24,12 @@ pub fn to_python(py: Python<'_>, error: lightpath::Error) -> PyErr {
         ErrorKind::Retry if text.contains("memory") => PyMemoryError::new_err(text),
         ErrorKind::Retry => PyOSError::new_err(text),
         _ => {
-            let exception = Error::new_err(text);
+            let all = |is: fn(&Problem) -> bool| error.problems.iter().all(is);
+            let exception = match (all(is_missing), all(is_unreadable)) {
+                (true, _) => of_file(py, "MissingFileError", text),
+                (_, true) => of_file(py, "FileError", text),
+                _ => Error::new_err(text),
+            };
             let problems: Vec<(String, String, Option<String>)> =
                 error.problems.into_iter().map(|p| (p.place, p.message, p.help)).collect();
             match exception.value(py).setattr("problems", problems) {
@@ -30,5 +37,33 @@ pub fn to_python(py: Python<'_>, error: lightpath::Error) -> PyErr {
                 Err(error) => error,
             }
         }
+    }
+}
+
+/// Returns a problem without the words of the command line: places are JSON pointers, and help
+/// that names a flag is left out.
+pub fn translated(mut problem: Problem) -> Problem {
+    if let Some(pointer) = problem.place.strip_prefix("--set ") {
+        problem.place = pointer.to_string();
+    }
+    problem.help = problem.help.filter(|help| !help.contains("--"));
+    problem
+}
+
+fn is_missing(problem: &Problem) -> bool {
+    // ENOENT has the number 2 on Linux.
+    problem.message.contains("(os error 2)") || problem.message.contains("there is no file ")
+}
+
+fn is_unreadable(problem: &Problem) -> bool {
+    is_missing(problem) || problem.message.contains("(os error ")
+}
+
+/// Makes an exception of a class in `lightpath._errors`: a native class has only one base.
+fn of_file(py: Python<'_>, class: &str, text: String) -> PyErr {
+    let class = py.import("lightpath._errors").and_then(|module| module.getattr(class));
+    match class.and_then(|class| class.call1((text,))) {
+        Ok(exception) => PyErr::from_value(exception),
+        Err(error) => error,
     }
 }

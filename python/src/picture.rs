@@ -86,7 +86,8 @@ impl Source {
                 LoadedScene::in_studio_watched(mesh, IN_MEMORY, overrides, monitor)
             }
             Self::File(path) => {
-                let is_scene = path.extension().is_some_and(|end| end == "json");
+                let is_scene =
+                    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
                 if is_scene {
                     return LoadedScene::read_watched(path, overrides, monitor);
                 }
@@ -108,7 +109,8 @@ impl Picture {
     /// Warnings of the scene, as texts.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.loaded.warnings().iter().map(|warning| warning.to_string()).collect()
+        let warnings = self.loaded.warnings().iter().cloned();
+        warnings.map(|warning| errors::translated(warning).to_string()).collect()
     }
 
     /// R, G, B, A of all pixels, row by row, as an array of one dimension.

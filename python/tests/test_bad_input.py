@@ -114,6 +114,50 @@ def test_visible_needs_one_or_as_many_points():
         SCENE.visible(np.zeros((3, 3)), np.zeros((2, 3)))
 
 
+def test_one_point_is_visible_from_one_point():
+    with pytest.raises(ValueError, match="from: found 2 points, expected 1$"):
+        SCENE.visible([2, 2, 2], np.zeros((2, 3)))
+
+
+def test_a_backend_is_a_string():
+    with pytest.raises(TypeError, match="backend: found None, expected a string"):
+        lightpath.RayScene(VERTICES, FACES, backend=None)
+
+
+def test_errors_of_files_are_errors_of_the_system(tmp_path):
+    (tmp_path / "scan.ply").write_bytes(b"")
+    scene = {"camera": {}, "scene": {"shapes": []}}
+    for call in [
+        lambda: lightpath.RayScene.from_ply(tmp_path / "no.ply"),
+        lambda: lightpath.render(tmp_path / "no.json"),
+        lambda: lightpath.render(tmp_path / "no.ply"),
+    ]:
+        with pytest.raises(FileNotFoundError) as caught:
+            call()
+        assert isinstance(caught.value, lightpath.Error) and len(caught.value.problems) == 1
+    for call in [lambda: lightpath.render(scene), lambda: lightpath.render(tmp_path / "scan.ply")]:
+        with pytest.raises(lightpath.Error) as caught:
+            call()
+        assert not isinstance(caught.value, OSError)
+    assert issubclass(lightpath.FileError, OSError) and issubclass(lightpath.FileError, ValueError)
+
+
+def test_messages_have_no_flags_of_the_program(tmp_path):
+    path = tmp_path / "bad.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    face = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    for text in [head + face + "0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n", head + "end_header\n0 0 0\n1 0 0\n0 1 0\n"]:
+        path.write_text(text)
+        with pytest.raises(lightpath.Error, match="bad.ply") as caught:
+            lightpath.RayScene.from_ply(path)
+        assert "--" not in str(caught.value)
+    with pytest.raises(lightpath.Error, match="^/camera/fov: found 400") as caught:
+        lightpath.render((VERTICES, FACES), camera={"fov": 400})
+    assert caught.value.problems[0][0] == "/camera/fov"
+    with pytest.raises(ValueError, match="settings: found '/a=b', expected a JSON pointer without"):
+        lightpath.render((VERTICES, FACES), settings={"/a=b": 4})
+
+
 def test_the_error_lists_its_problems():
     with pytest.raises(lightpath.Error) as caught:
         lightpath.RayScene(VERTICES, FACES + 9)

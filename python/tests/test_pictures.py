@@ -1,5 +1,7 @@
 """Pictures from Python."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -79,6 +81,44 @@ def test_files(tmp_path):
     assert picture._repr_png_()[:4] == (tmp_path / "b.png").read_bytes()[:4] == b"\x89PNG"
     with pytest.raises((lightpath.Error, OSError)):
         picture.write(tmp_path / "no" / "folder")
+
+
+def test_names_of_files(tmp_path):
+    picture = lightpath.render(cube(), camera={"width": 16, "height": 16}, spp=1)
+    assert picture.write(tmp_path / "a.exr") == [tmp_path / "a.exr", tmp_path / "a.png"]
+    for folder in [tmp_path, f"{tmp_path}/new/", ""]:
+        with pytest.raises(ValueError, match="prefix: found the folder"):
+            picture.write(folder)
+    for write, name in [(picture.write_exr, "x.png"), (picture.write_png, "x")]:
+        with pytest.raises(ValueError, match="expected a name with the ending"):
+            write(tmp_path / name)
+    with pytest.raises(FileNotFoundError, match="no/x.exr': there is no folder"):
+        picture.write_exr(tmp_path / "no" / "x.exr")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.png"]
+
+
+def test_warnings_name_a_mesh_from_memory():
+    away = {"position": [0, 5, 50], "target": [0, 5, 90], "width": 8, "height": 8}
+    warnings = lightpath.render(cube(), camera=away, spp=1).warnings
+    assert [text for text in warnings if "mesh lies outside the camera's view" in text]
+    camera = {**SCENE["camera"], "target": [0, 0, 9]}
+    meshes = {name: ("clay", *cube()) for name in ("box", "crate")}
+    warnings += lightpath.render({**SCENE, "camera": camera}, meshes=meshes).warnings
+    assert [text for text in warnings if "crate lies outside" in text]
+    assert not any("--" in text or "\\u{0}" in text or "\0" in text for text in warnings)
+
+
+def test_views_around_a_mesh_show_it():
+    cameras = ({"position": [x, 3, 6], "target": [0, 1, 0], "width": 8, "height": 8} for x in (-4, 4))
+    for view in lightpath.render_views(cube(), cameras, spp=1):
+        middle, corner = view["RGBA"][4, 4], view["RGBA"][0, 0]
+        assert np.abs(middle - corner).max() > 0.05 and view.warnings == []
+
+
+def test_a_scene_file_may_have_an_ending_in_upper_case(tmp_path):
+    path = tmp_path / "S.JSON"
+    path.write_text(json.dumps(SCENE))
+    assert lightpath.render(path)["RGBA"].shape == (30, 40, 4)
 
 
 def test_a_scene_shows_itself():
