@@ -235,8 +235,8 @@ fn overrides_apply_in_order_and_create() {
 #[test]
 fn an_override_aims_the_camera_in_either_way() {
     let lookat = |value: &Value, set: &[&str]| load_value(value, set).unwrap().scene.camera.lookat;
-    let set = ["/camera/position=[0,0,5]", "/camera/target=[0,0,0]"];
-    assert_eq!(lookat(&minimal(), &set).normalize(), glam::DVec3::NEG_Z);
+    let set = ["/camera/position=[0,5,0]", "/camera/target=[0,0,0]"];
+    assert_eq!(lookat(&minimal(), &set).normalize(), glam::DVec3::NEG_Y);
     let mut aimed = minimal();
     let camera = aimed["camera"].as_object_mut().unwrap();
     camera.remove("lookat");
