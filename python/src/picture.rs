@@ -86,8 +86,7 @@ impl Source {
                 LoadedScene::in_studio_watched(mesh, IN_MEMORY, overrides, monitor)
             }
             Self::File(path) => {
-                let is_scene =
-                    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
+                let is_scene = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
                 if is_scene {
                     return LoadedScene::read_watched(path, overrides, monitor);
                 }
