@@ -363,7 +363,7 @@ fn parts_of_different_pictures_are_refused() {
     let scratch = scratch();
     render(&scratch, "a", &["--tile", "1/2"]);
     let others: &[(&[&str], &str)] = &[
-        (&["--seed", "6"], "another lightpath:seed: 6, expected 0"),
+        (&["--seed", "6"], "another lightpath:seed: 6, expected 5"),
         (&["--set", "/scene/shapes/0/radius=0.8"], "fingerprint"),
         (&["--spp", "25"], "--of"),
         (&["--size", "75x54"], "frame"),
