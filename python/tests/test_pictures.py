@@ -111,8 +111,8 @@ def test_warnings_name_a_mesh_from_memory():
 def test_views_around_a_mesh_show_it():
     cameras = ({"position": [x, 3, 6], "target": [0, 1, 0], "width": 8, "height": 8} for x in (-4, 4))
     for view in lightpath.render_views(cube(), cameras, spp=1):
-        middle, corner = view["RGBA"][4, 4], view["RGBA"][0, 0]
-        assert np.abs(middle - corner).max() > 0.05 and view.warnings == []
+        # The ground alone has a spread of 0.07.
+        assert np.ptp(view["RGBA"][:, :, 0]) > 0.1 and view.warnings == []
 
 
 def test_a_scene_file_may_have_an_ending_in_upper_case(tmp_path):
