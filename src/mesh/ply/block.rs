@@ -3,7 +3,6 @@
 use super::context::ReadContext;
 use super::header::{Element, PropertyType};
 use crate::error::Error;
-use crate::units::counted;
 
 /// A range of rows of an element that one task reads. `start` and `end` are byte offsets in the
 /// data.
@@ -44,10 +43,10 @@ pub(super) struct Span {
 /// the data that is there.
 pub(super) fn too_short(element: &Element, found: u64, have: &str, context: &ReadContext) -> Error {
     let declared = element.rows(element.count);
-    let found = counted(found, ["is", "are"]);
+    let verb = if found == 1 { "is" } else { "are" };
     Error::invalid(
         context.name,
-        format!("the header declares {declared}, but only {found} in the file: {have}"),
+        format!("the header declares {declared}, but only {found} {verb} in the file: {have}"),
     )
     .help("the file is cut short or its header is wrong: write it again")
 }
