@@ -390,7 +390,7 @@ def by_hand():
     bad('unknown-type', header(little, kind='half') + data, "invalid/unknown-type.ply:4: unknown type 'half'")
     bad('unknown-format', header('binary') + data, "invalid/unknown-format.ply:2: unknown format 'binary'")
     bad('only-flat', header('ascii', v=3, f=1) + b'0 0 0\n1 1 1\n2 2 2\n3 0 1 2\n',
-        'no triangle is left of 1 faces: 0 have fewer than 3 corners, 1 triangles have no area or repeat a vertex, '
+        'no triangle is left of 1 face: 0 have fewer than 3 corners, 1 triangle has no area or repeats a vertex, '
         '0 use missing or non-finite vertices')
 
 

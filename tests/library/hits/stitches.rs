@@ -310,7 +310,7 @@ fn lonely_lines_are_dropped() {
     scratch.write("solid.ply", ply);
     let (world, warnings) = load(&scratch.path(""), &json!({ "rotate": [13, 29, 47] }));
     assert_eq!(world.geometry.meshes[0].triangles().len(), 1);
-    assert!(warnings.iter().any(|w| w.contains("1 degenerate triangles")), "{warnings:?}");
+    assert!(warnings.iter().any(|w| w.contains("1 degenerate triangle ")), "{warnings:?}");
     let told = scratch.run(&["info", "solid.ply"]).stdout();
     assert!(told.contains("1 triangle without area dropped"), "{told}");
 }
