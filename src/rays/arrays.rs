@@ -144,8 +144,8 @@ pub trait MeshArrays: Send + Sync {
     /// Checks the arrays. `place` begins the places of errors.
     ///
     /// # Errors
-    /// `Invalid`: no face, an index out of range, or a vertex of a face that is not finite or beyond
-    /// 1e18.
+    /// `Invalid`: no face, an index out of range, or a vertex of a face that is not finite or
+    /// beyond 1e18.
     fn check(&self, place: &str) -> Result<()>
     where
         Self: Sized,

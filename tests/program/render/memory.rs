@@ -131,7 +131,7 @@ fn a_backend_that_fits_is_named() {
     let needed = needed.unwrap_or_else(|| panic!("{}", done.stderr()));
     render("bvh", needed.trim()).good();
     let help = render("embree", "20M").stderr();
-    assert!(help.contains("help: render a --crop, or a smaller mesh"), "{help}");
+    assert!(help.contains("help: a smaller --size or mesh, or `render` with --crop"), "{help}");
 }
 
 #[cfg(target_os = "linux")]
