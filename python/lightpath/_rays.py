@@ -384,8 +384,8 @@ class RayScene:
         """Return the winding number of each point in all meshes together.
 
         It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
-        an open mesh, it is between 0 and 1. The error of a mesh is at most some
-        0.02, its mean 0.002. Parameters and exceptions are those of `contains`.
+        an open mesh, it is between 0 and 1. The error of a mesh is at most some 0.02, its mean
+        0.002. Parameters and exceptions are those of `contains`.
 
         Returns
         -------

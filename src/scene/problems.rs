@@ -53,6 +53,12 @@ impl<'a> Problems<'a> {
         self.warnings.push((place.order(), problem));
     }
 
+    /// Returns true if there is an error about the value at `pointer` itself.
+    pub fn has_error(&self, pointer: &str) -> bool {
+        let place = self.document.describe(&self.document.nearest(pointer).place, pointer);
+        self.errors.iter().any(|(_, problem)| problem.place == place)
+    }
+
     /// Returns true if there is no error so far. Warnings do not count.
     pub fn is_empty(&self) -> bool {
         self.errors.is_empty()

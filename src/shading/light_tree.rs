@@ -444,6 +444,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
         #[test]
         fn every_light_that_reaches_a_point_may_be_drawn(
             given in prop::collection::vec(
@@ -469,7 +471,7 @@ mod tests {
             // no light is drawn.
             let none = 1.0 - all.iter().sum::<f64>();
             prop_assert!((-1e-5..=1.0).contains(&none), "{none}");
-            let draws = 1000;
+            let draws = 4000;
             let (mut found, mut missed) = (vec![0u32; lights.len()], 0);
             for k in 0..draws {
                 match draw(&tree, (f64::from(k) + 0.5) / f64::from(draws), position, n) {

@@ -40,11 +40,9 @@ impl Check<'_, '_> {
         let Some(distortion) = camera.distortion.map(|d| distortion(&d)) else {
             return Some(Projection::Calibrated(calibration));
         };
-        // Numbers out of range are already reported. Nothing can be inverted with them.
-        let is_sound = focal.iter().all(|f| (1e-3..=1e12).contains(f))
-            && principal.iter().all(|c| c.abs() <= 1e9 + 0.5)
-            && camera.skew.abs() <= 1e6;
-        if !(sized && is_sound) {
+        // Nothing can be inverted with numbers that are out of range.
+        let is_bad = |key| self.problems.has_error(&format!("/camera/{key}"));
+        if !sized || ["fx", "fy", "cx", "cy", "skew"].into_iter().any(is_bad) {
             return None;
         }
         match shared_inverse(calibration, distortion, [camera.width, camera.height]) {

@@ -1,22 +1,22 @@
 //! `lightpath submit slurm`: submits a job file as an array job of `lightpath batch --range`, and a
 //! second job for the contact sheet.
 
-use std::collections::BTreeSet;
+mod needs;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::accel::memory_footprint;
-use crate::batch::{self, Job, JournalRecord, LimitKeys};
+use crate::batch::{self, Job, LimitKeys};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::farm::{self, Chunks, Slurm};
 use crate::output::atomic::PartFile;
 use crate::paths;
-use crate::scene::{CheckedLight, LightKind};
 use crate::units::{self, parse_bytes};
 
+use self::needs::{Needs, frame_seconds};
 use super::{batch as batch_command, print, signals};
 
 /// Arguments of `lightpath submit`.
@@ -92,11 +92,6 @@ fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
     seconds.ok_or_else(|| "expected seconds above 0, for example 2.5".to_string())
 }
-
-/// Rays that one thread traces per second, and triangles that it reads and builds per second.
-/// docs/notebook/scaling.md has the measurements. The numbers only affect the frames per task.
-const RAYS_PER_SECOND: f64 = 5e6;
-const TRIANGLES_PER_SECOND: f64 = 1.8e6;
 
 /// Writes the scripts, and submits them unless `--dry-run` is given. `program` is the file that the
 /// tasks run; `None` for the program of this process.
@@ -176,7 +171,7 @@ fn program(named: Option<&Path>) -> Result<PathBuf> {
 fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Result<Slurm> {
     let per_mesh = u64::from(job.frames());
     let frames = batch::index(job.frames(), job.inputs.len(), 0);
-    let needs = Needs::of(job, args)?;
+    let needs = Needs::of(job, args.cpus)?;
     let measured = || frame_seconds(batch::journal(&job.folder), per_mesh, &needs.camera_rays);
     let frame_seconds = args.frame_seconds.or_else(measured).unwrap_or(needs.frame_seconds);
     let chunks = match args.frames_per_task {
@@ -226,7 +221,7 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
         chunks,
         at_a_time: args.at_a_time,
         cpus: args.cpus,
-        memory_mib: memory(args, limits, needs.memory)?.div_ceil(1 << 20),
+        memory_mib: memory(args, limits, needs.memory())?.div_ceil(1 << 20),
         time: args.time.clone(),
         options: args.sbatch.clone(),
     })
@@ -283,108 +278,6 @@ fn memory(args: &SlurmArgs, limits: &LimitKeys, needed: u64) -> Result<u64> {
     }
 }
 
-/// Estimated needs of a task.
-struct Needs {
-    /// Memory per task in bytes.
-    memory: u64,
-    /// Memory of the largest input alone in bytes.
-    peak: u64,
-    frame_seconds: f64,
-    /// Camera rays per frame: one number for each size and `spp` of the job.
-    camera_rays: BTreeSet<u64>,
-}
-
-impl Needs {
-    /// Estimates the memory from the headers of all inputs, and the time from the first input.
-    /// Inputs that cannot be read are skipped: they fail in their task.
-    ///
-    /// # Errors
-    /// The first error, if no input can be read.
-    fn of(job: &Job, args: &SlurmArgs) -> Result<Self> {
-        let mut needs =
-            Self { memory: 0, peak: 0, frame_seconds: 0.0, camera_rays: BTreeSet::new() };
-        let mut first_error = None;
-        for input in &job.inputs {
-            let (scene, prediction) = match batch::predict(job, input) {
-                Ok(known) => known,
-                Err(error) => {
-                    first_error = first_error.or(Some(error));
-                    continue;
-                }
-            };
-            let threads = usize::from(args.cpus);
-            let footprint = memory_footprint(scene.backend, threads);
-            // Embree may be missing here and present on the nodes. Its memory is then assumed to be
-            // half of the predicted rest.
-            let peak = match footprint {
-                Ok(footprint) => prediction.clone().with(&footprint).peak_bytes,
-                Err(_) => prediction.peak_bytes + prediction.peak_bytes / 2,
-            };
-            needs.peak = needs.peak.max(peak);
-            let poses = job.poses.iter().flat_map(|poses| &poses.list);
-            let sizes = poses.map(|pose| pose.camera.size());
-            let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
-            let rays = sizes.map(|[width, height]| u64::from(width) * u64::from(height));
-            needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
-            if needs.frame_seconds == 0.0 {
-                let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
-                let points = |light: &CheckedLight| match light.kind {
-                    LightKind::Point { .. } => 1.0,
-                    LightKind::Area { samples, .. }
-                    | LightKind::Sun { samples, .. }
-                    | LightKind::Environment { samples, .. } => f64::from(samples),
-                };
-                let lights: f64 = scene.lights.iter().map(points).sum();
-                let rays = pixels * f64::from(scene.spp) * (1.0 + lights);
-                let triangles = prediction.primitives as f64 / f64::from(job.frames());
-                let alone = rays / RAYS_PER_SECOND + triangles / TRIANGLES_PER_SECOND;
-                needs.frame_seconds = alone / f64::from(args.cpus);
-            }
-        }
-        match first_error {
-            Some(error) if needs.peak == 0 => Err(error),
-            // A batch holds up to two meshes: the next one loads while the current one renders. A
-            // quarter of both is the reserve.
-            _ => {
-                needs.memory = needs.peak.saturating_mul(2);
-                needs.memory = needs.memory.saturating_add(needs.memory / 4);
-                Ok(needs)
-            }
-        }
-    }
-}
-
-/// Returns the seconds per frame by the journals of earlier runs: the median of a frame, and its
-/// share of the median of loading and building a mesh for `per_mesh` frames. `None` without frames.
-///
-/// Only frames with one of the numbers of `camera_rays` count: others have another size or `spp`.
-fn frame_seconds(
-    journal: impl IntoIterator<Item = JournalRecord>,
-    per_mesh: u64,
-    camera_rays: &BTreeSet<u64>,
-) -> Option<f64> {
-    let (mut frames, mut meshes) = (Vec::new(), Vec::new());
-    for record in journal {
-        match record {
-            JournalRecord::Frame(frame)
-                if frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) =>
-            {
-                frames.push(frame.render_s + frame.write_s);
-            }
-            JournalRecord::Mesh(mesh) => meshes.push(mesh.load_s + mesh.build_s),
-            _ => {}
-        }
-    }
-    let share = median(meshes).unwrap_or(0.0) / per_mesh.max(1) as f64;
-    median(frames).map(|frame| frame + share).filter(|seconds| *seconds > 0.0)
-}
-
-/// Returns the upper median; `None` of nothing.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Returns an absolute path as a command-line argument.
 ///
 /// # Errors
@@ -429,34 +322,5 @@ fn submit(words: &[String]) -> Result<String> {
                 false => Err(Error::new(ErrorKind::Invalid, problem("sbatch refused"))),
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_frame_has_its_share_of_loading_and_building() {
-        let record = |json: &str| serde_json::from_str::<JournalRecord>(json).unwrap();
-        let mesh = record(
-            r#"{"event": "mesh", "input": "a.ply", "triangles": 1, "load_s": 5, "build_s": 1,
-                "bytes": 1, "camera": null, "warnings": []}"#,
-        );
-        let frame = |seconds: f64| {
-            record(&format!(
-                r#"{{"event": "frame", "index": 0, "input": "a.ply", "frame": 0, "outputs": [],
-                    "render_s": {seconds}, "write_s": 0.5, "rays": {{"primary": 96}},
-                    "peak_bytes": 1, "warnings": []}}"#
-            ))
-        };
-        let rays = BTreeSet::from([96, 200]);
-        let all = || [mesh.clone(), frame(9.0), frame(1.0), frame(2.0)];
-        assert_eq!(frame_seconds(all(), 1, &rays), Some(8.5));
-        assert_eq!(frame_seconds(all(), 4, &rays), Some(4.0));
-        assert_eq!(frame_seconds([mesh.clone()], 1, &rays), None);
-        assert_eq!(frame_seconds([frame(3.0)], 1, &rays), Some(3.5));
-        // Frames of a preview do not count.
-        assert_eq!(frame_seconds(all(), 1, &BTreeSet::from([200])), None);
     }
 }
