@@ -9,6 +9,7 @@ mod printable;
 pub use printable::{is_hidden, printable, printable_lines};
 
 use std::fmt;
+use std::io;
 
 /// A `Result` whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
@@ -41,19 +42,28 @@ pub struct Problem {
     pub message: String,
     /// The nearest valid choice or the next step, if there is one.
     pub help: Option<String>,
+    /// What the operating system said, if that is the problem: a missing file, a lack of memory.
+    pub cause: Option<io::ErrorKind>,
 }
 
 impl Problem {
     /// Makes a problem at `place` without help.
     #[doc(hidden)]
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { place: place.into(), message: message.into(), help: None }
+        Self { place: place.into(), message: message.into(), help: None, cause: None }
     }
 
     /// Adds a next step to the problem.
     #[doc(hidden)]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
+        self
+    }
+
+    /// Adds what the operating system said.
+    #[doc(hidden)]
+    pub fn cause(mut self, cause: io::ErrorKind) -> Self {
+        self.cause = Some(cause);
         self
     }
 }
@@ -110,6 +120,12 @@ impl Error {
         Self::new(ErrorKind::Invalid, Problem::new(place, message))
     }
 
+    /// Makes an error about a lack of memory for `what`.
+    #[doc(hidden)]
+    pub fn no_memory(what: &str, message: impl Into<String>) -> Self {
+        Self::new(ErrorKind::Retry, Problem::new(what, message).cause(io::ErrorKind::OutOfMemory))
+    }
+
     /// Makes an error about `path` from an I/O error. `what` is the failed action ("read",
     /// "create").
     ///
@@ -117,8 +133,8 @@ impl Error {
     /// [`ErrorKind::Invalid`]. A file beyond a size limit is [`ErrorKind::Limit`]. All other errors
     /// (disk full, device error) are [`ErrorKind::Retry`].
     #[doc(hidden)]
-    pub fn io(path: &std::path::Path, what: &str, error: &std::io::Error) -> Self {
-        use std::io::ErrorKind as E;
+    pub fn io(path: &std::path::Path, what: &str, error: &io::Error) -> Self {
+        use io::ErrorKind as E;
         let kind = match error.kind() {
             E::NotFound
             | E::PermissionDenied
@@ -136,7 +152,8 @@ impl Error {
             _ => ErrorKind::Retry,
         };
         let place = path.display().to_string();
-        Self::new(kind, Problem::new(place, format!("cannot {what}: {error}")))
+        let problem = Problem::new(place, format!("cannot {what}: {error}"));
+        Self::new(kind, problem.cause(error.kind()))
     }
 
     /// Sets the next step of the last problem.

@@ -23,11 +23,13 @@ impl MemoryLimit {
             return Ok(());
         }
         let (bytes, room) = (units::bytes_rounded_up(bytes), units::bytes(self.bytes));
-        let (kind, message) = match self.set_by_user {
-            true => (ErrorKind::Limit, format!("needs {bytes}; --max-memory leaves {room}")),
-            false => (ErrorKind::Retry, format!("needs {bytes}; the machine has {room}")),
-        };
-        Err(Error::new(kind, Problem::new(what, message)))
+        Err(match self.set_by_user {
+            true => {
+                let message = format!("needs {bytes}; --max-memory leaves {room}");
+                Error::new(ErrorKind::Limit, Problem::new(what, message))
+            }
+            false => Error::no_memory(what, format!("needs {bytes}; the machine has {room}")),
+        })
     }
 
     /// Returns the limit minus `bytes`.
@@ -40,7 +42,7 @@ impl MemoryLimit {
 pub fn lack(bytes: u64, what: &str) -> Error {
     let message = format!("no memory for {}", units::bytes_rounded_up(bytes));
     let help = "free some memory, or raise the limit of this process";
-    Error::new(ErrorKind::Retry, Problem::new(what, message).help(help))
+    Error::no_memory(what, message).help(help)
 }
 
 /// Reserves capacity for exactly `more` elements.

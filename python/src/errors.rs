@@ -1,5 +1,7 @@
 //! Errors of the library as Python exceptions.
 
+use std::io;
+
 use lightpath::{ErrorKind, Problem};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
@@ -13,22 +15,28 @@ create_exception!(
 );
 
 /// Converts an error. `Interrupted` becomes `KeyboardInterrupt`. `Retry` becomes `MemoryError` if
-/// its text says "memory", else `OSError`. All others become `lightpath.Error`, a `ValueError`; if
+/// memory is lacking, else `OSError`. All others become `lightpath.Error`, a `ValueError`; if
 /// all problems are those of files, one of its classes that are also `OSError`s.
 pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
     error.problems = error.problems.into_iter().map(translated).collect();
     let lines: Vec<String> = error.problems.iter().map(|problem| problem.to_string()).collect();
     let text = lines.join("\n");
+    let causes: Vec<_> = error.problems.iter().map(|problem| problem.cause).collect();
     match error.kind {
         ErrorKind::Interrupted(_) => PyKeyboardInterrupt::new_err(text),
-        ErrorKind::Retry if text.contains("memory") => PyMemoryError::new_err(text),
+        ErrorKind::Retry if causes.contains(&Some(io::ErrorKind::OutOfMemory)) => {
+            PyMemoryError::new_err(text)
+        }
         ErrorKind::Retry => PyOSError::new_err(text),
         _ => {
-            let all = |is: fn(&Problem) -> bool| error.problems.iter().all(is);
-            let exception = match (all(is_missing), all(is_unreadable)) {
-                (true, _) => of_file(py, "MissingFileError", text),
-                (_, true) => of_file(py, "FileError", text),
-                _ => Error::new_err(text),
+            let all =
+                |is: fn(io::ErrorKind) -> bool| causes.iter().all(|cause| cause.is_some_and(is));
+            let exception = if all(|cause| cause == io::ErrorKind::NotFound) {
+                of_file(py, "MissingFileError", text)
+            } else if all(|_| true) {
+                of_file(py, "FileError", text)
+            } else {
+                Error::new_err(text)
             };
             let problems: Vec<(String, String, Option<String>)> =
                 error.problems.into_iter().map(|p| (p.place, p.message, p.help)).collect();
@@ -48,15 +56,6 @@ pub fn translated(mut problem: Problem) -> Problem {
     }
     problem.help = problem.help.filter(|help| !help.contains("--"));
     problem
-}
-
-fn is_missing(problem: &Problem) -> bool {
-    // ENOENT has the number 2 on Linux.
-    problem.message.contains("(os error 2)") || problem.message.contains("there is no file ")
-}
-
-fn is_unreadable(problem: &Problem) -> bool {
-    is_missing(problem) || problem.message.contains("(os error ")
 }
 
 /// Makes an exception of a class in `lightpath._errors`: a native class has only one base.

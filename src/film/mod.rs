@@ -10,7 +10,7 @@ pub use self::sums::{SampleSums, SumNode};
 
 use rayon::prelude::*;
 
-use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::error::{Error, Result};
 
 /// A rectangle of pixels. x counts columns from the left and y rows from the top of the frame with
 /// its overscan. `x1` and `y1` are exclusive.
@@ -108,7 +108,7 @@ impl ReservedFilm {
             let bytes = count.saturating_mul(size_of::<[f32; 4]>());
             let bytes = bytes.saturating_add(words.saturating_mul(size_of::<u32>()));
             let message = format!("no memory for {count} pixels of together {bytes} bytes");
-            Error::new(ErrorKind::Retry, Problem::new("film", message))
+            Error::no_memory("film", message)
         })?;
         Ok(Self { frame, window, pixels, planes })
     }

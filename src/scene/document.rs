@@ -119,7 +119,8 @@ pub(super) fn join(pointer: &str, key: &str) -> String {
 
 fn syntax_error(name: &str, error: SyntaxError) -> Error {
     let place = format!("{name}:{}:{}", error.line, error.column);
-    let problem = Problem { place, message: error.message, help: error.help.map(str::to_string) };
+    let help = error.help.map(str::to_string);
+    let problem = Problem { help, ..Problem::new(place, error.message) };
     Error::new(ErrorKind::Invalid, problem)
 }
 

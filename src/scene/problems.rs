@@ -1,5 +1,7 @@
 //! Collects every problem of a scene, so that a user can fix all of them at once.
 
+use std::io;
+
 use crate::error::Problem;
 
 use super::document::Document;
@@ -34,22 +36,23 @@ impl<'a> Problems<'a> {
         message: impl Into<String>,
         help: Option<String>,
     ) {
-        let problem = Problem {
-            place: self.document.describe(place, pointer),
-            message: message.into(),
-            help,
-        };
+        let at = self.document.describe(place, pointer);
+        let problem = Problem { help, ..Problem::new(at, message) };
         self.errors.push((place.order(), problem));
+    }
+
+    /// Adds what the operating system said to the last error.
+    pub fn cause(&mut self, cause: io::ErrorKind) {
+        if let Some((_, problem)) = self.errors.last_mut() {
+            problem.cause = Some(cause);
+        }
     }
 
     /// Adds a warning about the value at `pointer`.
     pub fn warn(&mut self, pointer: &str, message: impl Into<String>, help: Option<String>) {
         let place = &self.document.nearest(pointer).place;
-        let problem = Problem {
-            place: self.document.describe(place, pointer),
-            message: message.into(),
-            help,
-        };
+        let at = self.document.describe(place, pointer);
+        let problem = Problem { help, ..Problem::new(at, message) };
         self.warnings.push((place.order(), problem));
     }
 

@@ -70,10 +70,7 @@ pub fn load_library() -> Result<Arc<Api>> {
     let library = unsafe { libloading::Library::new(file) };
     let library = library.map_err(|error| match has_room() {
         true => missing(&error),
-        false => {
-            let message = format!("cannot load {file}: out of memory: {error}");
-            Error::new(ErrorKind::Retry, Problem::new("Embree", message))
-        }
+        false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
 }
@@ -96,9 +93,7 @@ impl Raw {
             let code = unsafe { (api.get_device_error)(std::ptr::null_mut()) };
             let message = format!("cannot create a device: {}", error_name(code));
             return Err(match code {
-                ffi::RTC_ERROR_OUT_OF_MEMORY => {
-                    Error::new(ErrorKind::Retry, Problem::new("Embree", message))
-                }
+                ffi::RTC_ERROR_OUT_OF_MEMORY => Error::no_memory("Embree", message),
                 _ => unsupported(message),
             });
         };
@@ -228,12 +223,11 @@ impl Device {
         if self.watch.limit_hit.load(Relaxed) {
             return Err(over_limit(self.watch.limit_bytes.unsigned_abs()));
         }
-        let kind = if code == ffi::RTC_ERROR_OUT_OF_MEMORY {
-            ErrorKind::Retry
-        } else {
-            ErrorKind::Unsupported
-        };
-        Err(Error::new(kind, Problem::new("Embree", format!("{}: {text}", error_name(code)))))
+        let message = format!("{}: {text}", error_name(code));
+        Err(match code {
+            ffi::RTC_ERROR_OUT_OF_MEMORY => Error::no_memory("Embree", message),
+            _ => Error::new(ErrorKind::Unsupported, Problem::new("Embree", message)),
+        })
     }
 }
 

@@ -18,9 +18,9 @@ use crate::world::ContentHashes;
 
 use super::entry::SheetEntry;
 
-/// Returns the problems of each input that lacks frames, whose frames are older than its settings
-/// or files, or that failed after its frames were made. The result is empty if `--resume` would
-/// keep every frame, and no failure came later.
+/// Returns the problems of each input, in the order of the job: frames that are missing, frames that
+/// are older than its settings or files, a failure after its frames were made. An input has none if
+/// `--resume` would keep all its frames, and no failure came later.
 ///
 /// Reads the inputs that have frames, one after the other, on the threads of the current rayon
 /// pool. `memory_limit` limits the arrays of a mesh.
@@ -29,8 +29,7 @@ use super::entry::SheetEntry;
 /// or that of its files. A task that was killed leaves no reason.
 pub fn missing(job: &Job, memory_limit: Option<MemoryLimit>) -> Vec<Vec<Problem>> {
     let entries = SheetEntry::all(job, &journal::read(&job.folder));
-    let problems = entries.iter().map(|entry| problems(job, entry, memory_limit));
-    problems.filter(|problems| !problems.is_empty()).collect()
+    entries.iter().map(|entry| problems(job, entry, memory_limit)).collect()
 }
 
 fn problems(job: &Job, entry: &SheetEntry, memory_limit: Option<MemoryLimit>) -> Vec<Problem> {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Problem, Result};
 use crate::monitor::Monitor;
 use crate::output::atomic::{PartFile, Sweep};
 use crate::threads;
@@ -39,18 +39,25 @@ pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
 
 /// Writes the contact sheet from the pictures and journals in the job's folder.
 ///
-/// Pictures that cannot be read are left out.
+/// Pictures that cannot be read are left out. `problems` are those of [`missing()`] if the frames
+/// were compared with the job, else empty.
 ///
 /// # Errors
 /// Files that cannot be written; a stop request in the monitor.
-pub fn write(job: &Job, threads: usize, monitor: &Monitor) -> Result<Vec<PathBuf>> {
+pub fn write(
+    job: &Job,
+    problems: &[Vec<Problem>],
+    threads: usize,
+    monitor: &Monitor,
+) -> Result<Vec<PathBuf>> {
     let each = (MAX_THUMBNAILS / job.inputs.len().max(1)).clamp(1, MAX_FRAMES);
     let pool = threads::pool(threads)?;
     let entries = pool.install(|| SheetEntry::all(job, &journal::read(&job.folder)));
     let strip = |entry: &SheetEntry| Strip::of(job, entry, each, monitor);
     let strips = pool.install(|| entries.par_iter().map(strip).collect::<Result<Vec<_>>>())?;
     let sweep = Sweep::default();
-    let page = || write_text(&sweep, &job.folder.join(PAGE), &page::html(job, &entries, &strips));
+    let html = page::html(job, &entries, &strips, problems);
+    let page = || write_text(&sweep, &job.folder.join(PAGE), &html);
     let names = sheets(entries.len());
     let sheet = |(number, (entries, strips)): (usize, (&[SheetEntry], &[Option<Strip>]))| {
         let path = job.folder.join(&names[number]);

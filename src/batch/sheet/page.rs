@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use crate::batch::job::Job;
+use crate::error::Problem;
 use crate::report::escape;
 use crate::units;
 
@@ -15,8 +16,13 @@ use super::thumbnails::Strip;
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// Returns the text of the page.
-pub fn html(job: &Job, entries: &[SheetEntry], strips: &[Option<Strip>]) -> String {
+/// Returns the text of the page. `problems` has those of each input, or is empty.
+pub fn html(
+    job: &Job,
+    entries: &[SheetEntry],
+    strips: &[Option<Strip>],
+    problems: &[Vec<Problem>],
+) -> String {
     let mut html = String::new();
     let frames: usize = entries.iter().map(|entry| entry.frames.len()).sum();
     let of: u64 = entries.iter().map(|entry| u64::from(entry.of)).sum();
@@ -46,16 +52,23 @@ pub fn html(job: &Job, entries: &[SheetEntry], strips: &[Option<Strip>]) -> Stri
         units::count(rays / 1_000_000),
     );
     for (entry, strip) in entries.iter().zip(strips) {
-        card(&mut html, job, entry, strip.as_ref());
+        let problems = problems.get(entry.number).map_or(&[][..], Vec::as_slice);
+        card(&mut html, job, entry, strip.as_ref(), problems);
     }
     let _ = write!(html, "</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n");
     html
 }
 
-fn card(html: &mut String, job: &Job, entry: &SheetEntry, strip: Option<&Strip>) {
+fn card(
+    html: &mut String,
+    job: &Job,
+    entry: &SheetEntry,
+    strip: Option<&Strip>,
+    problems: &[Problem],
+) {
     let failure = entry.message();
     let missing = entry.frames.len() < entry.of as usize;
-    let (class, state) = match (&failure, missing) {
+    let (class, state) = match (&failure, missing || !problems.is_empty()) {
         (Some(_), _) => ("failed", 0),
         (None, true) => ("missing", 1),
         (None, false) => ("done", 2),
@@ -78,6 +91,11 @@ fn card(html: &mut String, job: &Job, entry: &SheetEntry, strip: Option<&Strip>)
     let _ = writeln!(html, "<h2 title=\"{}\">{}</h2>", escape(&entry.input), escape(entry.name()));
     if let Some(message) = &failure {
         let _ = writeln!(html, "<p class=\"message\">{}</p>", escape(message));
+    }
+    // The reason of missing frames is the first line of the failure.
+    let told = failure.as_ref().and_then(|message| message.lines().next());
+    for problem in problems.iter().filter(|p| told.is_none_or(|line| !p.message.contains(line))) {
+        let _ = writeln!(html, "<p class=\"message\">{}</p>", escape(&problem.message));
     }
     let mut facts = vec![("frames", format!("{} of {}", entry.frames.len(), entry.of))];
     let absent: Vec<u32> = (0..entry.of).filter(|n| !entry.frames.contains_key(n)).collect();

@@ -46,8 +46,11 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         signals::end_at_once()?;
         let pool = machine::pool(Some(options.threads as u16))?;
         pool.install(|| batch::refuse_sheet(&job))?;
-        print::paths(&sheet::write(&job, options.threads, &Monitor::default())?)?;
-        return pool.install(|| complete(&job, options.max_memory));
+        let memory_limit = options.max_memory.map(memory::limit_for_meshes);
+        let memory_limit = memory_limit.or_else(memory::limit_of_machine);
+        let problems = pool.install(|| sheet::missing(&job, memory_limit));
+        print::paths(&sheet::write(&job, &problems, options.threads, &Monitor::default())?)?;
+        return complete(problems);
     }
     let monitor = Arc::new(Monitor::default());
     let status = Arc::new(Status::default());
@@ -93,7 +96,8 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     let with_sheet = outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none();
     let sheet = match with_sheet {
         true => {
-            sheet::write(&job, options.threads, &monitor).and_then(|paths| print::paths(&paths))
+            let paths = sheet::write(&job, &[], options.threads, &monitor);
+            paths.and_then(|paths| print::paths(&paths))
         }
         false => Ok(()),
     };
@@ -103,16 +107,15 @@ pub fn run(args: &BatchArgs) -> Result<()> {
 }
 
 /// Checks that no frame is missing, that each is a frame of the job as it is now, and that none
-/// failed after it was made.
+/// failed after it was made. `problems` has those of each input.
 ///
 /// # Errors
 /// `Check`, with the problems of each input that lacks frames or failed.
-fn complete(job: &Job, max_memory: Option<u64>) -> Result<()> {
-    let memory_limit = max_memory.map(memory::limit_for_meshes).or_else(memory::limit_of_machine);
-    let inputs = sheet::missing(job, memory_limit);
-    let message = format!("{} of {} inputs lack frames or failed:", inputs.len(), job.inputs.len());
-    let mut problems = inputs.concat();
+fn complete(problems: Vec<Vec<Problem>>) -> Result<()> {
+    let (inputs, with) = (problems.len(), problems.iter().filter(|all| !all.is_empty()).count());
+    let mut problems = problems.concat();
     if !problems.is_empty() {
+        let message = format!("{with} of {inputs} inputs lack frames or failed:");
         problems.insert(0, Problem::new("", message));
     }
     let help = "run the batch again with --resume; on a farm, submit the job again";

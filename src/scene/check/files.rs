@@ -1,7 +1,7 @@
 //! Checks that the files that a scene names exist. The readers of the files check their contents.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use crate::nearest::did_you_mean;
@@ -40,20 +40,23 @@ impl Check<'_, '_> {
     /// Checks that a file exists. Returns its path joined to the folder of the scene.
     pub(super) fn file(&mut self, pointer: &str, written: &str, what: &str) -> PathBuf {
         let path = self.folder.join(written);
-        let message = match std::fs::metadata(&path) {
+        let (message, cause) = match std::fs::metadata(&path) {
             Ok(data) if data.is_dir() => {
-                format!("found {written:?}, which is a folder, expected {what}")
+                let message = format!("found {written:?}, which is a folder, expected {what}");
+                (message, ErrorKind::IsADirectory)
             }
             Ok(_) => return path,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                format!("found {written:?}, expected {what}: there is no file {}", path.display())
+            Err(error) => {
+                let file = path.display();
+                let reason = match error.kind() {
+                    ErrorKind::NotFound => format!("there is no file {file}"),
+                    _ => format!("cannot look at {file}: {error}"),
+                };
+                (format!("found {written:?}, expected {what}: {reason}"), error.kind())
             }
-            Err(error) => format!(
-                "found {written:?}, expected {what}: cannot look at {}: {error}",
-                path.display()
-            ),
         };
         self.problems.error(pointer, message, near_file(&path));
+        self.problems.cause(cause);
         path
     }
 }

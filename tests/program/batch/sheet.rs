@@ -123,7 +123,13 @@ fn frames_of_other_settings_or_files_are_older() {
     assert!(said.contains("2 of 2 inputs lack frames or failed:"), "{said}");
     let older = "a.ply: all frames are older than the job: out/a/a.0000.exr: the scene changed";
     assert!(said.contains(older), "{said}");
+    let page = || String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert_eq!(page().matches("all frames are older than the job: ").count(), 2);
+    assert_eq!(page().matches("<article class=\"missing\"").count(), 2);
     job(0);
+    run(&["--sheet-only"], 0);
+    assert_eq!(page().matches("<article class=\"done\"").count(), 2);
+    assert!(!page().contains("older than"));
     // A frame that is cut short is missing, and the rest is older: the mesh changed.
     let whole = scratch.read("out/b/b.0000.exr");
     std::fs::write(scratch.path("out/b/b.0000.exr"), &whole[..whole.len() / 2]).unwrap();
