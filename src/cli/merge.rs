@@ -59,6 +59,10 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         false => Vec::new(),
     };
     let previews = layers::named_previews(&args.png_layer, &part.layout, &prefix)?;
+    let no_mattes = args.files.crypto_sidecar && manifests.is_empty();
+    let no_mattes = no_mattes.then(|| layers::no_mattes().help("render with --aov cryptomatte"));
+    let no_layers = !args.png_layer.is_empty() && previews.is_empty();
+    let no_layers = no_layers.then(|| layers::no_layers().help("render with --aov all"));
     let outputs = Outputs::names(&prefix).into_iter();
     let outputs = outputs.chain(manifests.iter().map(|m| m.path.clone()));
     let outputs: Vec<PathBuf> = outputs.chain(previews.iter().map(|(_, p)| p.clone())).collect();
@@ -102,6 +106,9 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         Ok(([&paths[..], &beside].concat(), oddities))
     })?;
     if !args.messages.quiet {
+        for warning in no_mattes.iter().chain(&no_layers) {
+            progress.message(&format!("warning: {warning}"));
+        }
         for warning in picture::oddity_warnings(&oddities) {
             progress.message(&format!("warning: {warning}"));
         }

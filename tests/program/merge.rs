@@ -286,6 +286,23 @@ fn notes_say_what_parts_have_lost() {
     }
 }
 
+#[test]
+fn flags_for_layers_that_the_parts_lack_get_a_warning() {
+    let scratch = scratch();
+    for tile in ["1/2", "2/2"] {
+        render(&scratch, &format!("part{}", &tile[..1]), &["--spp", "1", "--tile", tile]);
+    }
+    let parts = ["merge", "part1.exr", "part2.exr", "-o", "merged"];
+    let done = scratch.run(&[&parts[..], &["--png-layer", "all", "--crypto-sidecar"]].concat());
+    let said = done.good().stderr();
+    for flag in
+        ["--crypto-sidecar: found without cryptomattes", "--png-layer: found without layers"]
+    {
+        assert!(said.contains(&format!("warning: {flag}; it has no effect")), "{said}");
+    }
+    assert!(!scratch.run(&parts).good().stderr().contains("warning"));
+}
+
 #[cfg(unix)]
 #[test]
 fn parts_of_a_mesh_from_a_pipe_get_a_warning() {

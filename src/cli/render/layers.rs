@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::film::Film;
 use crate::layers::PixelLayout;
 use crate::output::atomic::PartFile;
@@ -88,6 +88,16 @@ pub fn named_previews(
         }
     }
     Ok(shown.into_iter().map(|name| preview(prefix, name)).collect())
+}
+
+/// Returns the warning about `--crypto-sidecar` for a picture without cryptomattes.
+pub fn no_mattes() -> Problem {
+    Problem::new("--crypto-sidecar", "found without cryptomattes; it has no effect")
+}
+
+/// Returns the warning about `--png-layer all` for a picture without layers.
+pub fn no_layers() -> Problem {
+    Problem::new("--png-layer", "found without layers; it has no effect")
 }
 
 fn preview(prefix: &Path, name: String) -> (String, PathBuf) {

@@ -147,14 +147,9 @@ impl RenderOptions {
     /// about the plate.
     pub fn warnings(&self) -> Vec<Problem> {
         let sidecar = self.storage.crypto_sidecar && self.plan.mattes.is_empty();
-        let sidecar = sidecar.then(|| {
-            Problem::new("--crypto-sidecar", "found without cryptomattes; it has no effect")
-                .help("--aov cryptomatte")
-        });
+        let sidecar = sidecar.then(|| layers::no_mattes().help("--aov cryptomatte"));
         let previews = self.png_layers && self.previews.is_empty();
-        let previews = previews.then(|| {
-            Problem::new("--png-layer", "found without layers; it has no effect").help("--aov all")
-        });
+        let previews = previews.then(|| layers::no_layers().help("--aov all"));
         let sampling = self.adaptive.as_ref().and_then(sampling::warning);
         let plate = self.plate.iter().flat_map(PlateImage::warnings);
         sampling.into_iter().chain(plate).chain(sidecar).chain(previews).collect()
