@@ -117,6 +117,7 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
     let mut file = Reader::open(path)?;
     let mut sensors = HashMap::new();
     for _ in 0..file.u64("the number of cameras")? {
+        let start = file.place();
         let id = file.u32("the number of a camera")?;
         let place = file.place();
         let number = i32::from_le_bytes(file.array("a camera model")?);
@@ -137,7 +138,9 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
         let (_, name, count) = MODELS[model];
         let what = format!("{} of {name}", plural(count, "parameter"));
         let params = (0..count).map(|_| file.finite(&what)).collect::<Result<_>>()?;
-        sensors.insert(id, Sensor { model, size, params });
+        if sensors.insert(id, Sensor { model, size, params }).is_some() {
+            return Err(Error::invalid(start, format!("found camera {id} a second time")));
+        }
     }
     file.end()?;
     Ok(sensors)

@@ -72,7 +72,9 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
         if let Some(more) = words.words.next() {
             return Err(Error::invalid(&words.place, format!("found {more:?} after {what}")));
         }
-        sensors.insert(id, Sensor { model, size, params });
+        if sensors.insert(id, Sensor { model, size, params }).is_some() {
+            return Err(Error::invalid(&words.place, format!("found camera {id} a second time")));
+        }
     }
     Ok(sensors)
 }

@@ -118,7 +118,7 @@ impl FrameEntry<'_> {
         for (side, key) in size.iter_mut().zip(["w", "h"]) {
             let Some(number) = self.number(key)? else {
                 return picture.ok_or_else(|| {
-                    self.missing("w", "the width and height of the picture in `w` and `h`").help(
+                    self.missing(key, "the width and height of the picture in `w` and `h`").help(
                         "or put the pictures where `file_path` names them: their size is read",
                     )
                 });
@@ -208,9 +208,10 @@ impl FrameEntry<'_> {
             return Err(self.wrong(&pointer, expected));
         }
         for (i, (row, written)) in rows.iter_mut().zip(&written).enumerate() {
-            let numbers: Vec<f64> = items(written).iter().filter_map(JsonNode::number).collect();
-            *row = <[f64; 4]>::try_from(numbers)
-                .map_err(|_| self.wrong(&format!("{pointer}/{i}"), "a row of 4 numbers"))?;
+            let numbers: Option<Vec<f64>> = items(written).iter().map(JsonNode::number).collect();
+            let numbers = numbers.and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
+            *row = numbers
+                .ok_or_else(|| self.wrong(&format!("{pointer}/{i}"), "a row of 4 numbers"))?;
         }
         Ok(Matrix(rows))
     }

@@ -26,6 +26,9 @@ pub struct FieldOfView {
 /// point alone may determine the position (a single point, points on a line along the view, or a
 /// very wide angle). Then the camera keeps a distance from it.
 ///
+/// With a `target`, this point is in the middle of the picture, and the camera is as near to it as
+/// the points allow.
+///
 /// `direction` and `up` have any length and are not parallel. Points that are NaN are ignored.
 /// Returns `None` if there are no other points. A point with an infinite coordinate either makes
 /// the result `None` or is ignored, which depends on the direction.
@@ -34,12 +37,16 @@ pub fn frame(
     direction: DVec3,
     up: DVec3,
     lens: FieldOfView,
+    target: Option<DVec3>,
 ) -> Option<DVec3> {
     let view = FramedView::new(direction, up, lens);
     // A sphere reaches its radius times |n| along n.
     let beyond = view.slants().map(|slant| lens.radius * slant.length());
     let extent = FrustumExtent::around(points, |p| (view.reach(p), view.depth(p), beyond));
-    view.position(&extent)
+    match target {
+        None => view.position(&extent),
+        Some(target) => view.position_towards(&extent, target),
+    }
 }
 
 /// Returns the position of [`frame`] for points that turn around an axis. The axis is a point and a
@@ -51,6 +58,7 @@ pub fn frame_turning(
     direction: DVec3,
     up: DVec3,
     lens: FieldOfView,
+    target: Option<DVec3>,
 ) -> Option<DVec3> {
     let view = FramedView::new(direction, up, lens);
     // A circle of radius r around c reaches n.c + r |n across the axis| along n.
@@ -64,7 +72,10 @@ pub fn frame_turning(
         let reach = std::array::from_fn(|k| radius * across[k] + beyond[k]);
         (view.reach(centre), view.depth(centre), reach)
     });
-    view.position(&extent)
+    match target {
+        None => view.position(&extent),
+        Some(target) => view.position_towards(&extent, target),
+    }
 }
 
 /// The axes of a camera (right, up, forward), and the slopes of the frustum's sides after the
@@ -102,6 +113,14 @@ impl FrustumExtent {
             })
         };
         points.fold(|| Self::EMPTY, add).reduce(|| Self::EMPTY, Self::union)
+    }
+
+    /// Returns true if a camera at the depth `back` is nearer than every point, by more than the
+    /// rounding of these values.
+    fn is_before(&self, back: f64, view: &FramedView) -> bool {
+        let largest = self.planes.iter().fold(self.near.abs(), |most, side| most.max(side.abs()));
+        let rounding = 1e-15 * largest / view.tx.min(view.ty).min(1.0);
+        self.near - back > 1e-9 * (self.far - self.near) + rounding
     }
 
     #[inline(always)]
@@ -149,14 +168,26 @@ impl FramedView {
         let &FrustumExtent { planes: [right, left, top, bottom], near, far } = extent;
         let Self { axes: [x, y, z], tx, ty } = *self;
         let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
-        // If the exact position coincides with the nearest point, the camera keeps a distance from
-        // it.
-        let depth = far - near;
-        let back = match near - back > 1e-9 * (depth + near.abs()) {
-            true => back,
-            false => near - depth.max(1.0),
+        let position = x * ((right - left) / 2.0) + y * ((top - bottom) / 2.0);
+        let back = if extent.is_before(back, self) { back } else { near - (far - near).max(1.0) };
+        let position = position + z * back;
+        position.is_finite().then_some(position)
+    }
+
+    /// Returns the position on the line through `target` along the view. A camera there is at
+    /// c = target - s z, so the condition of [`Self::reach`] is s >= (the largest reach of a point
+    /// - the reach of the target) / t for each plane.
+    fn position_towards(&self, extent: &FrustumExtent, target: DVec3) -> Option<DVec3> {
+        let (own, slopes) = (self.reach(target), [self.tx, self.tx, self.ty, self.ty]);
+        let needed = (0..4).map(|k| (extent.planes[k] - own[k]) / slopes[k]);
+        let (depth, at) = ((extent.far - extent.near).max(1e-300), self.depth(target));
+        // The target is in front of the camera.
+        let distance = needed.fold(1e-2 * depth, f64::max);
+        let distance = match extent.is_before(at - distance, self) {
+            true => distance,
+            false => at - extent.near + depth.max(1.0),
         };
-        let position = x * ((right - left) / 2.0) + y * ((top - bottom) / 2.0) + z * back;
+        let position = target - self.axes[2] * distance;
         position.is_finite().then_some(position)
     }
 }
@@ -200,8 +231,8 @@ mod tests {
         for (direction, up) in views {
             for aspect in [0.3, 1.0, 2.5] {
                 for fov in [5.0, 30.0, 120.0] {
-                    let at =
-                        frame(cloud().into_par_iter(), direction, up, lens(fov, aspect)).unwrap();
+                    let at = frame(cloud().into_par_iter(), direction, up, lens(fov, aspect), None)
+                        .unwrap();
                     let t = (f64::to_radians(fov) / 2.0).tan() * 0.84;
                     let seen: Vec<_> = cloud()
                         .into_iter()
@@ -229,7 +260,8 @@ mod tests {
         let (direction, up) = (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y);
         let (pivot, aspect) = (DVec3::new(7.5, 0.0, 12.0), 1.6);
         let lens = lens(35.0, aspect);
-        let at = frame_turning(cloud().into_par_iter(), (pivot, DVec3::Y), direction, up, lens);
+        let cloud_of = cloud().into_par_iter();
+        let at = frame_turning(cloud_of, (pivot, DVec3::Y), direction, up, lens, None);
         let at = at.unwrap();
         let t = (f64::to_radians(35.0) / 2.0).tan() * 0.84;
         let (mut low, mut high) = ([1e9_f64; 2], [-1e9_f64; 2]);
@@ -251,9 +283,43 @@ mod tests {
     }
 
     #[test]
+    fn a_target_is_in_the_middle_and_points_touch_one_border() {
+        let (direction, up, lens) = (DVec3::new(-1.0, -0.5, -2.0), DVec3::Y, lens(30.0, 1.3));
+        let t = (f64::to_radians(30.0) / 2.0).tan() * 0.84;
+        let middle = cloud().iter().sum::<DVec3>() / 500.0;
+        for away in [DVec3::ZERO, DVec3::new(5.0, -2.0, 1.0), DVec3::new(0.0, 40.0, 0.0)] {
+            let target = middle + away;
+            let at = frame(cloud().into_par_iter(), direction, up, lens, Some(target)).unwrap();
+            let seen = |p| project(p, at, direction, up, [t * 1.3, t]);
+            assert!(seen(target).iter().all(|v| v.abs() < 1e-9));
+            let all = cloud().into_iter().flat_map(seen);
+            let largest = all.fold(0.0, |largest: f64, v| largest.max(v.abs()));
+            assert!((largest - 1.0).abs() < 1e-9, "{largest}");
+        }
+        // Far in front of the points, the target itself limits the position.
+        let target = middle - direction * 100.0;
+        let at = frame(cloud().into_par_iter(), direction, up, lens, Some(target)).unwrap();
+        assert!((target - at).dot(direction) > 0.0);
+        let inside = |p| project(p, at, direction, up, [t * 1.3, t]).iter().all(|v| v.abs() < 1.0);
+        assert!(cloud().into_iter().all(inside));
+    }
+
+    #[test]
+    fn points_far_from_zero_are_framed_as_near_it() {
+        let (direction, up) = (DVec3::new(0.3, -0.5, -2.0), DVec3::Y);
+        let near = frame(cloud().into_par_iter(), direction, up, lens(40.0, 1.0), None).unwrap();
+        for shift in [DVec3::new(0.0, 1e10, 0.0), DVec3::new(5e6, -3e9, 1e9), DVec3::splat(1e11)] {
+            let there = cloud().into_par_iter().map(|p| p + shift);
+            let far = frame(there, direction, up, lens(40.0, 1.0), None).unwrap();
+            let rounding = 1e-14 * shift.length();
+            assert!((far - shift - near).length() < rounding, "{}", far - shift - near);
+        }
+    }
+
+    #[test]
     fn a_point_and_a_line_get_a_distance_and_no_points_give_none() {
         let see = |points: Vec<DVec3>| {
-            frame(points.into_par_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0))
+            frame(points.into_par_iter(), DVec3::NEG_Z, DVec3::Y, lens(30.0, 1.0), None)
         };
         assert!(see(vec![DVec3::ONE]).unwrap().z > 1.0);
         assert!(see(vec![DVec3::ZERO, DVec3::Z]).unwrap().z > 1.0);

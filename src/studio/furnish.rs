@@ -10,9 +10,7 @@ use serde_json::json;
 use crate::error::{Error, Problem, Result};
 use crate::mesh::Mesh;
 use crate::paths::{named, seen_from};
-use crate::scene::{
-    CheckedCamera, Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped,
-};
+use crate::scene::{Document, JsonNode, Loaded, Overrides, ShapeKind, Trimesh, escaped};
 use crate::world::{self, Bounds, placement, several_textures_warning};
 
 use super::axes::{main_axis, turn};
@@ -54,9 +52,14 @@ pub fn furnish(
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
     colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
-    warnings.extend(notes(subject, (&mesh, points.as_ref()), template, colored));
+    warnings.extend(texture_note(subject, &mesh, template, colored));
     // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
+    let turned = trimesh(&loaded, &shape).is_some_and(|spec| spec.rotate_deg != DVec3::ZERO);
+    let y_is_up = main_axis(loaded.scene.camera.up) == 1 && !turned;
+    if y_is_up && subject.up.is_none() && subject.rotate.is_none() {
+        warnings.extend(points.as_ref().and_then(|points| side_note(subject, points)));
+    }
     let Some(points) = points else {
         if template.builtin {
             let studio = load(template, &ours, &Overrides::default())?;
@@ -75,7 +78,7 @@ pub fn furnish(
         ours.flag(flag, &format!("{shape}/rotate"), Some(angles.to_vec()));
         loaded = load(template, &ours, user)?;
     }
-    let middle = place(subject, &points, &loaded, &shape, &mut ours)?;
+    let middle = place(subject, &points, (&loaded, user), &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
     Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
 }
@@ -116,8 +119,10 @@ pub fn flags_win(
     }
     user.flags_follow();
     add_looks(looks, &shape, user);
-    let path = looks.texture.as_ref().map(|image| within(template, image)).transpose()?;
-    user.flag("--texture", &format!("{}/tPath", material(template, &shape)?), path);
+    if let Some(image) = &looks.texture {
+        let pointer = format!("{}/tPath", material(template, &shape)?);
+        user.flag("--texture", &pointer, Some(within(template, image)?));
+    }
     Ok(())
 }
 
@@ -188,8 +193,12 @@ fn colour(
     (shape, colored): (&str, bool),
     ours: &mut Overrides,
 ) -> Result<()> {
+    let image = subject.looks.texture.as_ref();
+    if image.is_none() && !template.builtin {
+        return Ok(());
+    }
     let material = material(template, shape)?;
-    if let Some(image) = &subject.looks.texture {
+    if let Some(image) = image {
         if mesh.uvs.is_none() {
             let message =
                 format!("found with {}, which has no texture coordinates", subject.path.display());
@@ -219,12 +228,25 @@ fn colour(
 }
 
 /// Returns the JSON pointer of a shape's material, which is inline or named.
+///
+/// # Errors
+/// A named material that another shape uses, too: a texture would show on both.
 fn material(template: &Template, shape: &str) -> Result<String> {
     let document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
-    let name = document.get(&inline).and_then(JsonNode::text);
-    let name = name.map(|name| format!("/scene/materials/{}", escaped(name)));
-    Ok(name.unwrap_or(inline))
+    let Some(name) = document.get(&inline).and_then(JsonNode::text) else { return Ok(inline) };
+    let others = (0..).map(|i| format!("/scene/shapes/{i}"));
+    let mut others = others.take_while(|other| document.get(other).is_some());
+    let uses = |other: &String| {
+        let material = document.get(&format!("{other}/material"));
+        other != shape && material.and_then(JsonNode::text) == Some(name)
+    };
+    if let Some(other) = others.find(uses) {
+        let message = format!("found the material {name:?}, which {other} has, too");
+        let help = "give the mesh a material of its own in the template";
+        return Err(Error::invalid("--texture", message).help(help));
+    }
+    Ok(format!("/scene/materials/{}", escaped(name)))
 }
 
 /// Returns the image that the mesh file names. `None` if `--texture` replaces it, or if the mesh
@@ -234,46 +256,43 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
     world::own_texture(subject.path, mesh).filter(|_| wanted)
 }
 
-/// Returns warnings about textures that are not shown, and about a mesh that seems to lie on its
-/// side. `points` are `None` if the mesh keeps its coordinates.
-fn notes(
+/// Returns a warning about a texture that is not shown.
+fn texture_note(
     subject: &Subject,
-    (mesh, points): (&Mesh, Option<&UsedVertices>),
+    mesh: &Mesh,
     template: &Template,
     colored: bool,
-) -> Vec<Problem> {
+) -> Option<Problem> {
     let place = || subject.path.display().to_string();
-    let mut notes = Vec::new();
     let shows_own = !colored && mesh.textures.is_none();
-    if template.builtin && subject.looks.texture.is_none() && shows_own {
-        let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
-        notes.extend(match (&mesh.texture_file, missing) {
-            (Some(_), None) if mesh.uvs.is_some() => several_textures_warning(mesh, subject.path),
-            (None, _) if mesh.uvs.is_some() => {
-                let message = "found texture coordinates and no texture";
-                Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
-            }
-            (Some(name), None) if mesh.uvs.is_none() => {
-                let message = format!(
-                    "found the texture {name:?}, which is not used: the mesh has no texture \
-                     coordinates"
-                );
-                Some(Problem::new(place(), message))
-            }
-            // The world warns of an image that is missing.
-            _ => None,
-        });
+    if !template.builtin || subject.looks.texture.is_some() || !shows_own {
+        return None;
     }
-    let points = points.filter(|_| subject.up.is_none() && subject.rotate.is_none());
-    if let Some([x, y, z]) = points.and_then(size) {
-        let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
-        if on_its_side {
-            let message =
-                format!("lies on its side? It is {x:.3} x {y:.3} x {z:.3}, and y points up");
-            notes.push(Problem::new(place(), message).help("if z points up: --up z"));
+    let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
+    match (&mesh.texture_file, missing) {
+        (Some(_), None) if mesh.uvs.is_some() => several_textures_warning(mesh, subject.path),
+        (None, _) if mesh.uvs.is_some() => {
+            let message = "found texture coordinates and no texture";
+            Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
         }
+        (Some(name), None) if mesh.uvs.is_none() => {
+            let message = format!(
+                "found the texture {name:?}, which is not used: the mesh has no texture coordinates"
+            );
+            Some(Problem::new(place(), message))
+        }
+        // The world warns of an image that is missing.
+        _ => None,
     }
-    notes
+}
+
+/// Returns a warning about a mesh that seems to lie on its side, if y points up in the scene.
+fn side_note(subject: &Subject, points: &UsedVertices) -> Option<Problem> {
+    let [x, y, z] = size(points)?;
+    let on_its_side = z > MIN_LENGTH_RATIO * x.max(y) || y < MAX_HEIGHT_RATIO * z;
+    let message = format!("lies on its side? It is {x:.3} x {y:.3} x {z:.3}, and y points up");
+    let problem = Problem::new(subject.path.display().to_string(), message);
+    on_its_side.then(|| problem.help("if z points up: --up z"))
 }
 
 /// A mesh seems to lie on its side (z is up in its file) if its size along z is more than this
@@ -298,7 +317,7 @@ fn size(points: &UsedVertices) -> Option<[f64; 3]> {
 fn place(
     subject: &Subject,
     points: &UsedVertices,
-    loaded: &Loaded,
+    (loaded, user): (&Loaded, &Overrides),
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<DVec3> {
@@ -346,36 +365,39 @@ fn place(
         }
     };
     let lens = FieldOfView { fov_deg, aspect, margin: subject.margin, radius };
+    let target = user.touches("/camera/target").then(|| loaded.description.camera.target());
+    let target = target.flatten().map(|point| DVec3::from(point.0));
     let position = match subject.turning {
-        false => frame(placed, camera.lookat, camera.up, lens),
+        false => frame(placed, camera.lookat, camera.up, lens, target),
         true => {
             let axis = (subject.pivot.unwrap_or(middle), DVec3::AXES[vertical]);
-            frame_turning(placed, axis, camera.lookat, camera.up, lens)
+            frame_turning(placed, axis, camera.lookat, camera.up, lens, target)
         }
     };
     let position = position.ok_or_else(empty)?;
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
-    point(camera, loaded, position, middle, ours);
+    point(loaded, user, position, middle, ours);
     Ok(middle)
 }
 
-/// Adds overrides for the camera's new position. A lens is focused on the centre of the mesh.
-fn point(
-    camera: &CheckedCamera,
-    loaded: &Loaded,
-    position: DVec3,
-    middle: DVec3,
-    ours: &mut Overrides,
-) {
+/// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on the
+/// centre of the mesh.
+fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: &mut Overrides) {
+    let camera = &loaded.scene.camera;
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();
-    ours.flag("FILE.ply", "/camera/position", list(position));
-    if loaded.description.camera.target().is_some() {
-        ours.flag("FILE.ply", "/camera/target", list(position + z));
+    let is_given = user.touches("/camera/position");
+    let position = if is_given { camera.position } else { framed };
+    if !is_given {
+        ours.flag("FILE.ply", "/camera/position", list(position));
+        // The camera has moved, and so has the point in its direction.
+        if loaded.description.camera.target().is_some() {
+            ours.flag("FILE.ply", "/camera/target", list(position + z));
+        }
     }
     if camera.perspective().is_some_and(|(_, lens)| lens.is_some()) {
-        let distance = (middle - position).dot(z);
-        ours.flag("FILE.ply", "/camera/focaldistance", Some(distance));
+        let distance = Some((middle - position).dot(z)).filter(|distance| *distance > 0.0);
+        ours.flag("FILE.ply", "/camera/focaldistance", distance);
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub mod backends;
 pub mod browser;
+pub mod errors;
 pub mod oracle;
 pub mod ply_writer;
 pub mod program;

@@ -12,6 +12,11 @@ use crate::units::counted;
 /// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
 
+/// Returns the worse of two errors. NaN is worse than all.
+pub fn worse(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
 named! {
     /// Kind of a wrong answer.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -121,7 +126,7 @@ impl CaseCounts {
         self.measured += 1;
         self.beyond_2 += u64::from(!(ulp <= 2.0));
         self.beyond_8 += u64::from(!(ulp <= 8.0));
-        self.worst_ulp = self.worst_ulp.max(ulp);
+        self.worst_ulp = worse(self.worst_ulp, ulp);
     }
 
     /// Number of wrong answers of all kinds.

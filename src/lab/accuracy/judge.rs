@@ -5,7 +5,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::backends::CaseBackends;
-use super::counts::{CaseCounts, WrongKind, kind_of, ulp};
+use super::counts::{CaseCounts, WrongKind, kind_of, ulp, worse};
 use crate::accel::Accelerator;
 use crate::accel::lane::{LaneHit, LaneRay, lanes};
 use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
@@ -277,13 +277,12 @@ fn measure_hits(
         let refined = lane(&surfaces.position, i).as_dvec3();
         let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
-        if relative.is_finite() {
-            counts.worst_relative = counts.worst_relative.max(relative);
+        if scale <= f64::from(f32::MAX) {
+            counts.worst_relative = worse(counts.worst_relative, relative);
         }
         if geometry.mesh(exact.geom).is_some() {
-            let error = (surfaces.u[i] - exact.u).abs();
-            let error = error.max((surfaces.v[i] - exact.v).abs());
-            counts.worst_weight = counts.worst_weight.max(error);
+            let error = worse((surfaces.u[i] - exact.u).abs(), (surfaces.v[i] - exact.v).abs());
+            counts.worst_weight = worse(counts.worst_weight, error);
         }
     }
 }

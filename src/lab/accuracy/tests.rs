@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
-use super::counts::{CaseCounts, WrongKind};
+use super::counts::{CaseCounts, WrongKind, worse};
 use super::judge::{AimedPacket, Expect, judge_packet};
 use super::meshes::{corners, icosphere, inside, scene};
 use super::{AccuracySettings, catalogue};
@@ -80,14 +80,24 @@ fn every_fault_is_found_with_its_kind() {
 #[test]
 fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     // 4, then 16 times 2^-23, relative. The error bound of a test in f32 would allow the first.
-    for (ulps, says) in [(4.0, "more than 2 ulp"), (16.0, "expected at most 8")] {
+    for ulps in [4.0, 16.0] {
         let off = 1.0 + ulps * f64::from(f32::EPSILON);
         let counts = counts(BackendFault::ScalesT(off), false);
-        let missed = PassCriterion::Exact.missed(&counts).unwrap_or_default();
-        let failed = counts.failed() > 0;
-        assert!(missed.contains(says) || failed, "{missed}");
+        assert!(PassCriterion::Exact.missed(&counts).is_some(), "{ulps}");
         assert!(counts.beyond_2 > 0);
     }
+    let says = |counts: CaseCounts| {
+        let all = CaseCounts { rays: 1_000_000, measured: 1_000_000, ..counts };
+        PassCriterion::Exact.missed(&all)
+    };
+    let none = CaseCounts::default;
+    assert_eq!(says(none()), None);
+    let one = says(CaseCounts { beyond_8: 1, worst_ulp: 9.0, ..none() });
+    assert_eq!(one.unwrap(), "t is off by 9.0 ulp, expected at most 8");
+    let many = says(CaseCounts { beyond_2: 1000, ..none() });
+    assert_eq!(many.unwrap(), "1000 of 1000000 hits have t more than 2 ulp off");
+    let weight = says(CaseCounts { worst_weight: worse(0.0, f64::NAN), ..none() });
+    assert!(weight.unwrap().starts_with("a weight is off by inf"));
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use crate::support::backends::{build, on_both};
+use crate::support::errors::worse;
 use glam::{DVec3, Vec3};
 use lightpath::accel::Accelerator;
 use lightpath::geometry::{NONE, Surfaces, refine};
@@ -196,7 +197,7 @@ fn lighting(backend: Backend, times: u32, lifted: bool, band: f64) -> Lighting {
             let exact = n.dot((light - n).normalize());
             found.points += 1;
             found.black += u64::from(exact > band && value == 0.0);
-            found.worst = found.worst.max((value - exact.max(0.0)).abs());
+            found.worst = worse(found.worst, (value - exact.max(0.0)).abs());
         }
     }
     println!("{backend:?}, {times} splits, lifted {lifted}: {found:?}");
@@ -273,7 +274,7 @@ fn a_coarse_landscape_is_lit_as_the_subdivided_one(backend: Backend) {
                 let is_black = is_lit && value == 0.0;
                 (lit, dark) = (lit + u32::from(is_lit), dark + u32::from(!is_lit));
                 black += u32::from(is_black);
-                worst = worst.max((value - fine[index]).abs());
+                worst = worse(worst, (value - fine[index]).abs());
             }
             println!("{cells}, lifted {lifted}: {black} of {lit} black, {dark} dark, {worst}");
             assert!(lit > 10_000 && dark > 2_000, "{lit} lit, {dark} dark");

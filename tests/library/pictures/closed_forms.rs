@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::support::backends::{self, on_both};
+use crate::support::errors::worse;
 use crate::support::reference::analytic::{
     LitSphere, facing_mirrors, plane_coordinates, polygon_irradiance,
 };
@@ -39,7 +40,7 @@ fn worst(film: &Film, expected: impl Fn(usize, usize) -> Option<[f64; 3]>) -> f6
         if let Some(expected) = expected(k % width, k / width) {
             for c in 0..3 {
                 let error = (f64::from(pixel[c]) - expected[c]).abs() / expected[c].abs().max(1.0);
-                worst = worst.max(error);
+                worst = worse(worst, error);
             }
         }
     }

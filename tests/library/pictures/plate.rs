@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::support::backends;
+use crate::support::errors::worse;
 use lightpath::{
     film::{Film, ReservedFilm, Window},
     layers::{LayerPlan, MISS_DEPTH},
@@ -395,7 +396,7 @@ fn a_foreground_over_a_plate_is_the_textured_picture() {
             // The over operator on the values that the EXR holds.
             let over = half(value) + (1.0 - half(alpha)) * linear(texels[pixel][axis]);
             let expected = f64::from(textured.film.pixels[pixel][axis]);
-            worst = worst.max((over - expected).abs());
+            worst = worse(worst, (over - expected).abs());
         }
     }
     // Two values of at most 1 were rounded to half, each by at most 2^-12.

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use crate::support::errors::worse;
 use lightpath::{
     accel::{self, BuildOptions},
     film::{Film, Window},
@@ -201,7 +202,7 @@ fn lights_of_several_points_have_sequences_of_their_own() {
         // sequence either.
         let single = mean(pixel, |i| sampler.light(pixel, i, 2, 0));
         for (c, expected) in [expected, single].into_iter().enumerate() {
-            worst[c] = worst[c].max((f64::from(found[c]) / expected - 1.0).abs());
+            worst[c] = worse(worst[c], (f64::from(found[c]) / expected - 1.0).abs());
         }
     }
     assert!(worst.iter().all(|&worst| worst < 1e-4), "{worst:?}");

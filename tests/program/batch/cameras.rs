@@ -3,6 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 
+use crate::support::errors::worse;
 use crate::support::program::{Done, POINT, PYRAMID, Scratch};
 
 /// A picture of the lists: name, size, fx, fy, cx, cy from the corner of the picture, k1, k2, p1,
@@ -170,8 +171,8 @@ fn every_format_gives_pictures_whose_points_project_to_their_pixels() {
                 }
                 hits += 1;
                 let [u, v] = view.project(DVec3::from(p));
-                worst = worst.max((u - (pixel % width) as f64).abs());
-                worst = worst.max((v - (pixel / width) as f64).abs());
+                worst = worse(worst, (u - (pixel % width) as f64).abs());
+                worst = worse(worst, (v - (pixel / width) as f64).abs());
             }
             assert!(hits > 30 && hits < width * height, "{list} {name}: {hits}");
             assert!(worst < 1e-3, "{list} {name}: {worst}");
@@ -202,7 +203,7 @@ fn undistorted_pictures_leave_the_lens_out() {
             let p = ["P.X", "P.Y", "P.Z"].map(|c| f64::from(floats[c][pixel]));
             (view.project(DVec3::from(p))[0] - (pixel % 52) as f64).abs()
         });
-        away.fold(0.0, f64::max)
+        away.fold(0.0, worse)
     };
     assert!(off(&flat) < 1e-3 && off(view) > 0.01, "{} {}", off(&flat), off(view));
 }
@@ -343,6 +344,7 @@ fn bad_lists_are_refused_with_their_place() {
     text("cameras.txt", "40 30 44", "40 30 -44", &["images.txt:", "(/camera/fx): found -44"]);
     text("cameras.txt", "5 OPENCV 40", "5 OPENCV 0", &["(/camera/width): found 0"]);
     text("cameras.txt", "-0.1 0.02", "-9 0.02", &["(/camera/distortion/k1): ", "folds inside"]);
+    text("cameras.txt", "\n6 OPENCV", "\n5 OPENCV", &["txt:3: found camera 5 a second time"]);
     text(
         "images.txt",
         "7 left/c d.png",
@@ -376,6 +378,9 @@ fn bad_lists_are_refused_with_their_place() {
     cut("images.bin", &many, &["the file is cut short"]);
     let mut fov = cameras.clone();
     fov[12] = 7;
+    let mut twice = cameras.clone();
+    twice[96] = 5;
+    cut("cameras.bin", &twice, &["byte 96: found camera 5 a second time"]);
     cut(
         "cameras.bin",
         &fov,
@@ -398,6 +403,9 @@ fn bad_lists_are_refused_with_their_place() {
     let matrix = "/frames/0/transform_matrix";
     json(with(transforms(), matrix, json!([1, 2])), &[matrix, "4 rows of 4 numbers"]);
     json(with(transforms(), &format!("{matrix}/0/0"), json!(9)), &["no rotation"]);
+    let longer = json!([1, null, 0, 0, 5]);
+    let row = format!("{matrix}/0");
+    json(with(transforms(), &row, longer), &[&row, "a row of 4 numbers"]);
     json(with(transforms(), "/camera_model", json!("FOV")), &["(/camera_model): found \"FOV\""]);
     json(with(own_list(), "/cameras/2/camera/axes", json!("up")), &["/cameras/2/camera/axes"]);
     let folded = with(own_list(), "/cameras/0/camera/distortion/k1", json!(-9));

@@ -1,7 +1,8 @@
 //! A mesh without a scene: its picture and its messages.
 
 use crate::support::program::{Done, POINT, Scratch};
-use serde_json::Value;
+use glam::DVec3;
+use serde_json::{Value, json};
 
 /// A box of 2 x 2 x `long` with shared vertices, from -1 in y up. `more` is added to the header.
 fn block(long: f32, more: &str) -> String {
@@ -296,6 +297,88 @@ fn a_mesh_on_its_side_gives_a_note() {
     assert!(says("tall.ply", &[]));
     assert!(!says("tall.ply", &["--up", "z"]) && !says("tall.ply", &["--up", "y"]));
     assert!(!says("tall.ply", &["--rotate", "0,90,0"]) && !says("cube.ply", &[]));
+    // A template that turns its mesh, and one whose z points up.
+    let template = |rotate: [i32; 3], up: [i32; 3], lookat: [i32; 3]| {
+        let scene = json!({
+            "camera": { "type": "pinhole", "position": [0, 0, 0], "lookat": lookat, "up": up },
+            "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply", "rotate": rotate }] } });
+        scratch.write("t.json", &scene.to_string());
+    };
+    template([0, 0, 0], [0, 1, 0], [0, 0, -1]);
+    assert!(says("tall.ply", &["--template", "t.json"]));
+    template([-90, 0, 0], [0, 1, 0], [0, 0, -1]);
+    assert!(!says("tall.ply", &["--template", "t.json"]));
+    template([0, 0, 0], [0, 0, 1], [0, 1, 0]);
+    assert!(!says("tall.ply", &["--template", "t.json"]));
+}
+
+/// Corners of the cube of side 2 around the middle of the studio, seen by the written scene.
+fn corners_seen(scratch: &Scratch, flags: &[&str]) -> ([f64; 3], Vec<[f64; 2]>) {
+    render(scratch, "block.ply", &[&["--write-scene", "w.json"], flags].concat()).good();
+    let scene: Value = serde_json::from_slice(&scratch.read("w.json")).unwrap();
+    let point = |value: &Value| DVec3::from_slice(&numbers(value));
+    let (camera, mesh) = (&scene["camera"], &scene["scene"]["shapes"][0]);
+    assert_eq!(mesh["type"], "trimesh");
+    let position = point(&camera["position"]);
+    let z = match camera.get("target") {
+        Some(target) => point(target) - position,
+        None => point(&camera["lookat"]),
+    };
+    let z = z.normalize();
+    let x = z.cross(DVec3::Y).normalize();
+    let y = x.cross(z);
+    let slope = (camera["fov"].as_f64().unwrap().to_radians() / 2.0).tan();
+    let corner = |i: u32| {
+        let side = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let d = point(&mesh["center"]) + DVec3::new(side(0), side(1), side(2)) - position;
+        [d.dot(x) / d.dot(z) / slope, d.dot(y) / d.dot(z) / slope]
+    };
+    (position.to_array(), (0..8).map(corner).collect())
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_target_or_position_of_the_user_is_kept() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    let largest = |seen: &[[f64; 2]]| seen.iter().flatten().fold(0.0, |a: f64, v| a.max(v.abs()));
+    let (_, plain) = corners_seen(&scratch, &[]);
+    // The default margin is 0.08 at each border.
+    assert!((largest(&plain) - 0.84).abs() < 1e-3, "{plain:?}");
+    let (_, seen) = corners_seen(&scratch, &["--set", "/camera/target=[1,1.5,0]"]);
+    assert!((largest(&seen) - 0.84).abs() < 1e-3, "{seen:?}");
+    // A template with a target: the user's position looks at it.
+    scratch.write("cube.ply", &block(2.0, ""));
+    let scene = json!({
+        "camera": { "type": "pinhole", "fov": 40, "position": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0] },
+        "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply" }] } });
+    scratch.write("t.json", &scene.to_string());
+    let set = "/camera/position=[0,1,9]";
+    let (position, seen) = corners_seen(&scratch, &["--template", "t.json", "--set", set]);
+    assert_eq!(position, [0.0, 1.0, 9.0]);
+    let scene: Value = serde_json::from_slice(&scratch.read("w.json")).unwrap();
+    assert_eq!(numbers(&scene["camera"]["target"]), [0.0, 1.0, 0.0]);
+    assert!(largest(&seen) < 1.0, "{seen:?}");
+}
+
+#[test]
+fn a_texture_for_a_shared_material_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", &square(""));
+    scratch.write("i.ppm", IMAGE);
+    let scene = json!({
+        "camera": { "type": "pinhole", "position": [0, 2, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": { "materials": { "clay": {} }, "shapes": [
+            { "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": "clay" },
+            { "type": "trimesh", "path": "a.ply", "material": "clay" }] } });
+    scratch.write("t.json", &scene.to_string());
+    render(&scratch, "a.ply", &["--template", "t.json"]).good();
+    let done = render(&scratch, "a.ply", &["--template", "t.json", "--texture", "i.ppm"]);
+    let shared = "--texture: found the material \"clay\", which /scene/shapes/0 has, too";
+    assert!(done.code() == 2 && done.stderr().contains(shared), "{}", done.stderr());
 }
 
 #[test]

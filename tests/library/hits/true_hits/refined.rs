@@ -9,6 +9,7 @@ use lightpath::scene::Backend;
 
 use super::setup::{ALL, cube, geometry, oracle, packet, unit};
 use crate::support::backends::{build, on_both};
+use crate::support::errors::worse;
 use crate::support::random::Random;
 
 /// Triangles of sizes from 1e-3 to 10 and of all shapes, and some quads.
@@ -93,7 +94,7 @@ fn check(
 ) {
     seen.hits += 1;
     let off = ulps(points.t[i], hit.t);
-    seen.worst_ulps = seen.worst_ulps.max(off);
+    seen.worst_ulps = worse(seen.worst_ulps, off);
     seen.over_two += u64::from(off > 2.0);
     let (u, v) = if hit.geom == geometry.quads_id() && hit.u + hit.v > 1.0 {
         (1.0 - hit.u, 1.0 - hit.v)
@@ -102,15 +103,15 @@ fn check(
     };
     // On a quad's diagonal, either half is right.
     if hit.geom != geometry.quads_id() || (hit.u + hit.v - 1.0).abs() > 1e-6 {
-        let weights = (points.u[i] - u).abs().max((points.v[i] - v).abs());
-        seen.worst_weight = seen.worst_weight.max(weights);
+        let weights = worse((points.u[i] - u).abs(), (points.v[i] - v).abs());
+        seen.worst_weight = worse(seen.worst_weight, weights);
     }
     let met = ray.origin + ray.direction * hit.t;
     let at = DVec3::from([0, 1, 2].map(|axis| f64::from(points.position[axis][i])));
     // The oracle's own t has an error of 2^-40.
     let known = (ray.direction * hit.t).abs().max_element() * 2f64.powi(-40);
-    let distance = ((at - met).abs().max_element() - known).max(0.0);
-    seen.worst_share = seen.worst_share.max(distance / error);
+    let off = (at - met).abs().to_array().into_iter().fold(0.0, worse);
+    seen.worst_share = worse(seen.worst_share, (off - known).max(0.0) / error);
 }
 
 fn exact_to_the_last_digits(backend: Backend) {
