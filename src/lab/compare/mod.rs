@@ -93,7 +93,7 @@ pub fn compare(
     for layer in test.layers.into_iter().filter(chosen) {
         if let Some(at) = others.iter().position(|other| other.name == layer.name) {
             let other = others.swap_remove(at);
-            fit([&test_path, &reference_path], &layer, &other)?;
+            fit([&test_path, &reference_path], &layer, &other, both_exr)?;
             layers.push(compare_layer(layer, other, &tonemap, both_exr));
         }
     }
@@ -106,8 +106,14 @@ pub fn compare(
     Ok(Comparison { layers, alone, tonemap, mattes })
 }
 
-/// Returns an error unless both layers have the same size, position and meaning.
-fn fit([test, reference]: [&str; 2], own: &PictureLayer, other: &PictureLayer) -> Result<()> {
+/// Returns an error unless both layers have the same size, position and meaning. A PNG has no
+/// position.
+fn fit(
+    [test, reference]: [&str; 2],
+    own: &PictureLayer,
+    other: &PictureLayer,
+    both_exr: bool,
+) -> Result<()> {
     let window = |l: &PictureLayer| {
         let at = match l.origin {
             [0, 0] => String::new(),
@@ -115,7 +121,8 @@ fn fit([test, reference]: [&str; 2], own: &PictureLayer, other: &PictureLayer) -
         };
         format!("{} x {} pixels{at}", l.size[0], l.size[1])
     };
-    let what = match (own.size == other.size && own.origin == other.origin, own.meaning) {
+    let same_place = own.origin == other.origin || !both_exr;
+    let what = match (own.size == other.size && same_place, own.meaning) {
         (false, _) => [window(own), window(other)],
         (true, meaning) if meaning == other.meaning => return Ok(()),
         (true, meaning) => [meaning.name().to_string(), other.meaning.name().to_string()],

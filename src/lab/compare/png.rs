@@ -29,7 +29,7 @@ pub fn layers(path: &Path) -> Result<Vec<PictureLayer>> {
     let mut buffer = Vec::new();
     buffer.try_reserve_exact(bytes).map_err(|_| {
         let message = format!("no memory for {bytes} bytes of pixels");
-        Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
+        Error::no_memory(&path.display().to_string(), message)
     })?;
     buffer.resize(bytes, 0);
     let frame = reader.next_frame(&mut buffer).map_err(failed)?;

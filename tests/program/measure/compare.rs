@@ -374,6 +374,11 @@ fn a_render_is_compared_with_its_own_picture() {
     // The EXR gives the same bytes, up to its half floats.
     assert!(report["layers"][0]["metrics"]["psnr"]["value"].as_f64().unwrap() > 55.0);
     assert_eq!(report["only_in_image"], serde_json::json!(["A"]));
+    // The EXR of a crop has a position, its PNG has none.
+    let crop = ["--tonemap", "clamp", "--crop", "8", "4", "20", "14"];
+    assert_eq!(scratch.run(&[&render[..], &crop].concat()).code(), 0);
+    let done = scratch.run(&["compare", "x.png", "x.exr", "--json", "--layer", "beauty"]);
+    assert!(json(&done)["layers"][0]["metrics"]["psnr"]["value"].as_f64().unwrap() > 55.0);
 }
 
 #[test]
