@@ -69,8 +69,8 @@ impl ContentHashes {
         }
     }
 
-    /// Returns the SHA-256 of a mesh file, followed by the hashes of the images that it names.
-    /// `None` for a pipe.
+    /// Returns the SHA-256 of a mesh file, followed by the hashes of the images that it names,
+    /// `-` for one that is missing. `None` for a pipe.
     fn sha256_of_mesh(&mut self, path: &Path, points: bool) -> Result<Option<String>> {
         let Some(mut all) = self.sha256_of(path)? else { return Ok(None) };
         if points {
@@ -79,8 +79,10 @@ impl ContentHashes {
         }
         for name in mesh::inspect_ply(path)?.texture_files {
             let image = beside(path, &name);
-            if image.is_file() {
-                all += &self.sha256_of(&image)?.unwrap_or_default();
+            match image.is_file() {
+                true => all += &self.sha256_of(&image)?.unwrap_or_default(),
+                // The same image under another name is that of other faces.
+                false => all.push('-'),
             }
         }
         Ok(Some(all))

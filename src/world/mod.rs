@@ -71,7 +71,7 @@ pub struct LoadOptions {
     /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
     /// meshes where they are likely.
     pub resolutions: bool,
-    /// All cameras of the render, for the warning about meshes that none of them sees. Empty: the
+    /// All cameras of the render, for warnings about rounding and about unseen meshes. Empty: the
     /// scene's camera alone.
     pub cameras: Vec<CheckedCamera>,
 }
@@ -246,8 +246,11 @@ impl World {
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut log.warnings)?;
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
-        let chosen = Origin::choose(&scene.camera, shapes.zip(bounds));
-        log.warnings.extend(chosen.warning());
+        let boxed: Vec<_> = shapes.zip(bounds).collect();
+        let chosen = Origin::choose(&scene.camera, &boxed);
+        let others = options.cameras.iter().map(|camera| chosen.seen_by(camera, &boxed));
+        let worst = others.max_by(|a, b| a.pixels.total_cmp(&b.pixels)).unwrap_or(chosen);
+        log.warnings.extend(worst.warning());
         let origin = chosen.position;
         // Meshes of instances keep an origin of their own.
         let faces =

@@ -56,16 +56,23 @@ pub struct Origin {
 
 impl Origin {
     /// Chooses the origin for a scene with these shapes and boxes.
-    pub fn choose<'s>(
-        camera: &CheckedCamera,
-        shapes: impl Iterator<Item = (&'s ShapeKind, Bounds)>,
-    ) -> Self {
-        let (mut all, mut largest) = (Bounds::EMPTY, 0.0f64);
-        let (mut least, mut nearest) = (f64::INFINITY, f64::INFINITY);
+    pub fn choose(camera: &CheckedCamera, shapes: &[(&ShapeKind, Bounds)]) -> Self {
+        let all = shapes.iter().fold(Bounds::EMPTY, |all, (_, bounds)| all.union(*bounds));
+        let distances = shapes.iter().map(|(shape, b)| distance(camera.position, shape, *b));
+        let least = distances.fold(f64::INFINITY, f64::min);
+        let extent = all.longest_side().max(0.0);
+        let at_camera = least.is_finite() && extent / 2.0 > MAX_RATIO * least;
+        let position = if at_camera { camera.position } else { all.origin() };
+        let nearest = f64::INFINITY;
+        let origin = Self { position, at_camera, extent, nearest, rounding: 0.0, pixels: 0.0 };
+        origin.seen_by(camera, shapes)
+    }
+
+    /// Returns the same origin with the rounding that a camera of the same scene sees.
+    pub fn seen_by(self, camera: &CheckedCamera, shapes: &[(&ShapeKind, Bounds)]) -> Self {
+        let (mut largest, mut nearest) = (0.0f64, f64::INFINITY);
         for (shape, bounds) in shapes {
-            all = all.union(bounds);
-            let distance = distance(camera.position, shape, bounds);
-            least = least.min(distance);
+            let distance = distance(camera.position, shape, *bounds);
             if distance > STANDING * bounds.longest_side() {
                 nearest = nearest.min(distance);
             }
@@ -73,13 +80,10 @@ impl Origin {
                 largest = largest.max((*center - camera.position).length() + radius);
             }
         }
-        let extent = all.longest_side().max(0.0);
-        let at_camera = least.is_finite() && extent / 2.0 > MAX_RATIO * least;
-        let position = if at_camera { camera.position } else { all.origin() };
-        let away = (camera.position - position).abs().max_element();
         if !nearest.is_finite() {
-            return Self { position, at_camera, extent, nearest, rounding: 0.0, pixels: 0.0 };
+            return Self { nearest, rounding: 0.0, pixels: 0.0, ..self };
         }
+        let away = (camera.position - self.position).abs().max_element();
         // The scene's numbers are doubles: camera and shape are each off by half an ulp.
         let written = 2.0 * DOUBLE * camera.position.abs().max_element();
         let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest + written;
@@ -88,7 +92,7 @@ impl Origin {
             Projection::Orthographic { .. } => rounding / pixel,
             _ => rounding / nearest / pixel,
         };
-        Self { position, at_camera, extent, nearest, rounding, pixels }
+        Self { nearest, rounding, pixels, ..self }
     }
 
     /// Returns a warning if the rounding is visible.
@@ -129,7 +133,11 @@ mod tests {
     }
 
     fn choose(position: DVec3, shapes: &[ShapeKind]) -> Origin {
-        Origin::choose(&camera(position), shapes.iter().map(|s| (s, Bounds::from_shape(s))))
+        Origin::choose(&camera(position), &boxed(shapes))
+    }
+
+    fn boxed(shapes: &[ShapeKind]) -> Vec<(&ShapeKind, Bounds)> {
+        shapes.iter().map(|shape| (shape, Bounds::from_shape(shape))).collect()
     }
 
     #[test]
@@ -166,6 +174,16 @@ mod tests {
             let origin = choose(center + DVec3::new(0.0, 0.0, 5.0), &[ball]);
             assert_eq!(origin.warning().is_some(), warned, "{far:e}: {origin:?}");
         }
+    }
+
+    #[test]
+    fn another_camera_of_the_scene_sees_its_own_rounding() {
+        let shapes = [sphere(1e9), sphere(1.0)];
+        let (eye, away) = (DVec3::new(0.5, 1.7, 4.0), DVec3::new(21e3, 1.7, 4.0));
+        let origin = choose(away, &shapes);
+        assert!(origin.at_camera && origin.warning().is_none(), "{origin:?}");
+        let seen = origin.seen_by(&camera(eye), &boxed(&shapes));
+        assert!(seen.position == away && seen.warning().is_some(), "{seen:?}");
     }
 
     #[test]

@@ -97,6 +97,13 @@ fn images_that_a_mesh_names_and_names_of_mattes_count() {
     let hash = here.hash(&[]);
     here.write("own.ppm", "P3 1 1 255 1 2 3\n");
     assert_ne!(hash, here.hash(&[]));
+    let two = "format ascii 1.0\ncomment TextureFile own.ppm\ncomment TextureFile other.ppm";
+    here.write("a.ply", &PYRAMID.replace("format ascii 1.0", two));
+    let hash = here.hash(&[]);
+    fs::rename(here.path().join("own.ppm"), here.path().join("other.ppm")).unwrap();
+    assert_ne!(hash, here.hash(&[]), "the same image, the other name");
+    here.write("a.ply", &PYRAMID.replace("format ascii 1.0", comment));
+    here.write("own.ppm", "P3 1 1 255 1 2 3\n");
 
     let mattes = "/output/layers=[\"cryptomatte\"]";
     let listed = "/output/layers=[\"CryptoMaterial\", \"CryptoObject\"]";
