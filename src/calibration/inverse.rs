@@ -29,6 +29,10 @@ const SETTLE_ITERATIONS: u32 = 48;
 /// Largest error of a point that [`Inverse::settle`] returns, relative to its size.
 const SETTLED: f64 = 1e-14;
 
+/// Largest such error that is the rounding of a distortion whose denominator is small, if a step
+/// does not make it smaller.
+const STALLED: f64 = 1e-12;
+
 /// Number of steps from the frame's border to a position in the overscan.
 const OVERSCAN_STEPS: u32 = 16;
 
@@ -222,18 +226,20 @@ impl Inverse {
     /// Applies Newton's method from `q`, a point near the solution. `None` if it does not converge,
     /// or if a point between `q` and the result is not regular.
     fn settle(&self, q: [f64; 2], target: [f64; 2]) -> Option<[f64; 2]> {
-        let mut found = q;
+        let (mut found, mut last) = (q, f64::INFINITY);
         for _ in 0..SETTLE_ITERATIONS {
             let mapped = self.distortion.map(found);
             let size = [found, target].into_iter().flatten().fold(1e-3, |a: f64, x| a.max(x.abs()));
             let away = |k: usize| (mapped.point[k] - target[k]).abs();
-            if away(0).max(away(1)) <= SETTLED * size {
+            let error = away(0).max(away(1));
+            if error <= SETTLED * size || (error <= STALLED * size && error >= last) {
                 let regular = (1..=CHORD_POINTS).all(|i| {
                     let t = f64::from(i) / f64::from(CHORD_POINTS);
                     self.distortion.is_regular([0, 1].map(|k| q[k] + (found[k] - q[k]) * t))
                 });
                 return regular.then_some(found);
             }
+            last = error;
             let [x, y] = mapped.step(target);
             found = [found[0] + x, found[1] + y];
         }
@@ -311,6 +317,23 @@ mod tests {
         };
         let fisheye = radial(Model::Fisheye, [0.02, -0.01, 0.003, -4e-4]);
         [radial(Model::BrownConrady, [0.0; 4]), brown, rational, fisheye]
+    }
+
+    /// Fits often give a pole and a zero that nearly cancel. The denominator goes down to 0.003.
+    #[test]
+    fn a_small_denominator_is_no_fold() {
+        let calibration = Calibration { focal: [1080.0; 2], principal: [639.5, 479.5], skew: 0.0 };
+        let distortion = Distortion {
+            denominator: [-14.2802, 51.1345, 0.0],
+            ..radial(Model::BrownConrady, [-14.2807, 51.1446, 0.0, 0.0])
+        };
+        let inverse = Inverse::new(calibration, distortion, [1280, 960]).unwrap();
+        for x in 0..128 {
+            let raster = [f64::from(10 * x), 700.0];
+            let found = distortion.map(inverse.undistorted(raster)).point;
+            let found = inverse.calibration.raster(found);
+            assert!((found[0] - raster[0]).abs() < 1e-8 && (found[1] - raster[1]).abs() < 1e-8);
+        }
     }
 
     #[test]

@@ -72,7 +72,7 @@ impl LightSums {
     }
 
     /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
-    /// for rounding, so results are clamped to 0.
+    /// for rounding, so no sum changes its sign.
     #[inline(always)]
     pub fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
         if factor == 0.0 {
@@ -80,13 +80,20 @@ impl LightSums {
         }
         for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
             let whole = *sum + factor * part;
-            debug_assert!(whole >= -1e-9 * *sum, "{sum} {part} {factor}");
-            *sum = whole.max(0.0);
+            debug_assert!(whole * sum.signum() >= -1e-9 * sum.abs(), "{sum} {part} {factor}");
+            *sum = same_sign(whole, *sum);
         }
         if R::ON {
             self.split.add_part(&part.split, factor);
         }
     }
+}
+
+/// Returns `value`, or 0 if its sign is another one than that of `like`. The light of a negative
+/// colour is negative.
+#[inline(always)]
+pub fn same_sign(value: f64, like: f64) -> f64 {
+    if like >= 0.0 { value.max(0.0) } else { value.min(0.0) }
 }
 
 /// Adds the light that the lanes of `seen` receive along one colour axis.

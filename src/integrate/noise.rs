@@ -134,7 +134,7 @@ impl PixelSamples {
     /// Squared standard error of the mean over the goal's squared target, at most 2^28. The larger
     /// of two errors: R, G, B together, relative to the goal's level, and alpha, relative to 1.
     /// A colour that is not finite adds no error, because more samples would not help. Its alpha
-    /// counts.
+    /// counts. A difference relative to a level of 0 is as large as can be.
     pub fn error(&self, goal: &Goal) -> f32 {
         let n = f64::from(self.taken.max(1));
         // (first half - second half) / 2, as means.
@@ -142,7 +142,9 @@ impl PixelSamples {
         let [r, g, b, alpha] = apart.map(|apart| apart * apart);
         let level = goal.level([0, 1, 2].map(|c| self.sum[c] / n));
         let finite = |error: f64| if error.is_finite() { error } else { 0.0 };
-        let error = finite((r + g + b) / level).max(finite(alpha));
+        let color = finite(r + g + b);
+        let relative = if color > 0.0 { color / level } else { 0.0 };
+        let error = relative.max(finite(alpha));
         ((error / goal.noise.powi(2)) as f32).min(MAX_ERROR)
     }
 }
@@ -192,6 +194,8 @@ mod tests {
                 close(infinite, &goal, 0.25);
             }
         }
+        let dark = goal(Relative::Picture, 0.0);
+        assert_eq!(one.error(&dark), MAX_ERROR, "no probe has met light");
         let tiny = Goal { noise: 1e-300, ..plain };
         assert_eq!(one.error(&tiny), MAX_ERROR);
     }

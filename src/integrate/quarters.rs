@@ -55,8 +55,10 @@ impl Quarters {
     #[inline(always)]
     pub fn new(world: &World) -> Self {
         // The points that adaptive shadows skip depend on the packets, so nothing is reordered
-        // there.
-        let on = world.sampler == SamplerKind::Sobol && !world.adaptive_shadows;
+        // there. A packet with a shadow catcher draws no lights.
+        let by_packets =
+            world.adaptive_shadows || (world.light_tree.is_some() && world.shapes.has_roles);
+        let on = world.sampler == SamplerKind::Sobol && !by_packets;
         Self {
             on: on && joint_light(world).is_some(),
             needs_samples: world.lights.len() > 1 || world.nbounces > 0,

@@ -5,6 +5,8 @@ use glam::Vec3;
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes, Lanes3, Light, LightWeights};
 
+use super::light_sums::same_sign;
+
 /// Light of one source in each lane, before the base colour, as diffuse and specular parts.
 #[derive(Debug, Clone)]
 pub struct LightParts {
@@ -77,16 +79,15 @@ impl LightPartSums {
         self.visible[i] += 1.0;
     }
 
-    /// Adds `part` times `factor`. Sums of light are clamped to 0, because rounding may make them
-    /// negative.
+    /// Adds `part` times `factor`. Sums of light keep their sign, which rounding may change.
     #[inline(always)]
     pub fn add_part(&mut self, part: &Self, factor: f64) {
         for axis in 0..3 {
             for i in 0..LANES {
                 let sum = &mut self.diffuse[axis][i];
-                *sum = (*sum + factor * part.diffuse[axis][i]).max(0.0);
+                *sum = same_sign(*sum + factor * part.diffuse[axis][i], *sum);
                 let sum = &mut self.specular[axis][i];
-                *sum = (*sum + factor * part.specular[axis][i]).max(0.0);
+                *sum = same_sign(*sum + factor * part.specular[axis][i], *sum);
             }
         }
         // Not clamped: one result may be outside [0, n], because the draws follow the light.
