@@ -3,8 +3,9 @@
 use super::distortion::Distortion;
 use super::intrinsics::Calibration;
 
-/// Cells of the table along each side of the frame.
-const CELLS: u32 = 64;
+/// Cells of the table along each side of the frame. The finer tables are for distortions that change
+/// much within a cell.
+const CELLS: [u32; 3] = [64, 128, 256];
 
 /// Points of each side of the frame from which the check for folds starts.
 const BORDER_POINTS: u32 = 32;
@@ -53,6 +54,8 @@ pub struct Inverse {
     distortion: Distortion,
     /// Right and bottom end of the frame in pixels.
     end: [f64; 2],
+    /// Number of cells of the table along each side of the frame.
+    cells: u32,
     /// Undistorted points at the corners of all cells, row by row.
     nodes: Vec<[f64; 2]>,
     /// Number of steps of Newton's method that every guess within the frame gets.
@@ -71,11 +74,19 @@ impl Inverse {
         size: [u32; 2],
     ) -> Result<Self, Fold> {
         let end = size.map(f64::from);
-        let mut inverse =
-            Self { calibration, distortion, end, nodes: Vec::new(), iterations: MAX_ITERATIONS };
+        let (cells, nodes, iterations) = (CELLS[0], Vec::new(), MAX_ITERATIONS);
+        let mut inverse = Self { calibration, distortion, end, cells, nodes, iterations };
         inverse.check([0.0, 0.0], end)?;
-        inverse.fill()?;
-        inverse.iterations = inverse.count_iterations()?;
+        let mut counted = Ok(0);
+        for cells in CELLS {
+            inverse.cells = cells;
+            inverse.fill()?;
+            counted = inverse.count_iterations();
+            if counted.is_ok() {
+                break;
+            }
+        }
+        inverse.iterations = counted?;
         Ok(inverse)
     }
 
@@ -139,9 +150,9 @@ impl Inverse {
     /// Interpolates the table at a position within the frame: the first guess of Newton's method.
     #[inline(always)]
     fn guess(&self, raster: [f64; 2]) -> [f64; 2] {
-        let stride = CELLS as usize + 1;
-        let [x, y] = [0, 1].map(|k| raster[k] / self.end[k] * f64::from(CELLS));
-        let [i, j] = [x, y].map(|at| (at as u32).min(CELLS - 1));
+        let stride = self.cells as usize + 1;
+        let [x, y] = [0, 1].map(|k| raster[k] / self.end[k] * f64::from(self.cells));
+        let [i, j] = [x, y].map(|at| (at as u32).min(self.cells - 1));
         let [s, t] = [x - f64::from(i), y - f64::from(j)];
         let first = j as usize * stride + i as usize;
         // The slice is too short only if the table is not filled yet.
@@ -156,11 +167,12 @@ impl Inverse {
 
     /// Raster position of a corner of a cell.
     fn corner(&self, i: u32, j: u32) -> [f64; 2] {
-        [(i, 0), (j, 1)].map(|(at, k)| f64::from(at) / f64::from(CELLS) * self.end[k])
+        [(i, 0), (j, 1)].map(|(at, k)| f64::from(at) / f64::from(self.cells) * self.end[k])
     }
 
     fn fill(&mut self) -> Result<(), Fold> {
-        let stride = CELLS + 1;
+        self.nodes.clear();
+        let stride = self.cells + 1;
         for index in 0..stride * stride {
             let (i, j) = (index % stride, index / stride);
             let raster = self.corner(i, j);
@@ -189,10 +201,10 @@ impl Inverse {
     /// A fold at a position that needs more than [`MAX_ITERATIONS`] steps.
     fn count_iterations(&self) -> Result<u32, Fold> {
         let mut most = 1;
-        for cell in 0..CELLS * CELLS {
-            let [x, y] = self.corner(cell % CELLS, cell / CELLS);
+        for cell in 0..self.cells * self.cells {
+            let [x, y] = self.corner(cell % self.cells, cell / self.cells);
             for (s, t) in [(0.5, 0.5), (0.25, 0.25), (0.75, 0.5), (0.5, 0.02), (0.02, 0.5)] {
-                let step = |k: usize, at: f64| at / f64::from(CELLS) * self.end[k];
+                let step = |k: usize, at: f64| at / f64::from(self.cells) * self.end[k];
                 let raster = [x + step(0, s), y + step(1, t)];
                 let target = self.calibration.plane(raster);
                 let mut q = self.guess(raster);

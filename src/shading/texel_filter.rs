@@ -76,3 +76,24 @@ fn fraction(value: f64) -> f32 {
 fn mix(a: Vec3, b: Vec3, t: f32) -> Vec3 {
     a + (b - a) * t
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coordinate_just_below_a_centre_gives_its_texel() {
+        for size in 2..400 {
+            let mut u = 0.5 / f64::from(size);
+            for _ in 0..4 {
+                for uv in [DVec2::new(u, 0.5), DVec2::new(0.5, u)] {
+                    let of = |column: usize, row: usize| Vec3::splat((column + row) as f32);
+                    let (wide, high) = if uv.x == u { (size, 1) } else { (1, size) };
+                    let found = bilinear((wide, high), uv, [Wrap::Repeat; 2], of);
+                    assert!(found.x.abs() < 1e-6, "{size}: {found}");
+                }
+                u = u.next_down();
+            }
+        }
+    }
+}

@@ -176,6 +176,28 @@ fn samples_by_quarters_of_a_light_give_the_bytes_of_samples_in_order() {
     }
 }
 
+/// A packet with a catcher uses all lights, so samples must not move to other packets.
+#[test]
+fn samples_of_drawn_lights_and_a_catcher_stay_in_order() {
+    let scene = SCENE
+        .replace("\"thinlens\"", "\"pinhole\"")
+        .replace("\"aperture\": 0.05, \"focaldistance\": 4,", "")
+        .replace("\"samples\": 4", "\"samples\": 1")
+        .replace("\"nbounces\": 2,", "\"nbounces\": 2, \"emittersamples\": 1,")
+        .replace(
+            "\"material\": \"chalk\" }]",
+            "\"material\": \"chalk\", \"shadow_catcher\": true }]",
+        );
+    assert!(scene.contains("emittersamples") && scene.contains("shadow_catcher"));
+    let scratch = scratch();
+    scratch.write("s.json", &scene);
+    render(&scratch, "plain", &["--spp", "64", "--float"]);
+    render(&scratch, "layers", &["--spp", "64", "--float", "--aov", "Z"]);
+    for channel in ["R", "G", "B", "A"] {
+        assert!(scratch.floats("plain.exr")[channel] == scratch.floats("layers.exr")[channel]);
+    }
+}
+
 #[test]
 fn merged_files_have_the_format_of_the_parts() {
     let scratch = scratch();

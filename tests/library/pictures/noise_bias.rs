@@ -220,6 +220,31 @@ fn penumbra() -> Value {
           "material": { "kd": 0.8, "ks": 0.5, "specularexponent": 80 } }] } })
 }
 
+/// The light of a negative colour is that of the colour, taken away.
+#[test]
+fn adaptive_shadows_take_negative_light_away() {
+    let picture = |sign: f64| {
+        let mut scene = penumbra();
+        scene["adaptiveshadows"] = json!(true);
+        let light = &mut scene["scene"]["lightsources"][0];
+        light["samples"] = json!(32);
+        light["id"] = json!([9.0 * sign, 6.0, 1.0 * sign]);
+        light["is"] = json!([1.0 * sign, 4.0, 9.0 * sign]);
+        with_world(&scene, |world, accelerator| {
+            let mut film = film(world);
+            let (isa, monitor) = (Isa::detect(), Monitor::default());
+            render::render(world, accelerator, isa, &mut film, &monitor).unwrap();
+            film.pixels
+        })
+    };
+    let (light, taken) = (picture(1.0), picture(-1.0));
+    assert!(light.iter().any(|pixel| pixel[0] > 0.1));
+    for (light, taken) in light.iter().zip(&taken) {
+        let [r, g, b, _] = *light;
+        assert_eq!(taken[..3], [-r, g, -b]);
+    }
+}
+
 #[test]
 fn adaptive_shadows_never_make_light_negative() {
     for samples in [8, 16, 64] {
