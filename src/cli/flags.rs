@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueHint};
+use clap::{ArgAction, Args, ValueHint};
 use rayon::ThreadPool;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -94,7 +94,7 @@ pub struct SceneArgs {
     pub set: Vec<String>,
 
     /// Render only these pixels, from the top left; X1 and Y1 are excluded
-    #[arg(long, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
+    #[arg(long, action = ArgAction::Set, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
 
     /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame

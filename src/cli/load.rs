@@ -116,7 +116,9 @@ fn load_mesh(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
         (None, None) => Template::studio(subject.looks.studio.unwrap_or_default()),
     };
     if let Some(limit) = max_memory {
-        memory::predict_mesh(subject.path, subject.looks.points.is_some())?.check(limit)?;
+        let alone = memory::predict_mesh(subject.path, subject.looks.points.is_some())?;
+        let help = "film and accelerator come on top: `lightpath info` predicts all";
+        alone.check(limit).map_err(|error| error.help(help))?;
     }
     let memory_limit = max_memory.map(memory::limit_for_meshes).or_else(memory::limit_of_machine);
     let subject = Subject { memory_limit, ..subject };

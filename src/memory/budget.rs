@@ -30,7 +30,6 @@ impl Budget {
         threads: usize,
     ) -> Result<Self> {
         let prediction = predict_words(scene, window, words)?.with_film_bytes(other_bytes);
-        prediction.check(limit)?;
         let own = prediction.clone().with(&memory_footprint(scene.backend, threads)?);
         let smaller = prediction.with(&MemoryFootprint::BVH).peak_bytes;
         Self::new(limit, own)

@@ -97,6 +97,7 @@ impl Outputs {
         // The EXR may refer to the further files, so they are renamed first.
         self.further_files.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
+        monitor.set_done(1);
         Ok((paths, ValueCounts::count(film, &options.exr)))
     }
 }

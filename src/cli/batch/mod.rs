@@ -274,10 +274,10 @@ fn folder_of(job_file: Option<&Path>) -> &Path {
     job_file.and_then(Path::parent).unwrap_or(Path::new(""))
 }
 
-/// Parses a file that has `inputs` as a job; `None` for any other file. The path of the output
-/// folder is then relative to the working folder.
+/// Parses a file that has `inputs` as a job, whatever its name is; `None` for any other file. The
+/// path of the output folder is then relative to the working folder.
 fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
-    if !path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) || !path.is_file() {
+    if !path.is_file() || studio::is_mesh(path) {
         return Ok(None);
     }
     let text = Template::file(path)?;
