@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::{paths, studio};
+use crate::{paths, picture, studio};
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///
@@ -131,7 +131,7 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         all.push(entry.map_err(failed)?.path());
     }
-    all.retain(|path| !is_hidden(path));
+    all.retain(|path| !is_hidden(path) && !is_manifest(path));
     all.sort();
     let (meshes, others): (Vec<PathBuf>, Vec<PathBuf>) =
         all.into_iter().partition(|path| studio::is_named_mesh(path));
@@ -143,6 +143,13 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Returns true for `.NAME`, such as the `._scan.ply` that macOS writes beside a file.
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+/// Returns true for a sidecar of cryptomattes, which a batch may have written into the folder.
+fn is_manifest(path: &Path) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = name.unwrap_or_default();
+    picture::MANIFESTS.iter().any(|kind| name.ends_with(&format!(".{kind}.json")))
 }
 
 fn is_named_scene(path: &Path) -> bool {

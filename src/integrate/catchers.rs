@@ -1,5 +1,9 @@
 //! The light of shadow catchers. It is computed as for a white surface, once with and once without
-//! shadows. Alpha is 1 minus the quotient of the two luminances.
+//! shadows. Alpha is the luminance that shadows take over the expected luminance without shadows.
+//!
+//! The expectation needs several points of a light. With the camera sample's own point alone, the
+//! quotient is 0 or 1, and its mean is the hidden share of the light instead of the lost share of
+//! its light.
 
 use super::camera_packet::CameraPacket;
 use super::light_sums::LightSums;
@@ -11,6 +15,9 @@ use crate::math::luminance;
 use crate::ray::{LANES, Mask};
 use crate::scene::Role;
 use crate::shading::{Area, Lanes3};
+
+/// Fewest points of a light for the expectation of its light without shadows. They cost no rays.
+const EXPECTED_POINTS: u32 = 16;
 
 impl WhittedIntegrator<'_> {
     /// Finds the holdouts and catchers that camera rays hit. Returns `hit` without the holdouts,
@@ -44,6 +51,7 @@ impl WhittedIntegrator<'_> {
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
             let ambient = f64::from(self.points.ka[i]) * ambient;
             (plate.arrived[i], plate.unshadowed[i]) = (ambient, ambient);
+            plate.expected[i] = ambient;
             (self.points.ka[i], self.points.kr[i]) = (0.0, 0.0);
             self.points.base.iter_mut().for_each(|axis| axis[i] = 0.0);
         }
@@ -68,6 +76,7 @@ impl WhittedIntegrator<'_> {
         sampled_light: &SampledLight,
         q: &Lanes3,
         area: Option<&Area>,
+        camera_packet: &CameraPacket,
     ) {
         let (rays, weights) = (&mut self.shadow, &mut self.light_weights);
         let (falloff, light) = (self.world.falloff, sampled_light.light);
@@ -91,7 +100,10 @@ impl WhittedIntegrator<'_> {
                 }
             }
         }
-        self.catch(sampled_light, &whole);
+        let mean = area.map(|area| {
+            self.without_shadows(sampled_light, (area, EXPECTED_POINTS), camera_packet)
+        });
+        self.catch(sampled_light, &whole, mean.as_ref().unwrap_or(&whole));
     }
 
     /// [`WhittedIntegrator::catch_point`] for all points of an area light.
@@ -103,16 +115,29 @@ impl WhittedIntegrator<'_> {
         area: &Area,
         camera_packet: &CameraPacket,
     ) {
-        let falloff = self.world.falloff;
-        let mut number = [0; LANES];
-        for i in 0..LANES {
-            number[i] = camera_packet.sample[i].wrapping_mul(area.samples);
+        let whole = self.without_shadows(sampled_light, (area, area.samples), camera_packet);
+        if area.samples >= EXPECTED_POINTS {
+            return self.catch(sampled_light, &whole, &whole);
         }
+        let mean = self.without_shadows(sampled_light, (area, EXPECTED_POINTS), camera_packet);
+        self.catch(sampled_light, &whole, &mean);
+    }
+
+    /// Returns the mean light without shadows of `count` points of an area light. If `count` is the
+    /// light's own number, they are the points of [`WhittedIntegrator::area_light`].
+    fn without_shadows(
+        &mut self,
+        sampled_light: &SampledLight,
+        (area, count): (&Area, u32),
+        camera_packet: &CameraPacket,
+    ) -> Lanes3 {
+        let falloff = self.world.falloff;
+        let mut number = camera_packet.sample.map(|sample| sample.wrapping_mul(count));
         let source = (sampled_light.index, sampled_light.bounce);
         let pixels = [&camera_packet.x, &camera_packet.y];
-        let squares = self.sampler.light_points(pixels, &number, area.samples, source);
+        let squares = self.sampler.light_points(pixels, &number, count, source);
         let mut sums = LightSums::NONE;
-        for _ in 0..area.samples {
+        for _ in 0..count {
             if self.monitor.stopped() {
                 break;
             }
@@ -140,20 +165,20 @@ impl WhittedIntegrator<'_> {
                 None => sums.add_lanes::<Beauty>(sampled_light.light, weights, &aimed.active),
             }
         }
-        let share = 1.0 / f64::from(area.samples);
-        let whole = sums.light.map(|axis| axis.map(|sum| (sum * share) as f32));
-        self.catch(sampled_light, &whole);
+        let share = 1.0 / f64::from(count);
+        sums.light.map(|axis| axis.map(|sum| (sum * share) as f32))
     }
 
     /// Moves the radiance of catchers, which is the light of `sampled_light`, into their sums.
-    /// `whole` is this light without shadows, with the same rounding.
-    fn catch(&mut self, sampled_light: &SampledLight, whole: &Lanes3) {
+    /// `whole` is this light without shadows, with the same rounding, and `mean` its expectation.
+    fn catch(&mut self, sampled_light: &SampledLight, whole: &Lanes3, mean: &Lanes3) {
         let Some(plate) = &mut self.plate else { return };
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
             let arrived = luminance([0, 1, 2].map(|axis| self.radiance[axis][i]));
             let unshadowed = luminance([0, 1, 2].map(|axis| whole[axis][i]));
             plate.arrived[i] += arrived;
             plate.unshadowed[i] += unshadowed;
+            plate.expected[i] += luminance([0, 1, 2].map(|axis| mean[axis][i]));
             plate.taken[sampled_light.index as usize][i] = unshadowed - arrived;
             self.radiance.iter_mut().for_each(|axis| axis[i] = 0.0);
         }
@@ -165,16 +190,16 @@ impl WhittedIntegrator<'_> {
     pub(super) fn finish_catchers<R: Record>(&mut self, record: &mut R) {
         let Some(plate) = &mut self.plate else { return };
         plate.catching = false;
-        let lit = |i: usize| plate.catchers.0[i] != 0 && plate.unshadowed[i] > 0.0;
+        let lit = |i: usize| plate.catchers.0[i] != 0 && plate.expected[i] > 0.0;
         let lit: [bool; LANES] = std::array::from_fn(lit);
         for i in 0..LANES {
-            let alpha = 1.0 - plate.arrived[i] / plate.unshadowed[i];
+            let alpha = (plate.unshadowed[i] - plate.arrived[i]) / plate.expected[i];
             plate.alpha[i] = if lit[i] { alpha as f32 } else { 0.0 };
         }
         if R::ON {
             for (light, taken) in plate.taken.iter().enumerate() {
                 let share = |i: usize| {
-                    if lit[i] { (taken[i] / plate.unshadowed[i]) as f32 } else { 0.0 }
+                    if lit[i] { (taken[i] / plate.expected[i]) as f32 } else { 0.0 }
                 };
                 record.caught(light, &std::array::from_fn(share));
             }

@@ -223,7 +223,7 @@ impl<'a> WhittedIntegrator<'a> {
                     let q = q.to_array().map(|x| [x; LANES]);
                     self.one_point(&sampled_light, (&q, None), camera_packet, counts, record);
                     if catching {
-                        self.catch_point(&sampled_light, &q, None);
+                        self.catch_point(&sampled_light, &q, None, camera_packet);
                     }
                 }
                 Emitter::Area(area) if area.samples == 1 => {
@@ -241,7 +241,7 @@ impl<'a> WhittedIntegrator<'a> {
                     let q = area.points(&square, &self.points.at);
                     self.one_point(&sampled_light, (&q, Some(area)), camera_packet, counts, record);
                     if catching {
-                        self.catch_point(&sampled_light, &q, Some(area));
+                        self.catch_point(&sampled_light, &q, Some(area), camera_packet);
                     }
                 }
                 Emitter::Area(area) => {

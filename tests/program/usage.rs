@@ -58,6 +58,10 @@ fn usage_errors_exit_2_with_a_reason() {
         (&["render", "s.json", "--crop", "0", "0", "9", "6"], "frame of 8 x 6"),
         (&["render", "s.json", "--crop", "3", "3", "3", "6"], "empty"),
         (&["render", "s.json", "--crop", "1", "2", "3"], "4 values"),
+        (
+            &["render", "s.json", "--crop", "0", "0", "2", "2", "--crop", "0", "0", "2", "2"],
+            "cannot be used multiple times",
+        ),
         (&["render", "s.json", "--set", "camera/fov=3"], "leading `/`"),
         (&["render", "s.json", "--set", "/camera/fovv=3"], "fov"),
         (&["render", "s.json", "--fast", "--backend", "brute"], "no fast mode"),

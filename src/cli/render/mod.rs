@@ -11,23 +11,24 @@ pub mod progress;
 mod sampling;
 mod stats;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::json;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
-use crate::error::{Problem, Result};
+use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
-use crate::output::ValueCounts;
 use crate::output::atomic::PartFile;
+use crate::output::{Outputs, ValueCounts};
 use crate::picture::{self, PictureHeader};
 use crate::render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers};
+use crate::studio;
 use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 
 use super::load::{self, SceneJob};
@@ -80,6 +81,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
     let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
+    if args.output.is_none() && studio::is_mesh(&args.input) {
+        refuse_image_of_scan(&options.prefix)?;
+    }
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
     let files = RenderFiles::create(&options, &job)?;
@@ -94,6 +98,18 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let (stats, paths, oddities) = pool.install(|| run.all(files, ready))?;
     report(&args.report, &stats, &paths)?;
     args.files.prefix.check(&oddities)
+}
+
+/// Refuses to replace `NAME.png` beside `NAME.ply` unless a render has made it: scanners write the
+/// texture of a mesh under this name. A render leaves `NAME.exr`, too.
+fn refuse_image_of_scan(prefix: &Path) -> Result<()> {
+    let [exr, png] = Outputs::names(prefix);
+    if exr.exists() || !png.exists() {
+        return Ok(());
+    }
+    let message = "would be overwritten, and no render has made it: its .exr is missing";
+    Err(Error::invalid(png.display().to_string(), message)
+        .help(format!("choose another name: {OUTPUT_FLAGS}")))
 }
 
 /// State shared by the stages of a render.

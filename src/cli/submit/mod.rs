@@ -197,6 +197,13 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
             return Err(Error::invalid(flag, "found a line break or another control character"));
         }
     }
+    // A word without dashes would be the script that sbatch submits.
+    if let Some(word) = args.sbatch.iter().find(|option| !option.starts_with('-')) {
+        let message = format!("found {word:?}, expected an option of sbatch");
+        return Err(
+            Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu")
+        );
+    }
     if let Some(time) = &args.time {
         check_time(time, chunks.per_task as f64 * frame_seconds)?;
     }

@@ -101,6 +101,24 @@ fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
     assert_eq!(inputs("scans/*.ply"), ["scans/a.ply"]);
     assert_eq!(inputs("scans/.*.ply"), ["scans/._a.ply"]);
     assert_eq!(inputs("scans/*~"), ["scans/a.ply~"]);
+    // Sidecars of an earlier run are no scenes.
+    for name in ["a.json", "a.CryptoObject.json", "a.CryptoMaterial.json"] {
+        scratch.write(&format!("scenes/{name}"), SMALL);
+    }
+    assert_eq!(inputs("scenes"), ["scenes/a.json"]);
+}
+
+#[test]
+fn a_job_file_may_have_any_name() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    for name in ["job", "job.lp", "JOB.JSON"] {
+        scratch.write(name, r#"{ "inputs": ["a.ply"] }"#);
+        let done = scratch.run(&["batch", name, "--dry-run"]).good();
+        assert_eq!(done.stdout().lines().count(), 1, "{name}");
+    }
+    scratch.write("scene.lp", SMALL);
+    assert_eq!(scratch.run(&["batch", "scene.lp", "--dry-run"]).good().stdout().lines().count(), 1);
 }
 
 #[test]

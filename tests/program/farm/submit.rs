@@ -305,6 +305,16 @@ fn any_name_reaches_the_task_unchanged() {
 }
 
 #[test]
+fn a_word_that_is_no_option_of_sbatch_is_refused() {
+    let scratch = scratch(1);
+    for word in ["--sbatch=partition", "--sbatch="] {
+        let done = scratch.run(&["submit", "slurm", "job.json", word, "--dry-run"]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains("expected an option of sbatch"), "{}", done.stderr());
+    }
+}
+
+#[test]
 fn names_that_slurm_cannot_use_are_refused() {
     let scratch = scratch(1);
     for (name, said) in [

@@ -88,6 +88,34 @@ fn data_that_are_not_shown_are_told() {
     }
 }
 
+/// Scanners write NAME.png beside NAME.ply. Not every file names it.
+#[test]
+fn an_image_beside_a_mesh_is_not_replaced() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", &square(""));
+    scratch.write("m.png", "the texture");
+    let small = ["render", "m.ply", "--size", "8x8", "--quiet"];
+    let done = scratch.run(&small);
+    assert!(done.code() == 2 && done.stderr().contains("m.png: would be"), "{}", done.stderr());
+    assert_eq!(scratch.read("m.png"), b"the texture");
+    scratch.run(&[&small[..], &["-o", "n"]].concat()).good();
+    std::fs::remove_file(scratch.path("m.png")).unwrap();
+    scratch.run(&small).good();
+    scratch.run(&small).good();
+}
+
+/// The last line says that the files are written.
+#[test]
+fn json_progress_ends_with_all_done() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", &square(""));
+    let done = render(&scratch, "m.ply", &["--progress", "json"]).good();
+    let said = done.stderr();
+    let last = said.lines().rfind(|line| line.starts_with('{')).unwrap();
+    let last: Value = serde_json::from_str(last).unwrap();
+    assert_eq!((&last["phase"], &last["done"]), (&json!("write"), &json!(1)), "{said}");
+}
+
 #[test]
 fn a_missing_texture_is_told_once() {
     let scratch = Scratch::new();
