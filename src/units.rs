@@ -95,9 +95,9 @@ pub fn parse_smooth(text: &str) -> Result<f64, String> {
     let degrees = match text {
         "off" => Some(0.0),
         "all" => Some(180.0),
-        _ => text.parse().ok().filter(|&degrees: &f64| degrees > 0.0 && degrees < 180.0),
+        _ => text.parse().ok().filter(|&degrees: &f64| degrees > 0.0 && degrees <= 180.0),
     };
-    degrees.ok_or_else(|| "expected degrees above 0 and below 180, `off` or `all`".to_string())
+    degrees.ok_or_else(|| "expected degrees above 0 and up to 180, `off` or `all`".to_string())
 }
 
 /// Parses a range: `0..24`. The end is excluded.
@@ -248,7 +248,7 @@ mod tests {
             (Ok(0.0), Ok(180.0), Ok(37.5))
         );
         assert!(
-            ["0", "180", "-1", "NaN", "inf", "on", ""].iter().all(|bad| parse_smooth(bad).is_err())
+            ["0", "181", "-1", "NaN", "inf", "on", ""].iter().all(|bad| parse_smooth(bad).is_err())
         );
         for bad in ["0.5", "-0.1", "nan", "x"] {
             assert!(parse_margin(bad).is_err(), "{bad}");

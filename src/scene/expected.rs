@@ -77,8 +77,11 @@ fn array(root: &Value, schema: &Value) -> String {
     let items = resolve(root, &schema["items"]);
     let what = match items["type"].as_str() {
         Some("number") => "numbers",
+        Some("integer") => "integers",
         Some("string") => "strings",
         Some("array") => "arrays",
+        // A union, such as a path or an object with a path.
+        None if items["anyOf"].is_array() => "values",
         _ => "objects",
     };
     match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {

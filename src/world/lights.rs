@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::maps::Maps;
+use crate::error::Problem;
 use crate::geometry::Geometry;
 use crate::scene::{self, Layer, LightKind, MapUse, OcclusionRays, Scene};
-use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap};
+use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap, reach};
 
 /// The image of a visible environment, as rays that hit nothing see it.
 #[derive(Debug, Clone)]
@@ -28,9 +29,28 @@ pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
         return None;
     }
     let OcclusionRays { distance, samples } = scene.occlusion;
-    let hemisphere = distance.map_or_else(|| Environment::new(geometry, None), Environment::within);
+    let hemisphere = match distance {
+        Some(distance) => Environment::within(distance.max(shortest_occlusion(geometry))),
+        None => Environment::new(geometry, None),
+    };
     let area = Area::from_distant(Distant::Environment(hemisphere), samples);
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
+}
+
+/// Shortest distance for ambient occlusion, in world units. Rounding would turn the rays of a shorter
+/// one below the surface.
+fn shortest_occlusion(geometry: &Geometry) -> f64 {
+    reach(geometry) / f64::from(1 << 20)
+}
+
+/// Returns a warning if `aodistance` is shorter than positions can express.
+pub(super) fn occlusion_warning(scene: &Scene, geometry: &Geometry) -> Option<Problem> {
+    let distance = scene.occlusion.distance.filter(|_| scene.layers.contains(&Layer::Occlusion))?;
+    let shortest = shortest_occlusion(geometry);
+    let message = format!(
+        "found {distance:e}, which the rounding of positions exceeds: {shortest:.1e} is used"
+    );
+    (distance < shortest).then(|| Problem::new("/output/aodistance", message))
 }
 
 fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {

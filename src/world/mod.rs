@@ -283,6 +283,7 @@ impl World {
         }
         let copy = options.copy_instances || !scene.backend.traces_instances();
         let (geometry, mut shapes) = shared.place(scene, geometry, shapes, copy)?;
+        log.warnings.extend(lights::occlusion_warning(scene, &geometry));
         shapes.make_mip_maps(left)?;
         monitor.check()?;
         let settled = suspects
