@@ -8,6 +8,11 @@ use std::process::Command;
 
 use crate::support::program::{Done, PYRAMID, SMALL, Scratch};
 
+const SCENE: &str = r#"{
+  "camera": { "type": "pinhole", "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+  "scene": { "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }] }
+}"#;
+
 #[test]
 fn a_folder_that_cannot_be_listed_is_an_error() {
     let scratch = Scratch::new();
@@ -103,7 +108,7 @@ fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
     assert_eq!(inputs("scans/*~"), ["scans/a.ply~"]);
     // Sidecars of an earlier run are no scenes.
     for name in ["a.json", "a.CryptoObject.json", "a.CryptoMaterial.json"] {
-        scratch.write(&format!("scenes/{name}"), SMALL);
+        scratch.write(&format!("scenes/{name}"), SCENE);
     }
     assert_eq!(inputs("scenes"), ["scenes/a.json"]);
 }
@@ -117,7 +122,7 @@ fn a_job_file_may_have_any_name() {
         let done = scratch.run(&["batch", name, "--dry-run"]).good();
         assert_eq!(done.stdout().lines().count(), 1, "{name}");
     }
-    scratch.write("scene.lp", SMALL);
+    scratch.write("scene.lp", SCENE);
     assert_eq!(scratch.run(&["batch", "scene.lp", "--dry-run"]).good().stdout().lines().count(), 1);
 }
 

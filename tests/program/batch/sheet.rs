@@ -47,7 +47,8 @@ fn complete_files_count_and_the_journal_does_not() {
     assert!(turn("6", &[], 0).contains("6 of 6 frames"));
     // The files are there, but they are of other angles.
     let html = turn("3", &["--sheet-only"], 1);
-    assert!(html.contains("3 of 3 frames") && html.contains("class=\"done\""), "{html}");
+    assert!(html.contains("3 of 3 frames") && html.contains("class=\"missing\""), "{html}");
+    assert!(html.contains("older than the job"), "{html}");
     turn("3", &[], 0);
     turn("3", &["--sheet-only"], 0);
     let whole = scratch.read("out/a/a.0001.exr");

@@ -328,8 +328,8 @@ fn a_mesh_on_its_side_gives_a_note() {
     // A template that turns its mesh, and one whose z points up.
     let template = |rotate: [i32; 3], up: [i32; 3], lookat: [i32; 3]| {
         let scene = json!({
-            "camera": { "type": "pinhole", "position": [0, 0, 0], "lookat": lookat, "up": up },
-            "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply", "rotate": rotate }] } });
+            "camera": { "type": "pinhole", "fov": 40, "position": [0, 0, 0], "lookat": lookat, "up": up },
+            "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply", "material": {}, "rotate": rotate }] } });
         scratch.write("t.json", &scene.to_string());
     };
     template([0, 0, 0], [0, 1, 0], [0, 0, -1]);
@@ -382,7 +382,7 @@ fn a_target_or_position_of_the_user_is_kept() {
     scratch.write("cube.ply", &block(2.0, ""));
     let scene = json!({
         "camera": { "type": "pinhole", "fov": 40, "position": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0] },
-        "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply" }] } });
+        "scene": { "shapes": [{ "type": "trimesh", "path": "cube.ply", "material": {} }] } });
     scratch.write("t.json", &scene.to_string());
     let set = "/camera/position=[0,1,9]";
     let (position, seen) = corners_seen(&scratch, &["--template", "t.json", "--set", set]);
@@ -398,7 +398,7 @@ fn a_texture_for_a_shared_material_is_refused() {
     scratch.write("a.ply", &square(""));
     scratch.write("i.ppm", IMAGE);
     let scene = json!({
-        "camera": { "type": "pinhole", "position": [0, 2, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "camera": { "type": "pinhole", "fov": 40, "position": [0, 2, 6], "lookat": [0, 0, -1], "up": [0, 1, 0] },
         "scene": { "materials": { "clay": {} }, "shapes": [
             { "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": "clay" },
             { "type": "trimesh", "path": "a.ply", "material": "clay" }] } });
