@@ -53,7 +53,7 @@ impl RayScene {
                 rounding.round(first, &mut rounded)?;
                 crossings.clear();
                 bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
-                self.collect_crossings(first, &rounded, &crossings, &mut found);
+                self.collect_crossings(first, &crossings, &mut found);
             }
             let mut hits = Vec::with_capacity(found.len());
             self.refine(rays, &found, |found, refined| {
@@ -122,19 +122,11 @@ impl RayScene {
     }
 
     /// Appends the crossings of a packet, whose first ray has the index `first`, to `found`.
-    fn collect_crossings(
-        &self,
-        first: usize,
-        rounded: &Rounded,
-        crossings: &[Crossing],
-        found: &mut Vec<FoundHit>,
-    ) {
+    fn collect_crossings(&self, first: usize, crossings: &[Crossing], found: &mut Vec<FoundHit>) {
         found.extend(crossings.iter().map(|crossing| {
-            let lane = crossing.lane as usize;
             let (mesh, face) = self.geometry().place(crossing.primitive);
             self.prefetch_face(mesh, face);
-            let (t, uv) = (rounded.t(lane, crossing.t), [f64::NAN; 2]);
-            FoundHit { ray: first + lane, mesh, face, t, uv }
+            FoundHit { ray: first + crossing.lane as usize, mesh, face, uv: crossing.weights }
         }));
     }
 }

@@ -85,13 +85,12 @@ impl RayScene {
     /// Appends the hits of a packet, whose first ray has the index `first`, to `found`.
     #[inline(always)]
     fn collect_hits(&self, first: usize, rounded: &Rounded, found: &mut Vec<FoundHit>) {
-        let RayPacket { rays, hits } = &rounded.packet;
+        let RayPacket { hits, .. } = &rounded.packet;
         let hit = rounded.packet.hit(&rounded.active);
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let (mesh, face) = (hits.geom[i], hits.prim[i]);
             self.prefetch_face(mesh, face);
-            let (t, uv) = (rounded.t(i, rays.tfar[i].into()), [hits.u[i].into(), hits.v[i].into()]);
-            found.push(FoundHit { ray: first + i, mesh, face, t, uv });
+            found.push(FoundHit { ray: first + i, mesh, face, uv: [hits.u[i], hits.v[i]] });
         }
     }
 

@@ -1,9 +1,15 @@
 //! Computes t, weights and normals of found hits in f64, from the caller's vertices, 16 hits at a
 //! time.
+//!
+//! Where a ray runs almost in the plane of its triangle, f64 cannot tell where it meets the plane.
+//! It may also miss the triangle, whose rounded corners it hits. Then the place that t names is
+//! far from the place that the weights name. The weights of the rounded triangle are right in both
+//! cases, as the tree decides exactly. So they are taken, and t is that of the point of the ray
+//! that is nearest to their place.
 
 use super::arrays;
 use super::batch::RayBatch;
-use super::rounded::Doubles;
+use super::rounded::{Doubles, power_of_two};
 use super::scene::RayScene;
 use crate::geometry::clamp_barycentrics;
 use crate::math::{cross, dot, sub};
@@ -26,16 +32,13 @@ pub(super) struct FoundHit {
     pub mesh: u32,
     /// Face in the mesh.
     pub face: u32,
-    /// Ray parameter, in lengths of the caller's direction. It and `uv` remain where the values in
-    /// f64 are undefined: the ray runs in the plane of the triangle.
-    pub t: f64,
-    /// Weights of the second and third corner.
-    pub uv: [f64; 2],
+    /// Weights of the second and third corner, for the rounded ray and triangle.
+    pub uv: [f32; 2],
 }
 
 /// Values of up to 16 hits, computed in f64. The lanes after the last hit are meaningless.
 pub(super) struct Refined {
-    /// Ray parameters, within tnear and tfar.
+    /// Ray parameters, finite and within tnear and tfar, in lengths of the caller's direction.
     pub t: Doubles,
     /// Weights of the second and third corner.
     pub uv: [Doubles; 2],
@@ -83,7 +86,8 @@ impl RayScene {
                     (corner[0][i], corner[1][i], corner[2][i]) = position.into();
                 }
             }
-            let refined = simd::dispatch(Isa::detect(), Refine { rays, hits, corners: &corners });
+            let (corners, slack) = (&corners, self.rounding_slack());
+            let refined = simd::dispatch(Isa::detect(), Refine { rays, hits, corners, slack });
             store(hits, &refined);
         }
     }
@@ -110,19 +114,22 @@ struct Refine<'a> {
     hits: &'a [FoundHit],
     /// Corners of the triangles, by number of the corner.
     corners: &'a [Doubles3; 3],
+    /// The places of t and of the weights may be this far apart.
+    slack: f64,
 }
 
 impl Kernel for Refine<'_> {
     type Output = Refined;
 
     /// Moeller and Trumbore 1997, eq. 6, with the operations of
-    /// [`crate::geometry::refine_triangle`].
+    /// [`crate::geometry::refine_triangle`]. Directions are scaled by a power of two, so that
+    /// nothing overflows.
     #[inline(always)]
     fn run(self) -> Refined {
-        let Self { rays, hits, corners: [v0, v1, v2] } = self;
+        let Self { rays, hits, corners: [v0, v1, v2], slack } = self;
         let (mut from, mut direction) = ([[0.0; LANES]; 3], [[1.0; LANES]; 3]);
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
-        let (mut found_t, mut found_uv) = ([0.0; LANES], [[0.0; LANES]; 2]);
+        let mut found_uv = [[0.0; LANES]; 2];
         for (i, hit) in hits.iter().enumerate().take(LANES) {
             let (o, d) = rays.line(hit.ray);
             for axis in 0..3 {
@@ -130,24 +137,30 @@ impl Kernel for Refine<'_> {
                 direction[axis][i] = d[axis];
             }
             (tnear[i], tfar[i]) = rays.limits(hit.ray);
-            (found_t[i], found_uv[0][i], found_uv[1][i]) = (hit.t, hit.uv[0], hit.uv[1]);
+            (found_uv[0][i], found_uv[1][i]) = (hit.uv[0].into(), hit.uv[1].into());
         }
         let mut out =
             Refined { t: [0.0; LANES], uv: [[0.0; LANES]; 2], normals: [[0.0; LANES]; 3] };
         for i in 0..LANES {
             let a = of_lane(v0, i);
             let (e1, e2) = (sub(of_lane(v1, i), a), sub(of_lane(v2, i), a));
-            let (to_v0, d) = (sub(a, of_lane(&from, i)), of_lane(&direction, i));
+            let (to_v0, [dx, dy, dz]) = (sub(a, of_lane(&from, i)), of_lane(&direction, i));
+            let down = power_of_two(dx.abs().max(dy.abs()).max(dz.abs()));
+            let d = [dx * down, dy * down, dz * down];
             let normal = cross(e1, e2);
             let inverse = 1.0 / dot(normal, d);
             let r = cross(to_v0, d);
             let t = dot(normal, to_v0) * inverse;
-            let is_defined = t.abs() < f64::INFINITY;
-            let u = if is_defined { dot(r, e2) * inverse } else { found_uv[0][i] };
-            let v = if is_defined { -dot(r, e1) * inverse } else { found_uv[1][i] };
-            let t = if is_defined { t } else { found_t[i] };
-            (out.uv[0][i], out.uv[1][i]) = clamp_barycentrics(u, v);
-            out.t[i] = t.max(tnear[i]).min(tfar[i]);
+            let (u, v) = clamp_barycentrics(dot(r, e2) * inverse, -dot(r, e1) * inverse);
+            let [x, y, z] = sub(d.map(|x| t * x), point(to_v0, e1, e2, u, v));
+            // False for NaN.
+            let agree = (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack);
+            let (found_u, found_v) = clamp_barycentrics(found_uv[0][i], found_uv[1][i]);
+            let (u, v) = if agree { (u, v) } else { (found_u, found_v) };
+            let nearest = dot(point(to_v0, e1, e2, u, v), d) / dot(d, d);
+            let t = if agree { t } else { nearest };
+            (out.uv[0][i], out.uv[1][i]) = (u, v);
+            out.t[i] = (t * down).max(tnear[i]).min(tfar[i]).min(f64::MAX);
             let shrink = 1.0 / dot(normal, normal).sqrt();
             for axis in 0..3 {
                 out.normals[axis][i] = normal[axis] * shrink;
@@ -155,6 +168,12 @@ impl Kernel for Refine<'_> {
         }
         out
     }
+}
+
+/// The point of a triangle with the weights `u` and `v`.
+#[inline(always)]
+fn point(v0: [f64; 3], e1: [f64; 3], e2: [f64; 3], u: f64, v: f64) -> [f64; 3] {
+    [0, 1, 2].map(|k| v0[k] + u * e1[k] + v * e2[k])
 }
 
 #[inline(always)]

@@ -6,37 +6,32 @@ use crate::error::Result;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 use crate::simd::{self, Isa, Kernel};
 
+/// How far a hit of a rounded ray lies from the caller's ray and triangle at most, as a fraction of
+/// the longest side of the box of all triangles: 256u (u = 2^-24).
+///
+/// A rounded ray starts less than 6 sides from the middle of the box ([`Rounding::round`]). Origin,
+/// direction and corners move by some 20u, and the test of the tree by 6u of the distance. The rest
+/// is for slanting triangles.
+const SLACK: f64 = 128.0 * f32::EPSILON as f64;
+
 /// One double per lane.
 pub(super) type Doubles = [f64; LANES];
 
 /// The rays that are this far ahead are prefetched.
 const PREFETCH_DISTANCE: usize = 4 * LANES;
 
-/// A packet of rays in the coordinates of the tree, and how their parameters convert.
+/// A packet of rays in the coordinates of the tree.
 pub(super) struct Rounded {
     pub packet: RayPacket,
     /// The lanes whose rays can hit anything.
     pub active: Mask,
     /// Whether neighbouring lanes are similar enough to be traced together.
     pub coherence: Coherence,
-    /// The caller's t is `t * scale + shift` for a parameter t of the packet.
-    scale: Doubles,
-    shift: Doubles,
 }
 
 impl Rounded {
-    pub const EMPTY: Self = Self {
-        packet: RayPacket::EMPTY,
-        active: Mask::NONE,
-        coherence: Coherence::Coherent,
-        scale: [1.0; LANES],
-        shift: [0.0; LANES],
-    };
-
-    /// The caller's ray parameter for a parameter of the packet.
-    pub fn t(&self, lane: usize, t: f64) -> f64 {
-        t * self.scale[lane] + self.shift[lane]
-    }
+    pub const EMPTY: Self =
+        Self { packet: RayPacket::EMPTY, active: Mask::NONE, coherence: Coherence::Coherent };
 }
 
 /// Rounds the rays of a batch to f32.
@@ -51,6 +46,17 @@ pub(super) struct Rounding<'a> {
 }
 
 impl RayScene {
+    /// How far a hit of the rounded triangles lies from the caller's ray and triangle at most.
+    pub(super) fn rounding_slack(&self) -> f64 {
+        f64::from(self.size()) * SLACK
+    }
+
+    /// Longest side of the box of all triangles.
+    fn size(&self) -> f32 {
+        let [low, high] = self.local_bounds();
+        (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max)
+    }
+
     /// Returns the rounding of rays for the tree of this scene.
     ///
     /// # Errors
@@ -59,10 +65,13 @@ impl RayScene {
         if rays.is_empty() {
             rays.check()?;
         }
-        let [low, high] = self.local_bounds();
-        let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f32::max);
         let middle = (self.bounds[0] + self.bounds[1]) * 0.5;
-        Ok(Rounding { rays, size, origin: self.origin().into(), middle: middle.into() })
+        Ok(Rounding {
+            rays,
+            size: self.size(),
+            origin: self.origin().into(),
+            middle: middle.into(),
+        })
     }
 }
 
@@ -117,7 +126,6 @@ impl Kernel for Round<'_> {
                 & is_limit(tnear[i], MAX_TNEAR)
                 & is_limit(tfar[i], f64::INFINITY);
         }
-        let (mut scale, mut shift) = ([1.0; LANES], [0.0; LANES]);
         let (mut local, mut active) = (Rays::EMPTY, Mask::NONE);
         let far = 4.0 * f64::from(size);
         for i in 0..LANES {
@@ -131,7 +139,7 @@ impl Kernel for Round<'_> {
             let ahead = along - 2.0 * f64::from(size);
             let is_far = x.abs().max(y.abs()).max(z.abs()) > far;
             let ahead = if is_far & (ahead > 0.0) & (ahead < f64::INFINITY) { ahead } else { 0.0 };
-            (scale[i], shift[i]) = (down, ahead * down);
+            let shift = ahead * down;
             local.org[0][i] = (fx - origin[0] + dx * ahead) as f32;
             local.org[1][i] = (fy - origin[1] + dy * ahead) as f32;
             local.org[2][i] = (fz - origin[2] + dz * ahead) as f32;
@@ -140,13 +148,13 @@ impl Kernel for Round<'_> {
             local.dir[2][i] = dz as f32;
             // Exact: a power of two.
             let up = 1.0 / down;
-            local.tnear[i] = ((tnear[i] - shift[i]) * up).max(0.0) as f32;
-            local.tfar[i] = ((tfar[i] - shift[i]) * up) as f32;
+            local.tnear[i] = ((tnear[i] - shift) * up).max(0.0) as f32;
+            local.tfar[i] = ((tfar[i] - shift) * up) as f32;
             active.0[i] = -i32::from((tnear[i] < tfar[i]) & (i < count));
         }
         out.active = local.possible(&active);
         out.coherence = coherence(&local, &out.active, size);
-        (out.packet.rays, out.scale, out.shift) = (local, scale, shift);
+        out.packet.rays = local;
         out.packet.clear_hits();
         valid
     }
@@ -170,7 +178,7 @@ fn coherence(rays: &Rays, active: &Mask, size: f32) -> Coherence {
 /// Returns the power of two that scales a positive number to [1, 2). For denormal numbers it is
 /// 2^1022.
 #[inline(always)]
-fn power_of_two(x: f64) -> f64 {
+pub(super) fn power_of_two(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52).clamp(1, 2045);
     f64::from_bits((2046 - exponent) << 52)
 }

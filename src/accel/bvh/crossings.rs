@@ -27,6 +27,8 @@ use crate::simd::Kernel;
 pub struct Crossing {
     /// Ray parameter of the crossing.
     pub t: f64,
+    /// Weights of the second and third corner.
+    pub weights: [f32; 2],
     /// Scene-wide primitive index of the triangle.
     pub primitive: u32,
     /// Lane of the ray.
@@ -98,7 +100,9 @@ impl<T: Tier> Single<'_, T> {
             if self.is_within(&seen, &ray, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;
                 let primitive = self.tree.indices().of(block, slot);
-                found.push(Crossing { t, primitive, lane });
+                let [u, v, w] = seen.edges;
+                let weights = [v, w].map(|edge| (edge / (u + v + w)) as f32);
+                found.push(Crossing { t, weights, primitive, lane });
             }
         }
     }

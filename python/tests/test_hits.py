@@ -1,0 +1,75 @@
+"""t, barycentrics and limits of hits name the same point, whatever the ray is."""
+
+import numpy as np
+import pytest
+
+import lightpath
+from shapes import TETRAHEDRON, cube
+
+
+def rotation(rng):
+    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])
+
+
+def gaps(triangles, origins, directions, t, barycentrics):
+    """How far t lies beyond the corners along the ray, and from the point of the weights."""
+    lengths = np.linalg.norm(directions, axis=1)
+    along = np.einsum("ijk,ik->ij", triangles - origins[:, None], directions) / lengths[:, None]
+    beyond = np.maximum(along.min(axis=1) - t * lengths, t * lengths - along.max(axis=1))
+    u, v = barycentrics[:, :1], barycentrics[:, 1:]
+    points = triangles[:, 0] * (1 - u - v) + triangles[:, 1] * u + triangles[:, 2] * v
+    return beyond, np.abs(origins + t[:, None] * directions - points).max(axis=1)
+
+
+@pytest.mark.parametrize("slope", [0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-3])
+def test_rays_almost_in_the_plane_of_a_face_hit_within_the_face(slope):
+    rng, (vertices, faces) = np.random.default_rng(1), cube()
+    met = 0
+    for _ in range(10):
+        turned = rotation(rng)
+        corners = vertices @ turned.T
+        scene = lightpath.RayScene(corners, faces)
+        start, end = rng.uniform(-0.9, 0.9, (2, 2000, 3))
+        start[:, 2] = end[:, 2] = 1
+        directions = end - start
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        directions[:, 2] = -slope
+        origins, directions = (start - 5 * directions) @ turned.T, directions @ turned.T
+        hits, every = scene.closest(origins, directions), scene.all_hits(origins, directions)
+        hit, row = hits.primitive >= 0, np.repeat(np.arange(2000), np.diff(every.offsets))
+        met += hit.sum()
+        for ids, index, t, barycentrics in [
+            (hits.primitive[hit], hit, hits.t[hit], hits.barycentrics[hit]),
+            (every.primitive, row, every.t, every.barycentrics),
+        ]:
+            rays = origins[index], directions[index]
+            beyond, apart = gaps(corners[faces[ids]], *rays, t, barycentrics)
+            assert beyond.max() < 1e-4 and apart.max() < 1e-4, (beyond.max(), apart.max())
+    assert met > 1000
+
+
+def test_a_ray_in_the_plane_of_a_small_mesh_of_doubles():
+    corners = np.array([[-1.3, 1.4, -1], [1.3, -2, -1.8], [-1.8, 1.7, 1.3]])
+    scene = lightpath.RayScene(corners, [[0, 1, 2]])
+    ray = np.array([[-6.75, 8.35, 1.75]]), np.array([[2.6, -3.4, -0.8]])
+    for hits in (scene.closest(*ray), scene.all_hits(*ray)):
+        beyond, apart = gaps(corners[None], *ray, hits.t, hits.barycentrics)
+        assert beyond.max() < 1e-6 and apart.max() < 1e-6
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-300, 1e300, 1e303, 1e308])
+def test_directions_of_extreme_length(length):
+    scene = lightpath.RayScene(TETRAHEDRON[0] * 1000, TETRAHEDRON[1])
+    ray = [100, 200, 1700.0], [0, 0, -length]
+    for hits in (scene.closest(*ray), scene.all_hits(*ray)):
+        # The largest double stands for a t beyond it.
+        with np.errstate(over="ignore"):
+            expected = min(1000 / np.float64(length), np.finfo(float).max)
+        hit = hits.primitive.tolist().index(3)
+        assert np.isclose(hits.t[hit], expected, rtol=1e-14)
+        assert np.allclose(hits.barycentrics[hit], [0.2, 0.7], rtol=1e-14)
