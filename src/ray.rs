@@ -55,6 +55,17 @@ impl Mask {
         rest
     }
 
+    /// Intersection: the lanes that are also in `other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        let mut both = *self;
+        for i in 0..LANES {
+            both.0[i] &= other.0[i];
+        }
+        both
+    }
+
     /// First lane of the set; 0 if it is empty.
     #[inline(always)]
     pub fn first(&self) -> usize {

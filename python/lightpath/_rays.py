@@ -250,7 +250,8 @@ class RayScene:
             Rays ``origin + t * direction``. Directions may have any length but 0. A single origin
             or direction is used for all rays.
         tnear, tfar : float or (n,) array_like
-            Only hits with ``tnear < t < tfar`` count. Both must be >= 0.
+            Only hits with ``tnear < t < tfar`` count. Both must be >= 0. t is compared in float64,
+            so ``tnear=hits.t`` excludes the hits of an earlier query. A tnear of 0 excludes no hit.
         progress : callable, optional
             Called with (done, total) every 50 ms, and once at the end.
 

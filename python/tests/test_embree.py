@@ -44,7 +44,8 @@ def test_closest_and_occluded_are_those_of_bvh(dtype, middle):
     assert bvh.backend == "bvh" and embree.backend == "embree" and embree.nbytes > 0
     assert (embree.bounds == bvh.bounds).all() and embree.is_closed == bvh.is_closed
     origins, directions = rays(20_000, 4096, middle)
-    for limits in [(0.0, np.inf), (0.3, 0.8)]:
+    first = bvh.closest(origins, directions).t
+    for limits in [(0.0, np.inf), (0.3, 0.8), (np.where(first < np.inf, first, 0.0), np.inf)]:
         found, expected = embree.closest(origins, directions, *limits), bvh.closest(origins, directions, *limits)
         assert (found.t == expected.t).all() and (found.primitive == expected.primitive).all()
         assert (found.mesh == expected.mesh).all() and (found.normal == expected.normal).all()

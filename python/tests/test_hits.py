@@ -73,3 +73,56 @@ def test_directions_of_extreme_length(length):
         hit = hits.primitive.tolist().index(3)
         assert np.isclose(hits.t[hit], expected, rtol=1e-14)
         assert np.allclose(hits.barycentrics[hit], [0.2, 0.7], rtol=1e-14)
+
+
+def box_rays(count, seed=3):
+    """A box at no simple place, and rays at and beside it."""
+    vertices, faces = cube()
+    rng = np.random.default_rng(seed)
+    origins = rng.normal(size=(count, 3)) * 5
+    return vertices + [0.1, 0.2, 0.3], faces, origins, rng.normal(size=(count, 3)) * 0.3 - origins
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-12, 1e6])
+def test_closest_behind_each_hit_peels_all_layers(scale):
+    vertices, faces, origins, directions = box_rays(10_000)
+    scene = lightpath.RayScene(vertices * scale, faces)
+    origins = origins * scale
+    every = scene.all_hits(origins, directions)
+    t, left = np.zeros(len(origins)), np.arange(len(origins))
+    for layer in range(4):
+        hits = scene.closest(origins[left], directions[left], tnear=t[left])
+        hit = hits.primitive >= 0
+        assert (hits.t > t[left])[hit].all()
+        assert (scene.occluded(origins[left], directions[left], t[left]) == hit).all()
+        assert (scene.count(origins[left], directions[left], t[left]) >= hit).all()
+        assert (hit == (np.diff(every.offsets)[left] > layer)).all()
+        t[left], left = hits.t, left[hit]
+        assert (t[left] == every.t[every.offsets[left] + layer]).all()
+    assert len(left) == 0
+
+
+def test_tfar_excludes_the_hit_at_its_end_and_no_other():
+    vertices, faces, origins, directions = box_rays(10_000)
+    scene = lightpath.RayScene(vertices, faces)
+    hits = scene.closest(origins, directions)
+    hit = hits.primitive >= 0
+    rays, t = (origins[hit], directions[hit]), hits.t[hit]
+    for tfar, met in [(t, False), (np.nextafter(t, 0), False), (np.nextafter(t, np.inf), True)]:
+        for tnear in (0.0, t * (1 - 1e-15)):
+            assert ((scene.closest(*rays, tnear, tfar).primitive >= 0) == met).all()
+            assert (scene.occluded(*rays, tnear, tfar) == met).all()
+            assert (scene.count(*rays, tnear, tfar) == met).all()
+            assert len(scene.all_hits(*rays, tnear, tfar).t) == met * len(t)
+
+
+def test_limits_of_each_ray_and_of_none():
+    vertices, faces, origins, directions = box_rays(1000)
+    scene = lightpath.RayScene(vertices, faces)
+    every, tnear = scene.all_hits(origins, directions), np.zeros(1000)
+    first = every.t[every.offsets[:-1][np.diff(every.offsets) > 0]]
+    tnear[np.diff(every.offsets) > 0] = np.where(np.arange(len(first)) % 3 == 0, first, 0)
+    hits = scene.all_hits(origins, directions, tnear)
+    row = np.repeat(np.arange(1000), np.diff(hits.offsets))
+    assert ((hits.t > tnear[row]) & (len(hits.t) < len(every.t))).all()
+    assert (np.diff(hits.offsets) == scene.count(origins, directions, tnear)).all()

@@ -1,7 +1,5 @@
 //! All hits along rays, and their number.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::batch::RayBatch;
@@ -55,16 +53,19 @@ impl RayScene {
                 bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
                 self.collect_crossings(first, &crossings, &mut found);
             }
-            let mut hits = Vec::with_capacity(found.len());
+            let (mut counts, mut hits) = (vec![0; range.len()], Vec::with_capacity(found.len()));
             self.refine(rays, &found, |found, refined| {
-                hits.extend(found.iter().enumerate().map(|(i, hit)| RayHit {
-                    t: refined.t[i],
-                    mesh: hit.mesh,
-                    face: hit.face,
-                    barycentrics: refined.weights(i),
-                }));
+                for (i, hit) in found.iter().enumerate().filter(|(i, _)| refined.counts[*i]) {
+                    counts[hit.ray - range.start] += 1;
+                    hits.push(RayHit {
+                        t: refined.t[i],
+                        mesh: hit.mesh,
+                        face: hit.face,
+                        barycentrics: refined.weights(i),
+                    });
+                }
             });
-            Ok(ChunkHits::new(range, &found, hits))
+            Ok(ChunkHits::new(counts, hits))
         })?;
         let total: usize = chunks.iter().map(|chunk| chunk.hits.len()).sum();
         let mut offsets = Vec::new();
@@ -109,12 +110,24 @@ impl RayScene {
         let mut counts = reserve::filled(0u32, rays.len(), "count")?;
         let rounding = self.rounding(rays)?;
         progress::fill(&mut counts, monitor, |first, counts| {
-            let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
+            let (mut rounded, mut crossings) = (Rounded::EMPTY, Vec::new());
+            let mut found = Vec::new();
             for (packet, counts) in counts.chunks_mut(LANES).enumerate() {
-                rounding.round(first + packet * LANES, &mut rounded)?;
+                let first = first + packet * LANES;
+                rounding.round(first, &mut rounded)?;
+                crossings.clear();
+                bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
+                if !rounded.limited.any() {
+                    crossings.iter().for_each(|crossing| counts[crossing.lane as usize] += 1);
+                    continue;
+                }
                 found.clear();
-                bvh.crossings(&rounded.active, &rounded.packet.rays, &mut found);
-                found.iter().for_each(|crossing| counts[crossing.lane as usize] += 1);
+                self.collect_crossings(first, &crossings, &mut found);
+                self.refine(rays, &found, |found, refined| {
+                    for (hit, counting) in found.iter().zip(refined.counts) {
+                        counts[hit.ray - first] += u32::from(counting);
+                    }
+                });
             }
             Ok(())
         })?;
@@ -126,7 +139,8 @@ impl RayScene {
         found.extend(crossings.iter().map(|crossing| {
             let (mesh, face) = self.geometry().place(crossing.primitive);
             self.prefetch_face(mesh, face);
-            FoundHit { ray: first + crossing.lane as usize, mesh, face, uv: crossing.weights }
+            let (ray, t) = (first + crossing.lane as usize, crossing.t as f32);
+            FoundHit { ray, mesh, face, t, uv: crossing.weights }
         }));
     }
 }
@@ -139,12 +153,8 @@ struct ChunkHits {
 }
 
 impl ChunkHits {
-    /// Sorts the hits of each ray. `found` has their rays, in order.
-    fn new(rays: Range<usize>, found: &[FoundHit], mut hits: Vec<RayHit>) -> Self {
-        let mut counts = vec![0u32; rays.len()];
-        for hit in found {
-            counts[hit.ray - rays.start] += 1;
-        }
+    /// Sorts the hits of each ray.
+    fn new(counts: Vec<u32>, mut hits: Vec<RayHit>) -> Self {
         let mut rest = &mut hits[..];
         for &count in &counts {
             let (own, others) = std::mem::take(&mut rest).split_at_mut(count as usize);

@@ -62,7 +62,8 @@ impl<'a> RayBatch<'a> {
         Ok(Self { origins, directions, tnear, tfar })
     }
 
-    /// The same rays with another segment. A ray with `tfar <= tnear` hits nothing.
+    /// The same rays with another segment. A ray with `tfar <= tnear` hits nothing. The t of a hit
+    /// is compared in f64; a `tnear` of 0 excludes no hit.
     ///
     /// # Errors
     /// `Invalid` for a number of values other than that of the rays.

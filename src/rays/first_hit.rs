@@ -5,13 +5,15 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::batch::RayBatch;
 use super::filling::{Filling, Part};
+use super::further::Unanswered;
 use super::progress::{self, CHUNK};
 use super::refine::{FoundHit, Refined};
 use super::rounded::Rounded;
 use super::scene::RayScene;
+use crate::accel::Accelerator;
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
-use crate::ray::{LANES, RayPacket};
+use crate::ray::{LANES, Mask, RayPacket};
 use crate::reserve;
 
 /// The closest hits of rays, an element for each ray.
@@ -68,7 +70,15 @@ impl RayScene {
                 self.collect_hits(first, rounded, found);
             }
             answers.clear();
-            self.refine(rays, found, |hits, refined| answers.store(range.start, hits, refined));
+            let mut left = Vec::new();
+            self.refine(rays, found, |hits, refined| {
+                answers.store(range.start, hits, refined, &mut left);
+            });
+            if !left.is_empty() {
+                self.search_on(&*accelerator, &rounding, left, |hits, refined, i| {
+                    answers.store_hit(range.start, &hits[i], refined, i);
+                })?;
+            }
             output.fill(answers);
             monitor.done.fetch_add(range.len() as u64, Relaxed);
             Ok(())
@@ -84,13 +94,14 @@ impl RayScene {
 
     /// Appends the hits of a packet, whose first ray has the index `first`, to `found`.
     #[inline(always)]
-    fn collect_hits(&self, first: usize, rounded: &Rounded, found: &mut Vec<FoundHit>) {
-        let RayPacket { hits, .. } = &rounded.packet;
+    pub(super) fn collect_hits(&self, first: usize, rounded: &Rounded, found: &mut Vec<FoundHit>) {
+        let RayPacket { rays, hits } = &rounded.packet;
         let hit = rounded.packet.hit(&rounded.active);
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let (mesh, face) = (hits.geom[i], hits.prim[i]);
             self.prefetch_face(mesh, face);
-            found.push(FoundHit { ray: first + i, mesh, face, uv: [hits.u[i], hits.v[i]] });
+            let (t, uv) = (rays.tfar[i], [hits.u[i], hits.v[i]]);
+            found.push(FoundHit { ray: first + i, mesh, face, t, uv });
         }
     }
 
@@ -101,20 +112,46 @@ impl RayScene {
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
         let (accelerator, rounding) = (self.accelerator(), self.rounding(rays)?);
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;
-        progress::fill(&mut occluded, monitor, |first, occluded| {
-            let mut rounded = Rounded::EMPTY;
+        let shortened = rounding.shortened();
+        progress::fill(&mut occluded, monitor, |start, occluded| {
+            let (mut rounded, mut left) = (Rounded::EMPTY, Vec::new());
             for (packet, occluded) in occluded.chunks_mut(LANES).enumerate() {
-                rounding.round(first + packet * LANES, &mut rounded)?;
-                let Rounded { active, packet, coherence, .. } = &mut rounded;
-                accelerator.occluded(active, &mut packet.rays, *coherence);
-                for (i, occluded) in occluded.iter_mut().enumerate() {
-                    let end = packet.rays.tfar[i];
-                    *occluded = active.0[i] != 0 && end == f32::NEG_INFINITY;
+                let first = start + packet * LANES;
+                rounding.round(first, &mut rounded)?;
+                let mut hit = rounded.hits_any(&*accelerator);
+                let doubtful = hit.and(&rounded.limited);
+                if doubtful.any() {
+                    shortened.round(first, &mut rounded)?;
+                    rounded.active = rounded.active.and(&doubtful);
+                    let doubtful = doubtful.without(&rounded.hits_any(&*accelerator));
+                    hit = hit.without(&doubtful);
+                    let lanes = (0..LANES).filter(|&i| doubtful.0[i] != 0);
+                    left.extend(lanes.map(|i| Unanswered { ray: first + i, last: None }));
+                }
+                for (occluded, hit) in occluded.iter_mut().zip(hit.0) {
+                    *occluded = hit != 0;
                 }
             }
-            Ok(())
+            let store = |hits: &[FoundHit], _: &Refined, i: usize| {
+                occluded[hits[i].ray - start] = true;
+            };
+            self.search_on(&*accelerator, &rounding, left, store)
         })?;
         Ok(occluded)
+    }
+}
+
+impl Rounded {
+    /// Returns the active rays that hit anything. Changes their tfar.
+    #[inline(always)]
+    fn hits_any(&mut self, accelerator: &dyn Accelerator) -> Mask {
+        let Self { active, packet, coherence, .. } = self;
+        accelerator.occluded(active, &mut packet.rays, *coherence);
+        let mut hit = Mask::NONE;
+        for i in 0..LANES {
+            hit.0[i] = active.0[i] & -i32::from(packet.rays.tfar[i] == f32::NEG_INFINITY);
+        }
+        hit
     }
 }
 
@@ -147,15 +184,32 @@ impl Answers {
         self.normal.fill([0.0; 3]);
     }
 
-    /// Stores hits. `first` is the index of the task's first ray.
+    /// Stores the hits that count, and appends the rays of the others to `left`. `first` is the
+    /// index of the task's first ray.
     #[inline(always)]
-    fn store(&mut self, first: usize, hits: &[FoundHit], refined: &Refined) {
+    fn store(
+        &mut self,
+        first: usize,
+        hits: &[FoundHit],
+        refined: &Refined,
+        left: &mut Vec<Unanswered>,
+    ) {
         for (i, hit) in hits.iter().enumerate() {
-            let at = hit.ray - first;
-            (self.t[at], self.primitive[at]) = (refined.t[i], hit.face.into());
-            (self.mesh[at], self.barycentrics[at]) = (hit.mesh as i32, refined.weights(i));
-            self.normal[at] = refined.normal(i);
+            if refined.counts[i] {
+                self.store_hit(first, hit, refined, i);
+            } else {
+                left.push(Unanswered { ray: hit.ray, last: Some(hit.t) });
+            }
         }
+    }
+
+    /// Stores hit `i` of those whose values were computed.
+    #[inline(always)]
+    fn store_hit(&mut self, first: usize, hit: &FoundHit, refined: &Refined, i: usize) {
+        let at = hit.ray - first;
+        (self.t[at], self.primitive[at]) = (refined.t[i], hit.face.into());
+        (self.mesh[at], self.barycentrics[at]) = (hit.mesh as i32, refined.weights(i));
+        self.normal[at] = refined.normal(i);
     }
 }
 

@@ -1,7 +1,8 @@
 //! Rays and points on meshes whose arrays stay with the caller: [`RayScene`].
 //!
 //! `arrays` reads the caller's arrays. `batch` checks rays, `rounded` rounds them for the tree, and
-//! `refine` computes their hits in f64. `filling` makes the arrays of answers. `first_hit`,
+//! `refine` computes their hits in f64. `further` goes on where a hit lies outside of a ray's limits.
+//! `filling` makes the arrays of answers. `first_hit`,
 //! `all_hits`, `inside`, `nearest` and `visible` are one kind of query each.
 
 mod all_hits;
@@ -10,6 +11,7 @@ mod batch;
 mod closed;
 mod filling;
 mod first_hit;
+mod further;
 mod inside;
 mod nearest;
 mod progress;

@@ -32,14 +32,19 @@ pub(super) struct FoundHit {
     pub mesh: u32,
     /// Face in the mesh.
     pub face: u32,
+    /// Ray parameter of the rounded ray.
+    pub t: f32,
     /// Weights of the second and third corner, for the rounded ray and triangle.
     pub uv: [f32; 2],
 }
 
 /// Values of up to 16 hits, computed in f64. The lanes after the last hit are meaningless.
 pub(super) struct Refined {
-    /// Ray parameters, finite and within tnear and tfar, in lengths of the caller's direction.
+    /// Ray parameters, finite and >= 0, in lengths of the caller's direction.
     pub t: Doubles,
+    /// Whether t is within the ray's own limits: tnear < t < tfar. A tnear of 0 is no limit, as t
+    /// of an origin on the surface is 0 only up to rounding.
+    pub counts: [bool; LANES],
     /// Weights of the second and third corner.
     pub uv: [Doubles; 2],
     /// Unit normals; not finite for a triangle without area.
@@ -139,8 +144,12 @@ impl Kernel for Refine<'_> {
             (tnear[i], tfar[i]) = rays.limits(hit.ray);
             (found_uv[0][i], found_uv[1][i]) = (hit.uv[0].into(), hit.uv[1].into());
         }
-        let mut out =
-            Refined { t: [0.0; LANES], uv: [[0.0; LANES]; 2], normals: [[0.0; LANES]; 3] };
+        let mut out = Refined {
+            t: [0.0; LANES],
+            counts: [true; LANES],
+            uv: [[0.0; LANES]; 2],
+            normals: [[0.0; LANES]; 3],
+        };
         for i in 0..LANES {
             let a = of_lane(v0, i);
             let (e1, e2) = (sub(of_lane(v1, i), a), sub(of_lane(v2, i), a));
@@ -160,7 +169,8 @@ impl Kernel for Refine<'_> {
             let nearest = dot(point(to_v0, e1, e2, u, v), d) / dot(d, d);
             let t = if agree { t } else { nearest };
             (out.uv[0][i], out.uv[1][i]) = (u, v);
-            out.t[i] = (t * down).max(tnear[i]).min(tfar[i]).min(f64::MAX);
+            out.t[i] = (t * down).max(0.0).min(f64::MAX);
+            out.counts[i] = ((out.t[i] > tnear[i]) | (tnear[i] == 0.0)) & (out.t[i] < tfar[i]);
             let shrink = 1.0 / dot(normal, normal).sqrt();
             for axis in 0..3 {
                 out.normals[axis][i] = normal[axis] * shrink;

@@ -25,13 +25,19 @@ pub(super) struct Rounded {
     pub packet: RayPacket,
     /// The lanes whose rays can hit anything.
     pub active: Mask,
+    /// The active lanes whose rays have limits of their own.
+    pub limited: Mask,
     /// Whether neighbouring lanes are similar enough to be traced together.
     pub coherence: Coherence,
 }
 
 impl Rounded {
-    pub const EMPTY: Self =
-        Self { packet: RayPacket::EMPTY, active: Mask::NONE, coherence: Coherence::Coherent };
+    pub const EMPTY: Self = Self {
+        packet: RayPacket::EMPTY,
+        active: Mask::NONE,
+        limited: Mask::NONE,
+        coherence: Coherence::Coherent,
+    };
 }
 
 /// Rounds the rays of a batch to f32.
@@ -43,6 +49,8 @@ pub(super) struct Rounding<'a> {
     origin: [f64; 3],
     /// Middle of the box.
     middle: [f64; 3],
+    /// Added to both ends of a ray that has limits of its own.
+    slack: f64,
 }
 
 impl RayScene {
@@ -66,21 +74,28 @@ impl RayScene {
             rays.check()?;
         }
         let middle = (self.bounds[0] + self.bounds[1]) * 0.5;
-        Ok(Rounding {
-            rays,
-            size: self.size(),
-            origin: self.origin().into(),
-            middle: middle.into(),
-        })
+        let (origin, middle) = (self.origin().into(), middle.into());
+        Ok(Rounding { rays, size: self.size(), origin, middle, slack: self.rounding_slack() })
     }
 }
 
-impl Rounding<'_> {
+impl<'a> Rounding<'a> {
+    /// The rays.
+    pub fn rays(&self) -> &'a RayBatch<'a> {
+        self.rays
+    }
+
+    /// The rounding to rays whose hits count: they end within their own limits by more than what
+    /// rounding explains.
+    pub fn shortened(&self) -> Self {
+        Self { slack: -self.slack, ..*self }
+    }
+
     /// Checks and rounds at most 16 rays, from index `first` on.
     ///
     /// Directions are scaled by a power of two, so that their largest component lies in [1, 2).
     /// A ray that starts far away from the triangles starts nearer to them, so that its origin is
-    /// rounded less.
+    /// rounded less. Limits other than 0 and infinity are widened by what rounding explains.
     ///
     /// # Errors
     /// The errors of [`RayBatch::check`], if one of these rays is wrong.
@@ -105,7 +120,7 @@ impl Kernel for Round<'_> {
     fn run(self) -> bool {
         let Self { rounding, first, out } = self;
         // Copies, as writing to `out` might change them for all that the compiler knows.
-        let Rounding { rays, size, origin, middle } = *rounding;
+        let Rounding { rays, size, origin, middle, slack } = *rounding;
         rays.prefetch(first + PREFETCH_DISTANCE);
         let mut from = [[0.0; LANES]; 3];
         let mut direction = [[1.0; LANES]; 3];
@@ -126,7 +141,7 @@ impl Kernel for Round<'_> {
                 & is_limit(tnear[i], MAX_TNEAR)
                 & is_limit(tfar[i], f64::INFINITY);
         }
-        let (mut local, mut active) = (Rays::EMPTY, Mask::NONE);
+        let (mut local, mut active, mut limited) = (Rays::EMPTY, Mask::NONE, Mask::NONE);
         let far = 4.0 * f64::from(size);
         for i in 0..LANES {
             let [dx, dy, dz] = [direction[0][i], direction[1][i], direction[2][i]];
@@ -148,11 +163,14 @@ impl Kernel for Round<'_> {
             local.dir[2][i] = dz as f32;
             // Exact: a power of two.
             let up = 1.0 / down;
-            local.tnear[i] = ((tnear[i] - shift) * up).max(0.0) as f32;
-            local.tfar[i] = ((tfar[i] - shift) * up) as f32;
+            let before = if tnear[i] > 0.0 { slack } else { 0.0 };
+            local.tnear[i] = ((tnear[i] - shift) * up - before).max(0.0) as f32;
+            local.tfar[i] = ((tfar[i] - shift) * up + slack) as f32;
+            limited.0[i] = -i32::from((tnear[i] > 0.0) | (tfar[i] < f64::INFINITY));
             active.0[i] = -i32::from((tnear[i] < tfar[i]) & (i < count));
         }
         out.active = local.possible(&active);
+        out.limited = out.active.and(&limited);
         out.coherence = coherence(&local, &out.active, size);
         out.packet.rays = local;
         out.packet.clear_hits();
