@@ -181,6 +181,11 @@ class RayScene:
             The file.
         threads, backend, progress
             As for `RayScene`.
+
+        Notes
+        -----
+        Faces that repeat a point or an earlier face are dropped. Faces without area that close
+        T-junctions come last. ``scene.meshes[0]`` has the arrays that `primitive` counts in.
         """
         arrays = read_mesh(path, _convert.threads(threads))
         return cls(*arrays, threads=threads, backend=backend, progress=progress)

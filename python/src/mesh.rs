@@ -2,7 +2,7 @@
 
 use lightpath::{Faces, Mesh, MeshArrays, Monitor, Positions, Vertices};
 use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 
 use crate::{arrays, errors, pools, watch};
@@ -112,7 +112,8 @@ pub fn check_mesh(
     checked.map_err(|error| errors::to_python(py, error))
 }
 
-/// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32.
+/// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32. The
+/// triangles without area that close T-junctions are the last ones.
 #[pyfunction]
 pub fn read_mesh<'py>(
     py: Python<'py>,
@@ -122,9 +123,14 @@ pub fn read_mesh<'py>(
     let pool = pools::pool(py, threads)?;
     let read = |monitor: &Monitor| Mesh::read_watched(&path, monitor);
     let mesh = watch::run(py, &pool, usize::MAX, None, read)?;
+    let mut triangles = mesh.triangles;
+    triangles
+        .try_reserve_exact(mesh.stitches.len())
+        .map_err(|_| PyMemoryError::new_err("no memory for faces"))?;
+    triangles.extend_from_slice(&mesh.stitches);
     let vertices = match mesh.positions {
         Positions::F32(all) => arrays::table(py, all)?,
         Positions::F64(all) => arrays::table(py, all)?,
     };
-    Ok((vertices, arrays::table(py, mesh.triangles)?))
+    Ok((vertices, arrays::table(py, triangles)?))
 }

@@ -126,3 +126,32 @@ def test_limits_of_each_ray_and_of_none():
     row = np.repeat(np.arange(1000), np.diff(hits.offsets))
     assert ((hits.t > tnear[row]) & (len(hits.t) < len(every.t))).all()
     assert (np.diff(hits.offsets) == scene.count(origins, directions, tnear)).all()
+
+
+def test_a_file_keeps_the_faces_that_close_t_junctions(tmp_path):
+    """One side of a box uses points on an edge that the other side does not use."""
+    vertices, faces = cube()
+    between = np.float32(np.linspace(-1, 1, 11)[1:-1] ** 3)
+    points = [[x, 1, 1] for x in between.astype(float)]
+    chain = [6, *range(8, 8 + len(points)), 7]
+    assert vertices[6].tolist() == [-1, 1, 1] and vertices[7].tolist() == [1, 1, 1]
+    # The side y = 1, without its two triangles, as a fan.
+    faces = [face for face in faces.tolist() if not (vertices[face][:, 1] == 1).all()]
+    faces += [[2, a, b] for a, b in zip(chain, chain[1:])] + [[2, 7, 3]]
+    stitches = [[6, b, a] for a, b in zip(chain[1:], chain[2:])]
+    vertices = np.concatenate([vertices, points]) * [1, 1.1, 0.9]
+    lines = [" ".join(map(repr, v)) for v in vertices.tolist()]
+    lines += ["3 " + " ".join(map(str, face)) for face in stitches + faces]
+    path = tmp_path / "box.ply"
+    path.write_text(
+        f"ply\nformat ascii 1.0\nelement vertex {len(vertices)}\nproperty double x\nproperty double y\n"
+        f"property double z\nelement face {len(faces + stitches)}\nproperty list uchar int vertex_indices\n"
+        "end_header\n" + "\n".join(lines) + "\n"
+    )
+    scene = lightpath.RayScene.from_ply(path)
+    assert scene.is_closed == [True] and scene.meshes[0][1].tolist() == faces + stitches
+    rng = np.random.default_rng(0)
+    targets = np.stack([rng.uniform(-1, 1, 50_000), np.full(50_000, 1.1), np.full(50_000, 0.9)], axis=1)
+    origins = rng.uniform(-0.8, 0.8, (50_000, 3))
+    assert (scene.closest(origins, targets - origins).primitive >= 0).all()
+    assert (scene.count(origins, targets - origins) % 2 == 1).all()

@@ -67,6 +67,8 @@ pub enum Faces<'a> {
     U64(&'a [[u64; 3]]),
     /// Signed 64-bit indices.
     I64(&'a [[i64; 3]]),
+    /// Unsigned 32-bit indices in two arrays, numbered one after the other.
+    U32Pair(&'a [[u32; 3]], &'a [[u32; 3]]),
 }
 
 impl Faces<'_> {
@@ -77,6 +79,7 @@ impl Faces<'_> {
             Self::I32(all) => all.len(),
             Self::U64(all) => all.len(),
             Self::I64(all) => all.len(),
+            Self::U32Pair(all, more) => all.len() + more.len(),
         }
     }
 
@@ -93,6 +96,7 @@ impl Faces<'_> {
             Self::I32(all) => prefetch(all, i),
             Self::U64(all) => prefetch(all, i),
             Self::I64(all) => prefetch(all, i),
+            Self::U32Pair(all, _) => prefetch(all, i),
         }
     }
 
@@ -117,6 +121,10 @@ impl Faces<'_> {
                 let [a, b, c] = all[i];
                 [a.try_into().ok(), b.try_into().ok(), c.try_into().ok()]
             }
+            Self::U32Pair(all, more) => {
+                let [a, b, c] = if i < all.len() { all[i] } else { more[i - all.len()] };
+                [Some(a.into()), Some(b.into()), Some(c.into())]
+            }
         }
     }
 
@@ -127,6 +135,13 @@ impl Faces<'_> {
             Self::I32(all) => all[i][k].into(),
             Self::U64(all) => all[i][k].into(),
             Self::I64(all) => all[i][k].into(),
+            Self::U32Pair(all, more) => {
+                if i < all.len() {
+                    all[i][k].into()
+                } else {
+                    more[i - all.len()][k].into()
+                }
+            }
         }
     }
 }
@@ -204,8 +219,13 @@ impl MeshArrays for Mesh {
         }
     }
 
+    /// The triangles, then those without area that close T-junctions: without them rays would leak
+    /// there, and the mesh would be open.
     fn faces(&self) -> Faces<'_> {
-        Faces::U32(&self.triangles)
+        match &self.stitches[..] {
+            [] => Faces::U32(&self.triangles),
+            stitches => Faces::U32Pair(&self.triangles, stitches),
+        }
     }
 }
 

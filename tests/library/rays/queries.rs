@@ -296,6 +296,20 @@ fn winding_numbers_have_the_promised_error() {
     }
 }
 
+#[test]
+fn the_stitches_of_a_mesh_are_its_last_faces() {
+    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.0, 0.0]];
+    let mut mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).expect("a mesh");
+    assert_eq!(mesh.faces().len(), 1);
+    mesh.stitches = vec![[0, 3, 1]];
+    let faces = mesh.faces();
+    assert!(matches!(faces, Faces::U32Pair([[0, 1, 2]], [[0, 3, 1]])) && faces.len() == 2);
+    let (scene, ray) = (scene(mesh), ([[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]));
+    let rays = RayBatch::new(&ray.0, &ray.1).expect("a ray");
+    let hits = scene.closest(&rays, &Monitor::default()).expect("hits");
+    assert_eq!((hits.t, hits.primitive), (vec![1.0], vec![0]));
+}
+
 /// Arrays with signed indices.
 struct Signed(Vec<[f32; 3]>, Vec<[i64; 3]>);
 
