@@ -200,7 +200,12 @@ impl Scene {
     ) -> PyResult<Any<'py>> {
         let from = rows(&from)?;
         let all = self.with_points(py, &points, progress, move |scene, points, m| {
-            scene.visible(points, from, m)
+            scene.visible(points, from, m).map_err(|mut error| {
+                // `from` is a keyword in Python.
+                let problems = error.problems.iter_mut();
+                problems.for_each(|p| p.place = p.place.replacen("from", "from_", 1));
+                error
+            })
         })?;
         Ok(column(py, all))
     }

@@ -91,7 +91,7 @@ def test_points(query, points, kind, message):
         getattr(SCENE, query)(points)
     with pytest.raises(kind, match="points" + message):
         SCENE.visible(points, [0, 0, 0])
-    with pytest.raises(kind, match="from_?" + message):
+    with pytest.raises(kind, match="from_" + message):
         SCENE.visible([0, 0, 0], points)
 
 
@@ -110,12 +110,12 @@ def test_threads(threads, kind):
 
 
 def test_visible_needs_one_or_as_many_points():
-    with pytest.raises(ValueError, match="from: found 2 points, expected 1 or 3"):
+    with pytest.raises(ValueError, match="from_: found 2 points, expected 1 or 3"):
         SCENE.visible(np.zeros((3, 3)), np.zeros((2, 3)))
 
 
 def test_one_point_is_visible_from_one_point():
-    with pytest.raises(ValueError, match="from: found 2 points, expected 1$"):
+    with pytest.raises(ValueError, match="from_: found 2 points, expected 1$"):
         SCENE.visible([2, 2, 2], np.zeros((2, 3)))
 
 
