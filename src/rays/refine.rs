@@ -126,15 +126,11 @@ struct Refine<'a> {
 impl Kernel for Refine<'_> {
     type Output = Refined;
 
-    /// Moeller and Trumbore 1997, eq. 6, with the operations of
-    /// [`crate::geometry::refine_triangle`]. Directions are scaled by a power of two, so that
-    /// nothing overflows.
     #[inline(always)]
     fn run(self) -> Refined {
         let Self { rays, hits, corners: [v0, v1, v2], slack } = self;
         let (mut from, mut direction) = ([[0.0; LANES]; 3], [[1.0; LANES]; 3]);
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
-        let mut found_uv = [[0.0; LANES]; 2];
         for (i, hit) in hits.iter().enumerate().take(LANES) {
             let (o, d) = rays.line(hit.ray);
             for axis in 0..3 {
@@ -142,7 +138,6 @@ impl Kernel for Refine<'_> {
                 direction[axis][i] = d[axis];
             }
             (tnear[i], tfar[i]) = rays.limits(hit.ray);
-            (found_uv[0][i], found_uv[1][i]) = (hit.uv[0].into(), hit.uv[1].into());
         }
         let mut out = Refined {
             t: [0.0; LANES],
@@ -150,39 +145,80 @@ impl Kernel for Refine<'_> {
             uv: [[0.0; LANES]; 2],
             normals: [[0.0; LANES]; 3],
         };
+        let mut agree = [true; LANES];
         for i in 0..LANES {
             let a = of_lane(v0, i);
-            let (e1, e2) = (sub(of_lane(v1, i), a), sub(of_lane(v2, i), a));
-            let (to_v0, [dx, dy, dz]) = (sub(a, of_lane(&from, i)), of_lane(&direction, i));
-            let down = power_of_two(dx.abs().max(dy.abs()).max(dz.abs()));
-            let d = [dx * down, dy * down, dz * down];
-            let normal = cross(e1, e2);
-            let inverse = 1.0 / dot(normal, d);
-            let r = cross(to_v0, d);
-            let t = dot(normal, to_v0) * inverse;
-            let (u, v) = clamp_barycentrics(dot(r, e2) * inverse, -dot(r, e1) * inverse);
-            let [x, y, z] = sub(d.map(|x| t * x), point(to_v0, e1, e2, u, v));
-            // False for NaN.
-            let agree = (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack);
-            let (found_u, found_v) = clamp_barycentrics(found_uv[0][i], found_uv[1][i]);
-            let (u, v) = if agree { (u, v) } else { (found_u, found_v) };
-            let nearest = dot(point(to_v0, e1, e2, u, v), d) / dot(d, d);
-            let t = if agree { t } else { nearest };
+            let corners =
+                [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
+            let normal = cross(corners[1], corners[2]);
+            let (t, u, v) = meet(corners, normal, of_lane(&direction, i));
+            agree[i] = is_near(corners, of_lane(&direction, i), (t, u, v), slack);
             (out.uv[0][i], out.uv[1][i]) = (u, v);
-            out.t[i] = (t * down).max(0.0).min(f64::MAX);
-            out.counts[i] = ((out.t[i] > tnear[i]) | (tnear[i] == 0.0)) & (out.t[i] < tfar[i]);
+            out.t[i] = t.max(0.0);
+            out.counts[i] = counts(out.t[i], tnear[i], tfar[i]);
             let shrink = 1.0 / dot(normal, normal).sqrt();
             for axis in 0..3 {
                 out.normals[axis][i] = normal[axis] * shrink;
             }
         }
+        if agree.iter().fold(true, |all, &agree| all & agree) {
+            return out;
+        }
+        for (i, hit) in hits.iter().enumerate().take(LANES).filter(|(i, _)| !agree[*i]) {
+            let a = of_lane(v0, i);
+            let corners =
+                [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
+            let (t, u, v) = settle(corners, of_lane(&direction, i), hit.uv, slack);
+            (out.uv[0][i], out.uv[1][i]) = (u, v);
+            out.t[i] = t;
+            out.counts[i] = counts(t, tnear[i], tfar[i]);
+        }
         out
     }
 }
 
+/// Whether t is within tnear and tfar: see [`Refined::counts`].
+#[inline(always)]
+fn counts(t: f64, tnear: f64, tfar: f64) -> bool {
+    ((t > tnear) | (tnear == 0.0)) & (t < tfar)
+}
+
+/// Returns t, u and v where a ray meets the plane of a triangle: Moeller and Trumbore 1997, eq. 6,
+/// with the operations of [`crate::geometry::refine_triangle`]. The triangle is the way from the
+/// ray's origin to its first corner, and two edges.
+#[inline(always)]
+fn meet([to_v0, e1, e2]: [[f64; 3]; 3], normal: [f64; 3], d: [f64; 3]) -> (f64, f64, f64) {
+    let inverse = 1.0 / dot(normal, d);
+    let r = cross(to_v0, d);
+    let (u, v) = clamp_barycentrics(dot(r, e2) * inverse, -dot(r, e1) * inverse);
+    (dot(normal, to_v0) * inverse, u, v)
+}
+
+/// Whether the places of t and of the weights are near to each other. False for NaN.
+#[inline(always)]
+fn is_near(corners: [[f64; 3]; 3], d: [f64; 3], (t, u, v): (f64, f64, f64), slack: f64) -> bool {
+    let [x, y, z] = sub(d.map(|x| t * x), point(corners, u, v));
+    (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack)
+}
+
+/// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power of
+/// two, in case that something overflowed. If t and the weights still disagree, those of the
+/// rounded triangle decide.
+#[inline(never)]
+fn settle(corners: [[f64; 3]; 3], d: [f64; 3], found: [f32; 2], slack: f64) -> (f64, f64, f64) {
+    let down = power_of_two(d.into_iter().fold(0.0, |most, x| x.abs().max(most)));
+    let d = d.map(|x| x * down);
+    let (mut t, mut u, mut v) = meet(corners, cross(corners[1], corners[2]), d);
+    if !is_near(corners, d, (t, u, v), slack) {
+        (u, v) = clamp_barycentrics(found[0].into(), found[1].into());
+        t = dot(point(corners, u, v), d) / dot(d, d);
+    }
+    ((t * down).max(0.0).min(f64::MAX), u, v)
+}
+
 /// The point of a triangle with the weights `u` and `v`.
 #[inline(always)]
-fn point(v0: [f64; 3], e1: [f64; 3], e2: [f64; 3], u: f64, v: f64) -> [f64; 3] {
+fn point([v0, e1, e2]: [[f64; 3]; 3], u: f64, v: f64) -> [f64; 3] {
     [0, 1, 2].map(|k| v0[k] + u * e1[k] + v * e2[k])
 }
 
