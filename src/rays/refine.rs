@@ -201,8 +201,8 @@ fn is_near(corners: [[f64; 3]; 3], d: [f64; 3], (t, u, v): (f64, f64, f64), slac
     (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack)
 }
 
-/// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power of
-/// two, in case that something overflowed. If t and the weights still disagree, those of the
+/// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power
+/// of two, in case that something overflowed. If t and the weights still disagree, those of the
 /// rounded triangle decide.
 #[inline(never)]
 fn settle(corners: [[f64; 3]; 3], d: [f64; 3], found: [f32; 2], slack: f64) -> (f64, f64, f64) {
