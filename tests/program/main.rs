@@ -49,6 +49,7 @@ mod measure {
     mod accuracy;
     mod bench;
     mod compare;
+    mod compare_depths;
     mod converge;
     mod crosscheck;
 }

@@ -123,7 +123,8 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
     Ok(CompareSettings { layers, tonemap: args.tonemap, exposure: args.exposure })
 }
 
-/// Returns the reasons why the check fails: pixels that are not finite, and exceeded thresholds.
+/// Returns the reasons why the check fails: pixels that are not finite, exceeded thresholds, and
+/// pixels that miss in one file alone, which have no error that a threshold could bound.
 ///
 /// # Errors
 /// A threshold for a metric that no compared layer has.
@@ -144,6 +145,13 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
         }
         for layer in &found.layers {
             let Some(measured) = of(layer) else { continue };
+            let counted = *metric == Metric::Differ;
+            if let Some(alone) = text::differing_misses(args, layer).filter(|_| !counted) {
+                let reason = format!("{}: {alone}; only `differ` counts them", layer.test.shown());
+                if !failed.contains(&reason) {
+                    failed.push(reason);
+                }
+            }
             let (exceeded, word) = match metric.more_is_better() {
                 true => (measured < *value, "below"),
                 false => (measured.abs() > *value, "above"),

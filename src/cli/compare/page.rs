@@ -45,7 +45,7 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
     }
     let failures = failed.iter().filter_map(|failure| failure.strip_prefix(&own));
     findings.extend(failures.map(|failure| (failure.to_string(), true)));
-    let notes = [text::grey(args, layer), text::floor(args, layer)];
+    let notes = [text::grey(args, layer), text::floor(args, layer), text::misses(args, layer)];
     findings.extend(notes.into_iter().flatten().map(|note| (note, false)));
     let mut rows = vec![["metric", "value", "formula"].map(Cell::from).to_vec()];
     for (metric, value) in layer.values.iter() {
@@ -53,11 +53,13 @@ fn section(args: &CompareArgs, layer: &Compared, failed: &[String]) -> Section {
             [metric.name().to_string(), text::number(metric, value), metric.formula().into()];
         rows.push(cells.map(Cell::from).to_vec());
     }
+    // A layer with pixels that are not finite has no metrics.
+    let tables = (rows.len() > 1).then(|| ("Metrics".to_string(), rows));
     Section {
         title: text::heading(layer),
         findings,
         charts: charts(args, layer),
-        tables: vec![("Metrics".into(), rows)],
+        tables: tables.into_iter().collect(),
         folded: false,
     }
 }
@@ -94,7 +96,7 @@ pub fn error_scale() -> ColorScale {
     let decades = (high / low).log10().round() as i32;
     let values = (0..=decades).map(|i| low * 10f64.powi(i));
     let ticks = values.map(|value| (map::position(value), format!("{value:.0e}")));
-    scale("relative error; light blue: not finite", ticks.collect())
+    scale("relative error; light blue: not finite, or a miss of one file alone", ticks.collect())
 }
 
 /// Returns the kind of cryptomatte that a layer belongs to, if any.

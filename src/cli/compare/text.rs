@@ -6,12 +6,17 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use crate::error::printable;
+use crate::lab::compare::layer::Meaning;
+use crate::lab::compare::misses::Misses;
 use crate::lab::compare::{Compared, Comparison, NonFinite};
 use crate::lab::metrics::Metric;
 use crate::scene::ToneOperator;
-use crate::units::plural;
+use crate::units::{counted, plural};
 
 use super::args::CompareArgs;
+
+/// Word for one and for several pixels that miss.
+const MISSES: [&str; 2] = ["miss", "misses"];
 
 /// Formats the whole result for the terminal.
 pub fn text(args: &CompareArgs, found: &Comparison) -> String {
@@ -26,6 +31,7 @@ pub fn text(args: &CompareArgs, found: &Comparison) -> String {
             grey(args, layer),
             floor(args, layer),
             layer.non_finite.map(|_| non_finite(args, layer)),
+            misses(args, layer),
         ];
         for note in notes.into_iter().flatten() {
             let _ = writeln!(out, "  {note}");
@@ -97,9 +103,12 @@ pub fn floor(args: &CompareArgs, layer: &Compared) -> Option<String> {
         [true, false] => format!("{} holds", shown(&args.test)),
         [false, _] => format!("{} holds", shown(&args.reference)),
     };
+    let light = layer.test.meaning == Meaning::Light;
+    let relmse = light.then(|| format!(", relmse {:.1e}", floor.relmse));
     Some(format!(
-        "{who} half floats: their rounding alone may give rmse {:.1e}, relmse {:.1e}",
-        floor.rmse, floor.relmse
+        "{who} half floats: their rounding alone may give rmse {:.1e}{}",
+        floor.rmse,
+        relmse.unwrap_or_default()
     ))
 }
 
@@ -116,6 +125,29 @@ pub fn non_finite(args: &CompareArgs, layer: &Compared) -> String {
         shown(&args.test),
         shown(&args.reference)
     )
+}
+
+/// Returns a note on the pixels of a layer of depths that miss, if any.
+pub fn misses(args: &CompareArgs, layer: &Compared) -> Option<String> {
+    let misses = layer.misses?;
+    let both = counted(misses.both, MISSES);
+    let out = format!("{both} of both files left out (the depth 1e30)");
+    Some(match differing_misses(args, layer) {
+        Some(alone) => format!("{out}; {alone}, in `differ` alone"),
+        None => out,
+    })
+}
+
+/// Formats how many pixels miss in each file alone, and the first of them. `None` if there are none.
+pub fn differing_misses(args: &CompareArgs, layer: &Compared) -> Option<String> {
+    let Misses { alone: [a, b], first, .. } = layer.misses?;
+    let [x, y] = first?;
+    Some(format!(
+        "{} of {} alone and {b} of {} alone, the first at {x}, {y}",
+        counted(a, MISSES),
+        shown(&args.test),
+        shown(&args.reference)
+    ))
 }
 
 /// Lists the layers without a counterpart, one line per file that has any.
@@ -163,7 +195,15 @@ fn layer(layer: &Compared) -> Value {
     let non_finite = layer
         .non_finite
         .map(|n| json!({ "image": n.pixels[0], "reference": n.pixels[1], "first": n.first }));
-    let floor = layer.floor.map(|floor| json!({ "rmse": floor.rmse, "relmse": floor.relmse }));
+    let misses = layer.misses.map(|m| {
+        let [image, reference] = m.alone;
+        json!({ "both": m.both, "image": image, "reference": reference, "first": m.first })
+    });
+    let light = layer.test.meaning == Meaning::Light;
+    let floor = layer.floor.map(|floor| {
+        let relmse = light.then_some(floor.relmse);
+        json!({ "rmse": floor.rmse, "relmse": relmse })
+    });
     json!({
         "name": layer.test.shown(),
         "meaning": layer.test.meaning.name(),
@@ -171,6 +211,7 @@ fn layer(layer: &Compared) -> Value {
         "size": layer.test.size,
         "metrics": metrics,
         "non_finite": non_finite,
+        "misses": misses,
         "grey": { "image": layer.test.is_grey(), "reference": layer.reference.is_grey() },
         "half": { "image": layer.half[0], "reference": layer.half[1], "floor": floor },
     })

@@ -2,6 +2,7 @@
 
 use super::half::HalfRounding;
 use super::layer::PictureLayer;
+use super::misses::Misses;
 use crate::lab::metrics::MetricValues;
 
 /// Pixels with a NaN or an infinity.
@@ -20,10 +21,13 @@ pub struct Compared {
     pub test: PictureLayer,
     /// Layer of the reference.
     pub reference: PictureLayer,
-    /// Metrics of the layer. Empty if a pixel is not finite.
+    /// Metrics of the layer, without pixels that miss; `differ` counts those that miss in one file
+    /// alone. Empty if a pixel is not finite.
     pub values: MetricValues,
     /// Pixels that are not finite, if any.
     pub non_finite: Option<NonFinite>,
+    /// Pixels of a layer of depths that miss, if any.
+    pub misses: Option<Misses>,
     /// Whether picture and reference are stored as half floats.
     pub half: [bool; 2],
     /// Expected errors if only rounding to half floats caused them. `None` for ids, for values that

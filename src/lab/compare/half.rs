@@ -17,18 +17,19 @@ pub struct HalfRounding {
 }
 
 impl HalfRounding {
-    /// Expected errors for `values` that are stored as half floats in `files` (1 or 2) of the
-    /// files.
-    pub fn of(values: &[f32], files: u32) -> Self {
+    /// Expected errors of a picture and its reference, in this order. `half` says which of them is
+    /// stored as half floats.
+    pub fn of([test, reference]: [&[f32]; 2], half: [bool; 2]) -> Self {
         let (mut square, mut relative) = (0.0, 0.0);
-        for value in values {
-            let value = f64::from(*value);
-            let variance = step(value).powi(2) / 12.0;
+        for (x, r) in test.iter().zip(reference) {
+            let (x, r) = (f64::from(*x), f64::from(*r));
+            let stored = [x, r].into_iter().zip(half).filter(|(_, half)| *half);
+            let variance: f64 = stored.map(|(value, _)| step(value).powi(2) / 12.0).sum();
             square += variance;
-            relative += variance / (value * value + ValueErrors::EPSILON);
+            relative += variance / (r * r + ValueErrors::EPSILON);
         }
-        let scale = f64::from(files) / values.len().max(1) as f64;
-        Self { rmse: (square * scale).sqrt(), relmse: relative * scale }
+        let count = reference.len().max(1) as f64;
+        Self { rmse: (square / count).sqrt(), relmse: relative / count }
     }
 }
 
@@ -49,9 +50,20 @@ mod tests {
             (0..40_000).map(|i| ((f64::from(i) * 0.618_033_988_7).fract() * 3.0) as f32).collect();
         let rounded: Vec<f32> = values.iter().map(|v| f16::from_f32(*v).to_f32()).collect();
         let errors = ValueErrors::of(&rounded, &values);
-        let floor = HalfRounding::of(&values, 1);
+        let floor = HalfRounding::of([&rounded, &values], [true, false]);
         assert!((floor.rmse / errors.mse.sqrt() - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
         assert!((floor.relmse / errors.relmse - 1.0).abs() < 0.05, "{floor:?} {errors:?}");
+    }
+
+    /// Each file is rounded where its own value lies.
+    #[test]
+    fn each_file_has_the_steps_of_its_own_values() {
+        let pair: [&[f32]; 2] = [&[1000.0], &[1.0]];
+        let rmse = |half| HalfRounding::of(pair, half).rmse;
+        assert_eq!(rmse([true, false]), (0.25f64 / 12.0).sqrt());
+        assert_eq!(rmse([false, true]), (2f64.powi(-20) / 12.0).sqrt());
+        let both = rmse([true, false]).hypot(rmse([false, true]));
+        assert!((rmse([true, true]) / both - 1.0).abs() < 1e-12);
     }
 
     #[test]

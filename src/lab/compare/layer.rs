@@ -52,6 +52,17 @@ impl PictureLayer {
         [self.shown(), layer_of(self.shown())].contains(&name)
     }
 
+    /// Number of values of a pixel: 3 of light, also of grey light.
+    pub fn values_per_pixel(&self) -> usize {
+        if self.meaning == Meaning::Light { 3 } else { self.channels.len() }
+    }
+
+    /// Position in the frame of the pixel `index` of the layer, counted in rows from the top.
+    pub fn position(&self, index: usize) -> [i64; 2] {
+        let at = [index % self.size[0], index / self.size[0]];
+        [0, 1].map(|axis| i64::from(self.origin[axis]) + at[axis] as i64)
+    }
+
     /// Returns whether the layer is light of a single channel in the file, used for R, G and B.
     pub fn is_grey(&self) -> bool {
         self.meaning == Meaning::Light && self.channels.len() == 1

@@ -9,26 +9,42 @@ use crate::lab::metrics::ValueErrors;
 use crate::lab::png;
 
 use super::layer::{Meaning, PictureLayer};
+use super::misses::Miss;
 
 /// Errors at the dark and the bright end of the logarithmic scale.
 pub const RANGE: [f64; 2] = [1e-4, 1.0];
 
-/// Colour of pixels that are not finite. It is not in the scale.
+/// Colour of pixels that are not finite or miss in one file alone. It is not in the scale.
 pub const NOT_FINITE: [u8; 3] = [0, 230, 255];
 
 /// Computes the relative error of every pixel. NaN if a value is not finite.
 ///
 /// - Light: the root of the mean over its channels of d^2 / (r^2 + 0.01).
-/// - Data: the length of d over the root mean square length of all r.
+/// - Data: the length of d over the root mean square length of all r. Pixels that miss are not in
+///   that mean; they have the error 0 if they miss in both files, NaN if in one.
 /// - Ids: 1 if they differ, else 0.
 pub fn errors(test: &PictureLayer, reference: &PictureLayer) -> Vec<f64> {
-    let channels = if test.meaning == Meaning::Light { 3 } else { test.channels.len() };
+    let channels = test.values_per_pixel();
     let pixels = test.values.chunks_exact(channels).zip(reference.values.chunks_exact(channels));
     let square = |v: f32| f64::from(v) * f64::from(v);
-    let finite = reference.values.iter().filter(|v| v.is_finite());
-    let whole: f64 = finite.map(|v| square(*v)).sum();
-    let power = whole * channels as f64 / reference.values.len().max(1) as f64;
+    let data = test.meaning == Meaning::Data;
+    let miss = |x: &[f32], r: &[f32]| if data { Miss::of(x, r) } else { Miss::Neither };
+    let power = if data {
+        let hits = pixels.clone().filter(|(x, r)| miss(x, r) == Miss::Neither);
+        let (sum, count) = hits.fold((0.0, 0usize), |(sum, count), (_, r)| {
+            let finite = r.iter().filter(|v| v.is_finite());
+            (sum + finite.map(|v| square(*v)).sum::<f64>(), count + 1)
+        });
+        sum / count.max(1) as f64
+    } else {
+        0.0
+    };
     let pixel = |(x, r): (&[f32], &[f32])| {
+        match miss(x, r) {
+            Miss::Neither => {}
+            Miss::Both => return 0.0,
+            Miss::Test | Miss::Reference => return f64::NAN,
+        }
         let pairs = || x.iter().zip(r);
         if test.meaning == Meaning::Ids {
             return f64::from(u8::from(pairs().any(|(x, r)| x.to_bits() != r.to_bits())));
@@ -110,6 +126,9 @@ mod tests {
         let data = |values: &[f32]| layer(Meaning::Data, 1, values);
         assert_eq!(errors(&data(&[2.0, 2.5]), &data(&[2.0, 2.0])), [0.0, 0.25]);
         assert!(errors(&data(&[f32::INFINITY]), &data(&[1.0]))[0].is_nan());
+        // Pixels that miss neither count as errors nor make those of others look small.
+        let found = errors(&data(&[2.0, 2.5, 1e30, 1e30]), &data(&[2.0, 2.0, 1e30, 2.0]));
+        assert!(found[..3] == [0.0, 0.25, 0.0] && found[3].is_nan(), "{found:?}");
         let ids = |values: &[f32]| layer(Meaning::Ids, 1, values);
         assert_eq!(errors(&ids(&[nan, 1.0]), &ids(&[nan, 2.0])), [0.0, 1.0]);
     }

@@ -6,6 +6,7 @@ pub mod half;
 pub mod layer;
 pub mod map;
 pub mod mattes;
+pub mod misses;
 mod png;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -19,6 +20,7 @@ use file::{FileFormat, Picture};
 use half::HalfRounding;
 use layer::{Meaning, PictureLayer};
 use mattes::Names;
+use misses::Misses;
 
 /// Layers to compare, and the tone mapping of light to 8-bit pictures.
 #[derive(Debug, Clone)]
@@ -143,45 +145,40 @@ fn compare_layer(
 ) -> Compared {
     let width = test.size[0];
     let half = [test.half, reference.half];
-    let files = half.iter().filter(|half| **half).count() as u32;
-    let floor = (files > 0 && test.meaning != Meaning::Ids)
-        .then(|| HalfRounding::of(&reference.values, files))
+    let misses = Misses::of(&test, &reference);
+    let hits = misses.map(|_| misses::hits(&test, &reference));
+    let [x, r] = match &hits {
+        Some([x, r]) => [&x[..], &r[..]],
+        None => [&test.values[..], &reference.values[..]],
+    };
+    let floor = (half.contains(&true) && test.meaning != Meaning::Ids)
+        .then(|| HalfRounding::of([x, r], half))
         .filter(|floor| floor.rmse.is_finite());
     let non_finite = non_finite(&test, &reference);
-    let mut compared = Compared {
-        values: MetricValues::default(),
-        non_finite,
-        half,
-        floor,
-        pictures: None,
-        flip: None,
-        test,
-        reference,
-    };
-    let (x, r) = (&compared.test.values, &compared.reference.values);
-    if compared.test.meaning == Meaning::Light {
-        compared.pictures = Some(pictures(x, r, tonemap));
+    let light = test.meaning == Meaning::Light;
+    let pictures = light.then(|| pictures(x, r, tonemap));
+    let (mut values, mut flip) = (MetricValues::default(), None);
+    if non_finite.is_none() {
+        values = match test.meaning {
+            Meaning::Light => MetricValues::of_light(x, r),
+            Meaning::Data => MetricValues::of_data(x, r),
+            Meaning::Ids => MetricValues::of_ids(x, r),
+        };
+        if let Some(misses) = misses {
+            values.count_different(x.len() / test.values_per_pixel(), misses.differing());
+        }
     }
-    if compared.non_finite.is_some() {
-        return compared;
-    }
-    let mut values = match compared.test.meaning {
-        Meaning::Light => MetricValues::of_light(x, r),
-        Meaning::Data => MetricValues::of_data(x, r),
-        Meaning::Ids => MetricValues::of_ids(x, r),
-    };
-    if let Some([a, b]) = &compared.pictures {
+    if let Some([a, b]) = pictures.as_ref().filter(|_| non_finite.is_none()) {
         let (more, map) = MetricValues::of_pictures(a, b, width);
         values.extend(more.iter());
-        compared.flip = Some(map);
+        flip = Some(map);
         if both_exr {
             let map = flip::hdr(&pixels(x), &pixels(r), width);
             values.extend([(Metric::HdrFlip, metrics::mean(&map))]);
-            compared.flip = Some(map);
+            flip = Some(map);
         }
     }
-    compared.values = values;
-    compared
+    Compared { test, reference, values, non_finite, misses, half, floor, pictures, flip }
 }
 
 fn pixels(values: &[f32]) -> Vec<[f32; 3]> {
@@ -204,14 +201,8 @@ fn non_finite(test: &PictureLayer, reference: &PictureLayer) -> Option<NonFinite
     if test.meaning == Meaning::Ids {
         return None;
     }
-    let of = |layer: &PictureLayer| {
-        let channels = layer.values.len() / (layer.size[0] * layer.size[1]).max(1);
-        metrics::non_finite(&layer.values, channels)
-    };
+    let of = |layer: &PictureLayer| metrics::non_finite(&layer.values, layer.values_per_pixel());
     let ((a, first_a), (b, first_b)) = (of(test), of(reference));
     let first = [first_a, first_b].into_iter().flatten().min()?;
-    let [width, _] = test.size;
-    let at = [first % width, first / width];
-    let first = [0, 1].map(|i| i64::from(test.origin[i]) + at[i] as i64);
-    Some(NonFinite { pixels: [a, b], first })
+    Some(NonFinite { pixels: [a, b], first: test.position(first) })
 }

@@ -110,6 +110,14 @@ impl MetricValues {
         self.0.extend(values);
     }
 
+    /// Lets [`Metric::Differ`], a share of `pixels`, also count `more` pixels, which all differ.
+    pub fn count_different(&mut self, pixels: usize, more: u64) {
+        let (pixels, more) = (pixels as f64, more as f64);
+        for (_, value) in self.0.iter_mut().filter(|(metric, _)| *metric == Metric::Differ) {
+            *value = (*value * pixels + more) / (pixels + more).max(1.0);
+        }
+    }
+
     /// Compares ids: the share of values whose bits differ.
     pub fn of_ids(test: &[f32], reference: &[f32]) -> Self {
         let pairs = test.iter().zip(reference);

@@ -12,20 +12,23 @@ use serde_json::Value;
 
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/metrics");
 
-fn json(done: &Done) -> Value {
+/// Parses what `compare --json` printed.
+pub fn json(done: &Done) -> Value {
     serde_json::from_str(&done.stdout()).unwrap_or_else(|_| panic!("{}", done.stderr()))
 }
 
-fn metric(layer: &Value, name: &str) -> f64 {
+/// Returns the value of a metric of a layer.
+pub fn metric(layer: &Value, name: &str) -> f64 {
     layer["metrics"][name]["value"].as_f64().unwrap_or_else(|| panic!("{name} of {layer}"))
 }
 
-fn floats(values: &[f32]) -> FlatSamples {
+/// Returns a channel of 32-bit floats.
+pub fn floats(values: &[f32]) -> FlatSamples {
     FlatSamples::F32(values.to_vec())
 }
 
 /// Writes an EXR of one part.
-fn write_exr(path: &Path, size: [usize; 2], channels: &[(&str, FlatSamples)]) {
+pub fn write_exr(path: &Path, size: [usize; 2], channels: &[(&str, FlatSamples)]) {
     write_exr_as(Encoding::SMALL_LOSSLESS, path, size, channels);
 }
 
