@@ -6,6 +6,9 @@ use glam::DVec3;
 /// Tone mapped value of a bright pixel that is not yet white: that of the authors' code.
 const BRIGHT: f64 = 0.85;
 
+/// Least median of a reference.
+const DARKEST: f64 = f32::EPSILON as f64;
+
 /// Coefficients of the ACES curve (a x^2 + b x) / (c x^2 + d x + e) of Narkowicz 2016, without its
 /// exposure of 0.6.
 const ACES: [f64; 5] = [0.36 * 2.51, 0.6 * 0.03, 0.36 * 2.43, 0.6 * 0.59, 0.14];
@@ -27,19 +30,19 @@ pub struct Exposures {
 }
 
 impl Exposures {
-    /// Exposures for a reference in linear RGB.
+    /// Exposures for a reference in linear RGB. Negative light counts as 0.
     ///
-    /// If more than half of it is black, the median is taken over the other pixels. A reference
-    /// without light gets one exposure of 0 stops. The authors' code does not handle these two
-    /// cases.
+    /// A median below [`DARKEST`] counts as that, as in the authors' code. A reference that is
+    /// nowhere brighter gets one exposure of 0 stops; the authors' code refuses it.
     pub fn of(reference: &[[f32; 3]]) -> Self {
-        let mut all: Vec<f64> = reference.iter().copied().map(luminance).collect();
-        let Some((most, median)) = extremes(&mut all).or_else(|| {
-            all.retain(|y| *y > 0.0);
-            extremes(&mut all)
-        }) else {
+        let light = |p: &[f32; 3]| luminance(p.map(|value| value.max(0.0)));
+        let mut all: Vec<f64> = reference.iter().map(light).collect();
+        let most = all.iter().copied().fold(0.0, f64::max);
+        if most <= DARKEST {
             return Self { start: 0.0, stop: 0.0, count: 1 };
-        };
+        }
+        let middle = all.len() / 2;
+        let median = all.select_nth_unstable_by(middle, f64::total_cmp).1.max(DARKEST);
         let bright = inverse_aces(BRIGHT);
         let (start, stop) = ((bright / most).log2(), (bright / median).log2());
         Self { start, stop, count: (stop - start).ceil().max(2.0) as u32 }
@@ -50,17 +53,6 @@ impl Exposures {
         let step = (self.stop - self.start) / f64::from(self.count.max(2) - 1);
         (0..self.count).map(move |i| (self.start + f64::from(i) * step).exp2())
     }
-}
-
-/// Maximum and median of the luminances; `None` if the median is not above 0.
-fn extremes(luminances: &mut [f64]) -> Option<(f64, f64)> {
-    let most = luminances.iter().copied().fold(0.0, f64::max);
-    let middle = luminances.len() / 2;
-    if middle >= luminances.len() {
-        return None;
-    }
-    let median = *luminances.select_nth_unstable_by(middle, f64::total_cmp).1;
-    (median > 0.0).then_some((most, median))
 }
 
 /// The light that the ACES curve maps to `t`.
@@ -93,13 +85,23 @@ mod tests {
         assert!((gains[0] * 16.0 - inverse_aces(BRIGHT)).abs() < 1e-6);
     }
 
+    /// Start and stop are those of flip-evaluator 1.7 for a brightest pixel of 4.
     #[test]
     fn references_with_black_pixels_have_exposures() {
         let half = [[0.0; 3], [0.0; 3], [0.0; 3], [4.0; 3], [1.0; 3]];
-        let gains: Vec<f64> = Exposures::of(&half).gains().collect();
-        assert!(gains.iter().all(|g| g.is_finite() && *g > 0.0), "{gains:?}");
-        assert_eq!(Exposures::of(&[[0.0; 3]; 4]).gains().collect::<Vec<_>>(), [1.0]);
+        let found = Exposures::of(&half);
+        assert!((found.start + 0.916_703).abs() < 1e-5, "{found:?}");
+        assert!((found.stop - 24.083_297).abs() < 1e-5 && found.count == 25, "{found:?}");
+        for dark in [[[0.0; 3]; 4], [[1e-9; 3]; 4], [[-1.0; 3]; 4]] {
+            assert_eq!(Exposures::of(&dark).gains().collect::<Vec<_>>(), [1.0]);
+        }
         assert_eq!(Exposures::of(&[]).gains().count(), 1);
         assert_eq!(Exposures::of(&[[0.5; 3]; 4]).gains().count(), 2);
+    }
+
+    #[test]
+    fn negative_light_counts_as_black() {
+        let red = |v: f32| [v, 0.5, 2.0];
+        assert_eq!(Exposures::of(&[red(-3.0); 3]), Exposures::of(&[red(0.0); 3]));
     }
 }
