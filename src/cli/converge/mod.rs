@@ -155,6 +155,10 @@ fn read_reference(path: &Path, scene: &Scene) -> Result<PictureLayer> {
     let Some(layer) = picture.layers.into_iter().find(light) else {
         return Err(Error::invalid(place(), "found no R G B, expected the picture itself"));
     };
+    if layer.is_grey() {
+        let message = "found a grey picture (Y alone), expected R G B as rendered";
+        return Err(Error::invalid(place(), message));
+    }
     let size = [scene.camera.width, scene.camera.height];
     if layer.size != size.map(|n| n as usize) || layer.origin != [0, 0] {
         let [[w, h], [x, y], [width, height]] =

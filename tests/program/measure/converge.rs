@@ -228,7 +228,10 @@ fn a_reference_may_be_a_file() {
     assert_eq!(error(), 0.0);
     assert!(same.stderr().contains("the reference has the seed 0"), "{}", same.stderr());
 
+    let grey = [("Y", super::compare::floats(&[0.5; 40 * 30]))];
+    super::compare::write_exr(&scratch.path("grey.exr"), [40, 30], &grey);
     for (file, more, message) in [
+        ("grey.exr", &[][..], "found a grey picture (Y alone), expected R G B"),
         (
             "ref.exr",
             &["--size", "41x30"][..],
