@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 use super::result::{BenchReport, SceneResult, WorkKind};
 use super::stats::log_fit;
 use crate::studio;
@@ -11,7 +13,8 @@ use crate::studio;
 const SPAN: f64 = 3.0;
 
 /// A quantity that grows with the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Seconds of a build, with the largest number of threads that was measured.
     BuildTime,
@@ -45,6 +48,32 @@ pub struct Growth {
     pub backend: String,
     /// Number of triangles and value of the quantity, both > 0, smallest scene first.
     pub points: Vec<[f64; 2]>,
+}
+
+/// The fit of one quantity of one backend, as it is written to JSON.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GrowthFit {
+    /// The quantity that grows.
+    pub quantity: Quantity,
+    /// Name of the backend.
+    pub backend: String,
+    /// Exponent e of c n^e: [`Growth::exponent`].
+    pub exponent: f64,
+    /// Number of triangles and value of the quantity, smallest scene first.
+    pub points: Vec<[f64; 2]>,
+}
+
+impl GrowthFit {
+    /// All fits of a run, by quantity and backend. Empty where the meshes have like sizes.
+    pub fn of_report(report: &BenchReport) -> Vec<Self> {
+        let fits = |quantity: Quantity| {
+            Growth::of_report(report, quantity).into_iter().filter_map(move |growth| {
+                let exponent = growth.exponent()?;
+                Some(Self { quantity, backend: growth.backend, exponent, points: growth.points })
+            })
+        };
+        Quantity::ALL.into_iter().flat_map(fits).collect()
+    }
 }
 
 impl Growth {
@@ -87,6 +116,25 @@ mod tests {
     fn growth(of: impl Fn(f64) -> f64) -> Growth {
         let points = [7e4, 3e5, 1e6, 2e7].map(|n| [n, of(n)]).to_vec();
         Growth { backend: String::new(), points }
+    }
+
+    #[test]
+    fn the_fits_of_a_run_are_those_of_its_meshes() {
+        let run = |sizes: [u64; 2]| {
+            let mut report = crate::lab::result::tests::report(1.0, "h");
+            report.scenes.push(report.scenes[0].clone());
+            for (scene, n) in report.scenes.iter_mut().zip(sizes) {
+                (scene.name, scene.triangles) = ("m.ply".into(), n);
+                scene.backends.iter_mut().for_each(|backend| backend.bytes = n * n);
+            }
+            GrowthFit::of_report(&report)
+        };
+        let fits = run([10, 1000]);
+        // Memory and peak of two backends; the runs have no build.
+        assert_eq!(fits.len(), 4);
+        assert_eq!((fits[0].quantity, fits[0].points.len()), (Quantity::Memory, 2));
+        assert!((fits[0].exponent - 2.0).abs() < 1e-9, "{fits:?}");
+        assert_eq!(run([10, 11]), []);
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod accuracy;
 pub mod agreement;
 pub mod answer;
 pub mod backend;
+pub mod baseline;
 pub mod bench;
 pub mod compare;
 pub mod converge;

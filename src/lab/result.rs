@@ -7,8 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::agreement::Agreement;
-use super::stats::{Estimate, mad, median_interval, paired_ratio, unpaired_ratio};
-use crate::units::plural;
+use super::stats::{Estimate, mad, median_interval, paired_ratio};
 
 /// Version of the file format. It changes if a reader of older files would misread newer ones.
 pub const VERSION: u32 = 1;
@@ -212,90 +211,12 @@ impl Estimate {
     }
 }
 
-/// One timing of this run compared with the same timing of an earlier run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Change {
-    /// Name of the scene.
-    pub scene: String,
-    /// The row, as [`TimingRow::label`] names it.
-    pub row: String,
-    /// Number of worker threads.
-    pub threads: usize,
-    /// Name of the backend.
-    pub backend: String,
-    /// Speed relative to the earlier run, above 1 if faster now.
-    pub ratio: Estimate,
-}
-
-/// Comparison of this run with an earlier run, the baseline.
-#[derive(Debug, Clone)]
-pub struct BaselineComparison {
-    /// File and commit of the baseline.
-    pub baseline: String,
-    /// Differences between the two machines, in words; `None` if there are none.
-    pub machine_differences: Option<String>,
-    /// Changes of all timings that both runs have. Scene (name and content), row, number of threads
-    /// and backend must be the same.
-    pub changes: Vec<Change>,
-}
-
-impl BaselineComparison {
-    /// Compares `now` with `then`, the baseline read from the file `name`.
-    pub fn new(now: &BenchReport, name: &str, then: &BenchReport) -> Self {
-        let commit = then.machine.versions.get("commit").map_or("unknown", String::as_str);
-        Self {
-            baseline: format!("{name}, commit {commit}"),
-            machine_differences: machine_differences(now, then),
-            changes: changes(now, then),
-        }
-    }
-}
-
-/// Describes how the machines or kernels of two runs differ; `None` if they do not.
-fn machine_differences(now: &BenchReport, then: &BenchReport) -> Option<String> {
-    let (a, b) = (&now.machine, &then.machine);
-    let pairs = [(&a.cpu, &b.cpu), (&a.isa, &b.isa)];
-    let cores = [a.cores, b.cores].map(|n| plural(n, "processor"));
-    let pairs = pairs.into_iter().chain([(&cores[0], &cores[1])]);
-    let different: Vec<String> =
-        pairs.filter(|(a, b)| a != b).map(|(a, b)| format!("{b} then, {a} now")).collect();
-    (!different.is_empty()).then(|| different.join("; "))
-}
-
-/// Compares all timings that two runs have in common.
-fn changes(now: &BenchReport, then: &BenchReport) -> Vec<Change> {
-    let mut changes = Vec::new();
-    for scene in &now.scenes {
-        let same = |s: &&SceneResult| s.name == scene.name && s.hash == scene.hash;
-        let Some(old) = then.scenes.iter().find(same) else { continue };
-        for row in &scene.rows {
-            let key = |r: &TimingRow| (r.what as u8, r.name.clone(), r.mode.clone(), r.threads);
-            let Some(old_row) = old.rows.iter().find(|r| key(r) == key(row)) else { continue };
-            for (backend, entry) in scene.backends.iter().zip(&row.entries) {
-                let index = old.backends.iter().position(|b| b.name == backend.name);
-                let Some(old_entry) = index.and_then(|i| old_row.entries.get(i)) else { continue };
-                // Seconds per unit of work, because the number of rays may differ.
-                let unit = |e: &TimingEntry| -> Vec<f64> {
-                    e.seconds.iter().map(|s| s / e.work.max(1) as f64).collect()
-                };
-                changes.push(Change {
-                    scene: scene.name.clone(),
-                    row: row.label(),
-                    threads: row.threads,
-                    backend: backend.name.clone(),
-                    ratio: unpaired_ratio(&unit(old_entry), &unit(entry)),
-                });
-            }
-        }
-    }
-    changes
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn report(factor: f64, hash: &str) -> BenchReport {
+    /// A run of one scene with the backends `a` and `b`, whose times have this factor.
+    pub fn report(factor: f64, hash: &str) -> BenchReport {
         let samples = |t: f64| (0..10).map(|i| factor * t * (1.0 + 0.001 * f64::from(i))).collect();
         let row = TimingRow::new(
             WorkKind::Rays,
@@ -344,33 +265,5 @@ mod tests {
         let report = report(1.0 / 3.0, "h");
         let text = serde_json::to_string(&report).unwrap();
         assert_eq!(serde_json::from_str::<BenchReport>(&text).unwrap(), report);
-    }
-
-    #[test]
-    fn a_different_machine_is_described() {
-        let (now, mut then) = (report(1.0, "h"), report(1.0, "h"));
-        assert_eq!(machine_differences(&now, &then), None);
-        then.machine.versions.clear();
-        assert_eq!(machine_differences(&now, &then), None);
-        then.machine.cpu = "another".into();
-        then.machine.cores += 1;
-        let text = machine_differences(&now, &then).unwrap();
-        assert!(
-            text.contains("another then") && text.contains("2 processors then, 1 processor now"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn only_the_same_scene_is_compared() {
-        let changed = changes(&report(0.5, "h"), &report(1.0, "h"));
-        assert_eq!(changed.len(), 2);
-        for change in &changed {
-            assert!((change.ratio.value - 2.0).abs() < 1e-9, "{change:?}");
-            assert_eq!(change.ratio.verdict(), "faster");
-        }
-        let same = changes(&report(1.0, "h"), &report(1.0, "h"));
-        assert!(same.iter().all(|change| change.ratio.verdict() == "no difference shown"));
-        assert_eq!(changes(&report(1.0, "h"), &report(1.0, "other")), []);
     }
 }

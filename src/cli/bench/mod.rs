@@ -9,12 +9,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
+use serde::Serialize;
+
 use crate::error::{Error, ErrorKind, Failures, Problem, Result, printable};
 use crate::lab::ab::TimingPlan;
 use crate::lab::backend::{self, TestedBackend};
+use crate::lab::baseline::BaselineComparison;
 use crate::lab::bench::{BenchSettings, measure};
+use crate::lab::growth::GrowthFit;
 use crate::lab::rays::RayClass;
-use crate::lab::result::{self, BaselineComparison, BenchReport, RunStamp, SceneResult};
+use crate::lab::result::{self, BenchReport, RunStamp, SceneResult};
 use crate::mesh::ReadOptions;
 use crate::monitor::Monitor;
 use crate::scene::{Backend, Overrides, Source};
@@ -31,6 +35,15 @@ const SCENE: &str = include_str!("../../../assets/bench.json");
 
 /// Rays, rounds and picture size of `--quick`.
 const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
+
+/// What `--json` writes: the report with all that is derived from it.
+#[derive(Serialize)]
+struct JsonReport<'a> {
+    #[serde(flatten)]
+    report: &'a BenchReport,
+    growth: Vec<GrowthFit>,
+    since_baseline: Option<&'a BaselineComparison>,
+}
 
 /// Measures every scene and writes the results. `words` are the program's name and its arguments.
 pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
@@ -60,7 +73,12 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     if let Some(since) = &since {
         print::text(&table::since(since))?;
     }
-    outputs.write_json("--json", &report)?;
+    let all = JsonReport {
+        report: &report,
+        growth: GrowthFit::of_report(&report),
+        since_baseline: since.as_ref(),
+    };
+    outputs.write_json("--json", &all)?;
     outputs.write_json("--save-baseline", &report)?;
     outputs.write("--html", || page::page(&report, since.as_ref()).html())?;
     print::paths(&outputs.written())?;

@@ -1,9 +1,8 @@
 //! Page of `bench`, with charts.
 
+use crate::lab::baseline::BaselineComparison;
 use crate::lab::growth::{Growth, Quantity};
-use crate::lab::result::{
-    BaselineComparison, BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind,
-};
+use crate::lab::result::{BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind};
 use crate::report::{
     Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section,
 };
@@ -12,12 +11,16 @@ use crate::units;
 use super::super::machine;
 use super::table;
 
+/// Unit of the rate of whole pictures.
+const EFFECTIVE: &str =
+    "million effective rays/s (also camera rays of empty blocks, never traced), more is better";
+
 /// Builds the page. `since` adds the changes against a baseline.
 pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
     let m = &report.machine;
     let mut sections: Vec<Section> = report.scenes.iter().map(section).collect();
     sections.extend(growth(report));
-    sections.extend(since.and_then(baseline));
+    sections.extend(since.map(baseline));
     Page {
         title: "Which backend is faster?".into(),
         intro: vec![
@@ -51,7 +54,7 @@ fn section(scene: &SceneResult) -> Section {
     }
     charts.push(rest(scene, WorkKind::Build, "Build", "million triangles/s, more is better"));
     charts.push(memory(scene));
-    charts.push(rest(scene, WorkKind::Image, "Whole picture", "million rays/s, more is better"));
+    charts.push(rest(scene, WorkKind::Image, "Whole picture", EFFECTIVE));
     charts.push(visits(scene));
     let mut tables = vec![("Backends".to_string(), cells(table::backends(scene)))];
     for &n in &threads {
@@ -235,7 +238,7 @@ fn growth(report: &BenchReport) -> Option<Section> {
 }
 
 /// Builds the section of changes since an earlier run.
-fn baseline(since: &BaselineComparison) -> Option<Section> {
+fn baseline(since: &BaselineComparison) -> Section {
     let changes = &since.changes;
     let mut names: Vec<(&str, usize)> = Vec::new();
     for change in changes {
@@ -257,16 +260,15 @@ fn baseline(since: &BaselineComparison) -> Option<Section> {
         Ratios { title, subtitle, rows: rows.collect() }.svg()
     });
     let charts: Vec<String> = charts.collect();
-    (!charts.is_empty()).then(|| Section {
+    let machine = since.machine_differences.iter();
+    let machine = machine.map(|what| (format!("Not the same machine: {what}."), true));
+    let nothing = since.nothing_shared.iter().map(|what| (format!("Found {what}."), false));
+    Section {
         title: format!("Since the baseline {}", since.baseline),
-        findings: since
-            .machine_differences
-            .iter()
-            .map(|what| (format!("Not the same machine: {what}."), true))
-            .collect(),
+        findings: machine.chain(nothing).collect(),
         charts,
         ..Section::default()
-    })
+    }
 }
 
 #[cfg(test)]

@@ -4,10 +4,9 @@ use std::collections::BTreeSet;
 
 use crate::cli::print::aligned;
 use crate::error::printable;
-use crate::lab::growth::{Growth, Quantity};
-use crate::lab::result::{
-    BaselineComparison, BenchReport, Change, SceneResult, TimingEntry, TimingRow, WorkKind,
-};
+use crate::lab::baseline::{BaselineComparison, Change};
+use crate::lab::growth::{GrowthFit, Quantity};
+use crate::lab::result::{BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind};
 use crate::lab::stats::Estimate;
 use crate::units;
 
@@ -39,13 +38,13 @@ pub fn since(since: &BaselineComparison) -> String {
     let warnings: String = machine_differences
         .map(|what| format!("baseline: NOT THE SAME MACHINE: {what}\n"))
         .collect();
-    warnings + &changes(&since.changes)
+    match &since.nothing_shared {
+        Some(what) => warnings + &format!("baseline: {}\n", printable(what)),
+        None => warnings + &changes(&since.changes),
+    }
 }
 
 fn changes(changes: &[Change]) -> String {
-    if changes.is_empty() {
-        return "baseline: no scene in common (name and content must be the same)\n".into();
-    }
     let head = ["since the baseline", "", "threads", "backend", "now / then", ""];
     let mut rows = vec![head.map(str::to_string).to_vec()];
     rows.extend(changes.iter().map(|change| {
@@ -64,20 +63,16 @@ fn changes(changes: &[Change]) -> String {
 /// Returns the table of growth of build time and memory with scene size, head first. Empty for one
 /// scene.
 pub fn growth(report: &BenchReport) -> Vec<Vec<String>> {
-    let mut rows = Vec::new();
-    for quantity in Quantity::ALL {
-        for growth in Growth::of_report(report, quantity) {
-            let (Some(exponent), Some(n)) = (growth.exponent(), growth.points.last()) else {
-                continue;
-            };
-            rows.push(vec![
-                quantity_name(quantity).to_string(),
-                growth.backend.clone(),
-                format!("n^{exponent:.3}"),
-                format!("{} sizes to {}", growth.points.len(), units::count(n[0] as u64)),
-            ]);
-        }
-    }
+    let row = |fit: GrowthFit| {
+        let most = fit.points.last().map_or(0.0, |[n, _]| *n);
+        vec![
+            quantity_name(fit.quantity).to_string(),
+            fit.backend,
+            format!("n^{:.3}", fit.exponent),
+            format!("{} sizes to {}", fit.points.len(), units::count(most as u64)),
+        ]
+    };
+    let mut rows: Vec<Vec<String>> = GrowthFit::of_report(report).into_iter().map(row).collect();
     if !rows.is_empty() {
         rows.insert(0, ["growth", "backend", "fit", "n triangles"].map(str::to_string).to_vec());
     }
@@ -156,11 +151,12 @@ fn without_empty_columns(mut rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows
 }
 
-/// Returns the label of a row: what it times, with the unit of its rate.
+/// Returns the label of a row: what it times, with the unit of its rate. The rays of a picture
+/// include camera rays of blocks that are known to be empty, which are never traced.
 fn label(row: &TimingRow) -> String {
     match row.what {
         WorkKind::Build => "build (triangles)".into(),
-        WorkKind::Image => "image (rays)".into(),
+        WorkKind::Image => "image (effective rays)".into(),
         WorkKind::Rays => row.label(),
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::support::program::{self, PYRAMID, Scratch};
 use lightpath::lab::result::{BenchReport, WorkKind};
+use serde_json::Value;
 
 fn bench(scratch: &Scratch, flags: &[&str]) -> program::Done {
     scratch.run(&[&["bench", "--quick", "--threads", "2"], flags].concat())
@@ -148,11 +149,24 @@ fn a_run_is_compared_with_a_baseline() {
         }
     }
     scratch.write("b.json", &serde_json::to_string(&then).unwrap());
-    let second = bench(&scratch, &[&base[..], &["--baseline", "b.json"]].concat());
+    let flags = ["--baseline", "b.json", "--json", "now.json"];
+    let second = bench(&scratch, &[&base[..], &flags[..]].concat());
     let table = second.stdout();
     let changes = table.split("since the baseline").nth(1).expect("a comparison");
     assert_eq!(changes.lines().filter(|line| line.ends_with("  faster")).count(), 8, "{table}");
 
+    let now: Value = serde_json::from_slice(&scratch.read("now.json")).unwrap();
+    assert_eq!(now["growth"], serde_json::json!([]));
+    let changes = now["since_baseline"]["changes"].as_array().unwrap();
+    assert_eq!(changes.len(), 8);
+    let faster = |change: &Value| change["ratio"]["value"].as_f64().unwrap() > 10.0;
+    assert!(changes.iter().all(faster), "{changes:?}");
+
+    let flags = ["--backends", "bvh:portable", "--html", "page.html"];
+    let done = bench(&scratch, &[&["p.ply", "--baseline", "b.json"], &flags[..]].concat());
+    let said = "no backend in common: bvh then, bvh:portable now";
+    assert!(done.stdout().contains(&format!("baseline: {said}")), "{}", done.stdout());
+    assert!(String::from_utf8(scratch.read("page.html")).unwrap().contains(said));
     scratch.write("other.ply", &PYRAMID.replace("0 2 0", "0 3 0"));
     let done = bench(&scratch, &["other.ply", "--backends", "bvh", "--baseline", "b.json"]);
     assert!(done.stdout().contains("no scene in common"), "{}", done.stdout());
