@@ -61,6 +61,8 @@ The bound is 6u max|v - o|, with u = 2^-24, the corners v and the ray's origin o
 four times that; `brute` gets 0. In the tables these answers are *counted*. Triangles that share an edge have its
 corners in common, and these move together. So the bound excuses no gap between them. Nor does it in `origin on a
 surface`: a ray must not hit the surface that it starts on. In other rows, such a hit at t = 0 is within the bound.
+Of equally near hits, `bvh` and `brute` promise the lowest index. Another choice of another backend is a *tie*, not
+wrong.
 
 **ulp** is the largest error of t in units of the last place of the exact t. After the program has computed the
 hit's point again, in f64 from the primitive, it stores the point as f32. **relative** is the largest error of its
@@ -86,7 +88,8 @@ pub fn machine(report: &AccuracyReport) -> Vec<String> {
         report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
     let (cases, times, seed) = (report.rows.len(), report.times, report.seed);
     lines.push(format!(
-        "{cases} cases, {} answers judged: {times} times the rays of `--quick`, seed {seed}",
+        "{}, {} answers judged: {times} times the rays of `--quick`, seed {seed}",
+        units::plural(cases, "case"),
         units::count(answers)
     ));
     lines
@@ -158,8 +161,8 @@ fn section(text: &mut String, report: &AccuracyReport, group: &str) {
     }
 }
 
-/// Formats the number of wrong answers, their rate, and the number of those that only the error
-/// bound makes right.
+/// Formats the number of wrong answers, their rate, the number of ties, and the number of those that
+/// only the error bound makes right.
 fn failures(entry: &BackendCounts) -> String {
     let total = table::failures(entry);
     let rate = match entry.failed {
@@ -170,5 +173,9 @@ fn failures(entry: &BackendCounts) -> String {
         0 => String::new(),
         n => format!("; {} counted", units::count(n)),
     };
-    format!("{total}{rate}{counted}")
+    let ties = match entry.ties {
+        0 => String::new(),
+        n => format!("; {}", units::counted(n, ["tie", "ties"])),
+    };
+    format!("{total}{rate}{ties}{counted}")
 }

@@ -6,6 +6,9 @@ use crate::units;
 
 use super::{markdown, table};
 
+/// Title of the table of ties.
+const TIES: &str = "Ties: equally near, not the lowest index, of backends that do not promise it";
+
 /// Builds the page of a report.
 pub fn page(report: &AccuracyReport) -> Page {
     let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
@@ -96,7 +99,8 @@ fn head(first: &str, report: &AccuracyReport, last: &[&str]) -> Vec<Cell> {
 }
 
 fn section(report: &AccuracyReport, group: &str) -> Section {
-    let mut failures = vec![head("failures", report, &["answers", "mark"])];
+    let mut failures = vec![head("wrong per million", report, &["most answers", "mark"])];
+    let mut ties = vec![head("ties", report, &[])];
     let mut ulps = vec![head("worst error of t in f32 ulp", report, &[])];
     let mut relatives = vec![head("worst relative distance of the refined point", report, &[])];
     let mut within = vec![head("within the bound of the backend's own test", report, &[])];
@@ -106,10 +110,12 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
         let cells = |of: &dyn Fn(&BackendCounts) -> Cell| -> Vec<Cell> {
             [row.name.as_str().into()].into_iter().chain(row.entries.iter().map(of)).collect()
         };
-        let mut line =
-            cells(&|entry| Cell { text: table::failures(entry), wrong: entry.failed > 0 });
+        let mut line = cells(&|entry| Cell { text: table::rate(entry), wrong: entry.failed > 0 });
         line.extend([units::count(row.rays).into(), row.mark.as_str().into()]);
         failures.push(line);
+        if row.entries.iter().any(|entry| entry.ties > 0) {
+            ties.push(cells(&|entry| units::count(entry.ties).into()));
+        }
         ulps.push(cells(&|entry| Cell {
             text: table::ulp(entry.worst_ulp),
             wrong: entry.beyond_8_ulp > 0,
@@ -122,18 +128,18 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
         let note = row.note.as_ref().map_or(String::new(), |note| format!("; {note}"));
         cases.push(vec![row.name.as_str().into(), format!("{}{note}", row.what).into()]);
     }
-    Section {
-        title: group.into(),
-        tables: vec![
-            ("Failures".into(), failures),
-            ("Worst error of t, in f32 ulp".into(), ulps),
-            ("Worst relative distance of the refined point".into(), relatives),
-            ("Unlike the exact answer within the bound, or counted only".into(), within),
-            ("Time".into(), times),
-            ("What is traced".into(), cases),
-        ],
-        ..Section::default()
+    let mut tables = vec![("Wrong answers per million of the backend's own".into(), failures)];
+    if ties.len() > 1 {
+        tables.push((TIES.into(), ties));
     }
+    tables.extend([
+        ("Worst error of t, in f32 ulp".to_string(), ulps),
+        ("Worst relative distance of the refined point".into(), relatives),
+        ("Unlike the exact answer within the bound, or counted only".into(), within),
+        ("Time".into(), times),
+        ("What is traced".into(), cases),
+    ]);
+    Section { title: group.into(), tables, ..Section::default() }
 }
 
 /// Draws where the failures of a group are.

@@ -14,11 +14,22 @@ pub fn failures(entry: &BackendCounts) -> String {
     if entry.rays == 0 { "-".into() } else { format!("{}{missed}", units::count(entry.failed)) }
 }
 
-/// Formats failures per million: `0`, `9,514`, `0.3`.
+/// Formats the rate of wrong answers among the backend's own answers: `9,514` per million, or `-`
+/// without rays. ` MISSED` follows as for [`failures`].
+pub fn rate(entry: &BackendCounts) -> String {
+    let missed = if entry.missed.is_some() { " MISSED" } else { "" };
+    match entry.rays {
+        0 => "-".into(),
+        rays => format!("{}{missed}", per_million(entry.failed, rays)),
+    }
+}
+
+/// Formats failures per million: `0`, `9,514`, `0.3`, `4e-3`.
 pub fn per_million(failed: u64, rays: u64) -> String {
     let rate = failed as f64 * 1e6 / rays.max(1) as f64;
     match rate {
         0.0 => "0".into(),
+        ..0.05 => format!("{rate:.0e}"),
         ..10.0 => format!("{rate:.1}"),
         _ => units::count(rate.round() as u64),
     }
@@ -60,7 +71,7 @@ fn width(name: &str) -> usize {
 
 /// Formats the head of the table.
 pub fn heading(settings: &AccuracySettings) -> String {
-    let mut line = format!("{:<NAME$} {:>11}", "failures by backend", "answers");
+    let mut line = format!("{:<NAME$} {:>11}", "wrong answers per million", "answers");
     for name in names(settings) {
         line += &format!(" {name:>0$}", width(&name));
     }
@@ -74,10 +85,16 @@ pub fn line(settings: &AccuracySettings, row: &CaseResult, first: bool) -> Strin
     let indent = NAME - 2;
     line += &format!("  {:<indent$} {:>11}", row.name, units::count(row.rays));
     for (name, entry) in names.iter().zip(&row.entries) {
-        line += &format!(" {:>1$}", failures(entry), width(name));
+        line += &format!(" {:>1$}", rate(entry), width(name));
     }
     let (u, r) = (worst(&names, row, |e| e.worst_ulp), worst(&names, row, |e| e.worst_relative));
     line += &format!(" {:>8} {:>8} {:>6.2} s\n", ulp(u), relative(r), row.seconds);
+    let ties = names.iter().zip(&row.entries).filter(|(_, entry)| entry.ties > 0);
+    let ties: Vec<String> =
+        ties.map(|(name, entry)| format!("{name} {}", units::count(entry.ties))).collect();
+    if !ties.is_empty() {
+        line += &format!("    ties, not wrong: {}\n", ties.join(", "));
+    }
     if let Some(note) = &row.note {
         line += &format!("    {note}\n");
     }
@@ -89,16 +106,19 @@ pub fn summary(report: &AccuracyReport) -> String {
     let seconds: f64 = report.rows.iter().map(|row| row.seconds).sum();
     let answers: u64 =
         report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
+    let ours = report.columns.iter().any(|column| column.name.starts_with("bvh"));
     let mut text = format!(
-        "\n{}, {} judged, {}; ulp and relative are the worst of `bvh`\n",
+        "\n{}, {} judged, {}; ulp and relative are the worst of {}\n",
         units::plural(report.rows.len(), "case"),
         units::plural(answers as usize, "answer"),
-        units::duration(seconds)
+        units::duration(seconds),
+        if ours { "`bvh`" } else { "these backends" }
     );
     for (index, column) in report.columns.iter().enumerate() {
         let entries = report.rows.iter().map(|row| &row.entries[index]);
-        let (mut rays, mut failed, mut rows, mut missed) = (0, 0, 0, 0);
+        let (mut rays, mut failed, mut rows, mut missed, mut ties) = (0, 0, 0, 0, 0);
         for entry in entries {
+            ties += entry.ties;
             rays += entry.rays;
             failed += entry.failed;
             rows += u64::from(entry.failed > 0);
@@ -109,8 +129,12 @@ pub fn summary(report: &AccuracyReport) -> String {
             (true, 0) => "; holds every mark".into(),
             (true, n) => format!("; MISSES {}", units::plural(n as usize, "mark")),
         };
+        let ties = match ties {
+            0 => String::new(),
+            n => format!("; {}, not wrong", units::counted(n, ["tie", "ties"])),
+        };
         text += &format!(
-            "  {} ({}, {}): {} of {} answers fail, in {}{verdict}\n",
+            "  {} ({}, {}): {} of {} answers fail, in {}{ties}{verdict}\n",
             column.name,
             column.version,
             column.isa,

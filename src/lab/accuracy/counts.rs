@@ -31,7 +31,7 @@ named! {
         WrongPrimitive = "wrong primitive",
         /// The right primitive at a wrong t, or a vertex at a wrong place.
         WrongDistance = "wrong distance",
-        /// A tie that did not go to the lowest primitive.
+        /// A tie that did not go to the lowest primitive, of a backend that promises it.
         Tie = "not the lowest primitive",
         /// A line crosses a closed mesh an odd number of times, or not as often as the oracle.
         Crossings = "odd or missing crossing",
@@ -81,6 +81,9 @@ pub struct CaseCounts {
     pub failures: BTreeMap<WrongKind, u64>,
     /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,
+    /// Hits that are as near as the lowest primitive but on another one, of backends that do not
+    /// promise the lowest.
+    pub ties: u64,
     /// Answers that a case counts without failing it.
     pub counted: u64,
     /// Number of hits whose t was compared with the exact t.
@@ -141,6 +144,7 @@ impl CaseCounts {
             *self.failures.entry(*kind).or_default() += n;
         }
         self.within_bound += other.within_bound;
+        self.ties += other.ties;
         self.counted += other.counted;
         self.measured += other.measured;
         self.beyond_2 += other.beyond_2;

@@ -82,6 +82,9 @@ pub struct BackendCounts {
     pub failures: BTreeMap<String, u64>,
     /// Answers that differ from the exact one within the error bound of the backend's own test.
     pub within_bound: u64,
+    /// Hits that are as near as the lowest primitive but on another one, of backends that do not
+    /// promise the lowest. They are not wrong.
+    pub ties: u64,
     /// Answers that a case counts without failing it.
     pub counted: u64,
     /// Number of hits whose t was compared with the exact t.
@@ -113,6 +116,7 @@ impl BackendCounts {
             failed: counts.failed(),
             failures: counts.failures.iter().map(|(kind, n)| (kind.name().into(), *n)).collect(),
             within_bound: counts.within_bound,
+            ties: counts.ties,
             counted: counts.counted,
             measured: counts.measured,
             beyond_2_ulp: counts.beyond_2,

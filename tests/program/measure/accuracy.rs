@@ -117,6 +117,49 @@ fn a_selection_has_the_same_rays_for_any_number_of_threads() {
     assert_ne!(counts("2", "7"), counts("2", "8"));
 }
 
+/// Only `bvh` and `brute` promise the lowest of equally near primitives.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn ties_of_embree_are_counted_but_not_wrong() {
+    let scratch = Scratch::new();
+    let flags = ["--case", "duplicates", "--backend", "embree,bvh:portable", "--json", "a.json"];
+    let files = ["--html", "a.html", "--markdown", "a.md"];
+    let done = scratch.run(&[&["accuracy"], &flags[..], &files[..]].concat()).good();
+    let report = json(&scratch, "a.json");
+    let [embree, ours] = [0, 1].map(|i| &report["rows"][0]["entries"][i]);
+    assert_eq!((&embree["failed"], &embree["failures"]), (&0.into(), &serde_json::json!({})));
+    let ties = embree["ties"].as_u64().unwrap();
+    assert!(ties > 0, "{embree}");
+    assert_eq!((&ours["failed"], &ours["ties"]), (&0.into(), &0.into()));
+    for part in
+        ["ties, not wrong: embree ", "; ulp and relative are the worst of `bvh`", "1 case, "]
+    {
+        assert!(done.stdout().contains(part), "{part}: {}", done.stdout());
+    }
+    let page = |name: &str| String::from_utf8(scratch.read(name)).unwrap();
+    assert!(page("a.html").contains("Ties: equally near"));
+    assert!(page("a.md").contains(" ties |") && page("a.md").contains("- 1 case, "));
+}
+
+/// `coursework` traces a part of the rays: its rate is of its own answers.
+#[test]
+fn rates_are_of_the_backends_own_answers() {
+    let scratch = Scratch::new();
+    let flags = ["--case", "occluder in contact, scale 1e-6", "--json", "a.json"];
+    let run = |backends: &str| {
+        scratch.run(&[&["accuracy", "--backend", backends], &flags[..]].concat()).good().stdout()
+    };
+    let text = run("bvh:portable,coursework");
+    let row = &json(&scratch, "a.json")["rows"][0];
+    let number = |entry: &Value, key: &str| entry[key].as_f64().unwrap();
+    let slow = &row["entries"][1];
+    assert!(number(slow, "rays") < number(row, "rays") && number(slow, "failed") > 0.0, "{row}");
+    let rate = (number(slow, "failed") * 1e6 / number(slow, "rays")).round().to_string();
+    let shown = text.replace(',', "");
+    assert!(shown.lines().any(|line| line.split(' ').any(|word| word == rate)), "{rate}: {text}");
+    assert!(run("coursework").contains("are the worst of these backends"));
+}
+
 #[test]
 fn bad_use_exits_2_before_the_work() {
     let scratch = Scratch::new();
