@@ -161,8 +161,8 @@ fn section(text: &mut String, report: &AccuracyReport, group: &str) {
     }
 }
 
-/// Formats the number of wrong answers, their rate, the number of ties, and the number of those that
-/// only the error bound makes right.
+/// Formats the number of wrong answers, their rate, the number of ties, and the number of answers
+/// that only the error bound makes right.
 fn failures(entry: &BackendCounts) -> String {
     let total = table::failures(entry);
     let rate = match entry.failed {

@@ -138,7 +138,8 @@ pub fn misses(args: &CompareArgs, layer: &Compared) -> Option<String> {
     })
 }
 
-/// Formats how many pixels miss in each file alone, and the first of them. `None` if there are none.
+/// Formats how many pixels miss in each file alone, and the first of them. `None` if there are
+/// none.
 pub fn differing_misses(args: &CompareArgs, layer: &Compared) -> Option<String> {
     let Misses { alone: [a, b], first, .. } = layer.misses?;
     let [x, y] = first?;
