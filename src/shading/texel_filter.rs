@@ -63,8 +63,8 @@ fn index(floor: i64, offset: i64, size: u32, wrap: Wrap) -> usize {
     inside as usize
 }
 
-/// A filter weight; 0 if the coordinate was not finite or huge. It is 1 where a coordinate just below
-/// an integer rounds to it.
+/// A filter weight; 0 if the coordinate was not finite or huge. It is 1 where a coordinate just
+/// below an integer rounds to it.
 #[inline(always)]
 fn fraction(value: f64) -> f32 {
     if (0.0..=1.0).contains(&value) { value as f32 } else { 0.0 }

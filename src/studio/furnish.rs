@@ -380,8 +380,8 @@ fn place(
     Ok(middle)
 }
 
-/// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on the
-/// centre of the mesh.
+/// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on
+/// the centre of the mesh.
 fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: &mut Overrides) {
     let camera = &loaded.scene.camera;
     let list = |v: DVec3| Some(v.to_array().to_vec());
