@@ -103,8 +103,8 @@ pub trait Accelerator: Send + Sync {
         None
     }
 
-    /// Calls `found` with the scene-wide primitive index of every triangle and quad that reaches
-    /// into the box `nearby`.
+    /// Calls `found` with the scene-wide primitive index of every triangle and quad near the point
+    /// of `nearby`.
     ///
     /// May also call `found` for other primitives, in any order, and more than once for a quad.
     /// `geometry` is the geometry that the accelerator was built over.

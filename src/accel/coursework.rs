@@ -302,15 +302,14 @@ impl Accelerator for Coursework<'_> {
         }
     }
 
-    fn near(&self, geometry: &Geometry, [low, high]: &Nearby, found: &mut dyn FnMut(u32)) {
-        let nearby = Box3 { min: doubles(*low), max: doubles(*high) };
-        self.scene.near(&nearby, &mut |shape| match self.shapes[shape as usize] {
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.scene.near(nearby, &mut |shape| match self.shapes[shape as usize] {
             TreeShape::Quad(prim) => found(geometry.primitive(geometry.quads_id(), prim)),
             TreeShape::Sphere(_) => {}
             TreeShape::Mesh(geom) => {
                 let mut triangle = |prim| found(geometry.primitive(geom, prim));
                 match &self.meshes[geom as usize] {
-                    Some(tree) => tree.near(&nearby, &mut triangle),
+                    Some(tree) => tree.near(nearby, &mut triangle),
                     None => (0..geometry.meshes[geom as usize].triangles().len() as u32)
                         .for_each(triangle),
                 }
@@ -424,12 +423,12 @@ impl BoxTree {
         }
     }
 
-    /// Calls `found` for the shapes of every leaf whose box overlaps `nearby`.
-    fn near(&self, nearby: &Box3, found: &mut dyn FnMut(u32)) {
+    /// Calls `found` for the shapes of every leaf whose box is near.
+    fn near(&self, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
             let BoxNode { bounds, content } = &self.nodes[node as usize];
-            if bounds.min.cmpgt(nearby.max).any() || bounds.max.cmplt(nearby.min).any() {
+            if nearby.reach([bounds.min, bounds.max]).is_none() {
                 continue;
             }
             match *content {

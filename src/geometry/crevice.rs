@@ -11,8 +11,8 @@
 use glam::DVec3;
 
 use super::doubles::doubles;
+use super::nearby::Nearby;
 use super::primitives::Geometry;
-use super::triangle::REACH;
 
 /// Tolerance of weights at an edge: some thousand roundings of f64.
 const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
@@ -21,9 +21,6 @@ const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
 /// middle, and relative to the point's coordinates. Far more than the rounding of f64, far less
 /// than that of f32. The moved point lies on no edge, and in front of the walls.
 const INWARD: [f64; 2] = [1.0 / (1u64 << 36) as f64, 1.0 / (1u64 << 44) as f64];
-
-/// A box in f32 that contains a point's neighbours: lower and upper corner.
-pub type Nearby = [[f32; 3]; 2];
 
 /// A triangle near the point.
 #[derive(Debug, Clone, Copy)]
@@ -65,17 +62,6 @@ pub struct Crevice {
 }
 
 impl Crevice {
-    /// The box to search for neighbours of `point`, which lies on a triangle with these corners.
-    pub fn nearby(point: DVec3, corners: [DVec3; 3]) -> Nearby {
-        let far = corners.iter().fold(0.0, |far: f64, v| far.max((*v - point).abs().max_element()));
-        let reach = 2.0 * REACH * (point.abs().max_element() + far) + f64::from(f32::MIN_POSITIVE);
-        let outward = |v: DVec3, sign: f64| {
-            let moved = v + sign * reach;
-            (moved + sign * moved.abs() * f64::from(f32::EPSILON)).as_vec3().to_array()
-        };
-        [outward(point, -1.0), outward(point, 1.0)]
-    }
-
     /// Collects the walls around `point` among the `neighbours`. Returns `None` if none rises above
     /// the point's triangle. `own`, `up` and `leaving` are that triangle, its unit normal turned to
     /// the viewer, and its primitive. `origin` is the point rounded to the outside of its triangle.
@@ -85,10 +71,10 @@ impl Crevice {
         (own, up, leaving): ([DVec3; 3], DVec3, u32),
         neighbours: &[u32],
     ) -> Option<Self> {
-        let nearby = Self::nearby(point, own);
+        let nearby = Nearby::new(point, own);
         let others = neighbours.iter().filter(|&&primitive| primitive != leaving);
         let near = others.flat_map(|&primitive| triangles(geometry, primitive));
-        let near: Vec<Triangle> = near.filter(|other| other.reaches(&nearby)).collect();
+        let near: Vec<Triangle> = near.filter(|other| other.is_near(&nearby)).collect();
         let is_wall = |other: &Triangle| other.corners.iter().any(|&v| rises(v, point, own[0], up));
         let walls: Vec<Triangle> = near.iter().copied().filter(is_wall).collect();
         if walls.is_empty() {
@@ -145,14 +131,16 @@ pub fn hides(
     direction: DVec3,
     neighbours: &[u32],
 ) -> Option<WallHit> {
-    let nearby = Crevice::nearby(point, own);
-    let reach = (doubles(nearby[1]) - doubles(nearby[0])).length() / direction.length();
+    let nearby = Nearby::new(point, own);
     let others = neighbours.iter().filter(|&&primitive| primitive != hit);
     let near = others.flat_map(|&primitive| triangles(geometry, primitive));
-    let near = near.filter(|other| other.reaches(&nearby));
-    let hits = near.filter_map(|other| other.meet(inside(point, own), -direction));
-    // A hit farther away is not tied with the point: the ray passes it.
-    hits.filter(|hit| hit.t > 0.0 && hit.t <= reach).max_by(|a, b| a.t.total_cmp(&b.t))
+    let hits = near.filter_map(|other| {
+        let reach = nearby.reach(other.bounds())?;
+        let hit = other.meet(inside(point, own), -direction)?;
+        // A hit farther away is not tied with the point: the ray passes it.
+        (hit.t > 0.0 && hit.t * direction.length() <= TIED * reach).then_some(hit)
+    });
+    hits.max_by(|a, b| a.t.total_cmp(&b.t))
 }
 
 /// The point of a triangle, moved slightly into it.
@@ -170,6 +158,9 @@ fn rises(corner: DVec3, point: DVec3, own: DVec3, up: DVec3) -> bool {
     (corner - own).dot(up) > EQUAL * size
 }
 
+/// Largest distance of tied hits, as a multiple of a reach: the diagonal of the box around a point.
+const TIED: f64 = 2.0 * 1.75;
+
 /// How many steps of f32, in each coordinate, the search for an origin goes.
 const STEPS: i32 = 2;
 
@@ -186,11 +177,14 @@ fn around(point: DVec3) -> impl Iterator<Item = [f32; 3]> {
 }
 
 impl Triangle {
-    /// Whether the triangle's bounding box overlaps a box.
-    fn reaches(&self, [low, high]: &Nearby) -> bool {
+    /// The triangle's bounding box.
+    fn bounds(&self) -> [DVec3; 2] {
         let [a, b, c] = self.corners;
-        let (below, above) = (a.min(b).min(c), a.max(b).max(c));
-        below.cmple(doubles(*high)).all() && above.cmpge(doubles(*low)).all()
+        [a.min(b).min(c), a.max(b).max(c)]
+    }
+
+    fn is_near(&self, nearby: &Nearby) -> bool {
+        nearby.reach(self.bounds()).is_some()
     }
 
     /// Ray parameter at the plane, in units of the direction; not finite for a ray along the plane.
@@ -227,9 +221,9 @@ fn triangles(geometry: &Geometry, primitive: u32) -> impl Iterator<Item = Triang
     })
 }
 
-/// Whether a primitive is a triangle or quad whose bounding box overlaps `nearby`.
+/// Whether a primitive is a triangle or quad near a point.
 pub fn is_near(geometry: &Geometry, primitive: u32, nearby: &Nearby) -> bool {
-    triangles(geometry, primitive).any(|triangle| triangle.reaches(nearby))
+    triangles(geometry, primitive).any(|triangle| triangle.is_near(nearby))
 }
 
 #[cfg(test)]
@@ -327,30 +321,14 @@ mod tests {
     }
 
     #[test]
-    fn the_box_around_a_point_is_as_large_as_the_rounding() {
-        let point = DVec3::new(1.0, -2.0, 3.0);
-        let corners = [point - DVec3::X, point + DVec3::Y * 4.0, point];
-        let reach = 2.0 * REACH * (3.0 + 4.0);
-        let [low, high] = Crevice::nearby(point, corners).map(doubles);
-        for (below, above, size) in
-            [0, 1, 2].map(|k| (point[k] - low[k], high[k] - point[k], point[k].abs()))
-        {
-            let largest = reach + 2.0 * f64::from(f32::EPSILON) * size;
-            assert!((reach..=largest).contains(&below), "{below:e} {reach:e}");
-            assert!((reach..=largest).contains(&above), "{above:e} {reach:e}");
-        }
-    }
-
-    #[test]
-    fn a_primitive_is_near_if_its_box_overlaps() {
+    fn a_primitive_is_near_if_its_box_is() {
         let geometry = corner();
-        let around = |x: f32, y: f32, z: f32| [[x, y, z], [x + 0.25, y + 0.25, z + 0.25]];
-        assert!(is_near(&geometry, 0, &around(0.5, 0.5, -0.125)));
-        for away in [[1.5, 0.5, -0.125], [0.5, 1.5, -0.125], [0.5, 0.5, 0.125]] {
-            let [x, y, z] = away;
-            assert!(!is_near(&geometry, 0, &around(x, y, z)), "{away:?}");
-            // On the other side.
-            assert!(!is_near(&geometry, 0, &around(0.75 - x, 0.75 - y, -0.25 - z)), "{away:?}");
+        let near = |primitive, point: DVec3| {
+            is_near(&geometry, primitive, &Nearby::new(point, [DVec3::ZERO, DVec3::X, DVec3::Y]))
+        };
+        assert!(near(0, DVec3::new(0.5, 0.5, 1e-7)) && near(0, DVec3::new(1.0, 0.5, -1e-7)));
+        for away in [[1.5, 0.5, 0.0], [0.5, 1.5, 0.0], [0.5, 0.5, 0.125], [0.5, -0.5, 0.0]] {
+            assert!(!near(0, DVec3::from(away)), "{away:?}");
         }
     }
 

@@ -4,7 +4,9 @@
 use glam::DVec3;
 
 use crate::accel::Accelerator;
-use crate::geometry::{Crevice, Geometry, Surfaces, TrianglePoint, hides, hit_triangle, refine};
+use crate::geometry::{
+    Crevice, Geometry, Nearby, Surfaces, TrianglePoint, hides, hit_triangle, is_near, refine,
+};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayKind, RayPacket, Rays, lane, set_lane};
 
 /// Largest number of rejected hits along one ray; after that, the ray counts as a miss.
@@ -164,8 +166,12 @@ fn near(
 ) -> Option<([DVec3; 3], TrianglePoint)> {
     let (corners, point) = hit_triangle(geometry, packet, i)?;
     neighbours.clear();
-    let nearby = Crevice::nearby(point.position, corners);
-    accelerator.near(geometry, &nearby, &mut |primitive| neighbours.push(primitive));
+    let nearby = Nearby::new(point.position, corners);
+    accelerator.near(geometry, &nearby, &mut |primitive| {
+        if is_near(geometry, primitive, &nearby) {
+            neighbours.push(primitive);
+        }
+    });
     Some((corners, point))
 }
 

@@ -23,6 +23,7 @@ mod hits {
     mod contact;
     mod coursework_visits;
     mod instances;
+    mod near;
     mod properties;
     mod spheres;
     mod stitches;

@@ -1,4 +1,4 @@
-//! Finds the primitives near a box by Embree's point query.
+//! Finds the primitives near a point by Embree's point query.
 
 use std::ffi::c_void;
 
@@ -12,11 +12,12 @@ const WIDER: f32 = 1.0 + 16.0 * f32::EPSILON;
 
 type OnPrimitive<'f> = &'f mut dyn FnMut(u32, u32);
 
-/// Calls `found` with geometry id and primitive index of every primitive whose box overlaps
-/// `nearby`.
+/// Calls `found` with geometry id and primitive index of every primitive near the point.
 ///
-/// May also call `found` for other primitives, because Embree searches the sphere around `nearby`.
-pub fn near(scene: &EmbreeScene, [low, high]: &Nearby, mut found: OnPrimitive) {
+/// May also call `found` for other primitives: Embree searches a sphere that is as large as the
+/// largest neighbours need.
+pub fn near(scene: &EmbreeScene, nearby: &Nearby, mut found: OnPrimitive) {
+    let [low, high] = nearby.bounds();
     let point = [0, 1, 2].map(|k| 0.5 * low[k] + 0.5 * high[k]);
     let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt();
     let radius = 0.5 * diagonal * WIDER;

@@ -2,10 +2,10 @@
 
 use crate::support::backends;
 use crate::support::random::Random;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec3};
 use lightpath::accel::Accelerator;
 use lightpath::film::{Film, Window};
-use lightpath::geometry::Geometry;
+use lightpath::geometry::{Geometry, Nearby, doubles};
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
 use lightpath::render;
@@ -183,18 +183,17 @@ fn pictures_are_those_of_copies() {
     }
 }
 
-/// Small boxes around vertices: the triangles that share the vertex are found.
+/// Around vertices: the triangles that share the vertex are found.
 #[test]
 fn near_finds_the_triangles_of_instances() {
     let world = world(false, false);
     let geometry = &world.geometry;
     let bvh = backends::build(geometry, Backend::Bvh(Isa::detect()));
     for index in 0..geometry.instances.len() {
-        let (mesh, instance) = geometry.instance(index);
+        let (mesh, _) = geometry.instance(index);
         for (prim, triangle) in (0u32..).zip(mesh.triangles()).step_by(97) {
-            let vertex = Vec3::from(geometry.instance_corners(index, prim)[0]);
-            let size = 1e-6 * instance.reach();
-            let near = [vertex - size, vertex + size].map(|corner| corner.to_array());
+            let corners = geometry.instance_corners(index, prim).map(doubles);
+            let near = Nearby::new(corners[0], corners);
             let mut found = Vec::new();
             bvh.near(geometry, &near, &mut |primitive| found.push(primitive));
             let around = (0u32..).zip(mesh.triangles());
