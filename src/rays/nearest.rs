@@ -78,7 +78,7 @@ impl RayScene {
         let mut best = Nearest::NONE;
         let slack = self.slack(local.abs().max_element());
         bvh.visit_nearest(local.as_vec3().to_array(), slack, |primitive| {
-            let on = nearest_on_triangle(self.corners(primitive), point);
+            let on = nearest_on_triangle(sorted(self.corners(primitive)), point);
             let squared = (on - point).length_squared();
             let lower = squared == best.squared && primitive < best.primitive;
             if squared < best.squared || lower {
@@ -90,8 +90,22 @@ impl RayScene {
     }
 }
 
-/// Returns the point of a triangle that is nearest to `p`. Source: Ericson 2005, "Real-Time
-/// Collision Detection", 5.1.5.
+/// Returns corners in the order of their coordinates. So equal faces, and faces that share an edge,
+/// round a common nearest point in the same way, and their distances are equal.
+fn sorted([mut a, mut b, mut c]: [DVec3; 3]) -> [DVec3; 3] {
+    let order = |p: &mut DVec3, q: &mut DVec3| {
+        if q.to_array() < p.to_array() {
+            std::mem::swap(p, q);
+        }
+    };
+    order(&mut a, &mut b);
+    order(&mut b, &mut c);
+    order(&mut a, &mut b);
+    [a, b, c]
+}
+
+/// Returns the point of a triangle that is nearest to `p`. A point on an edge is computed from the
+/// ends of that edge alone. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5.
 fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -119,7 +133,9 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     }
     let va = d3 * d6 - d5 * d4;
     if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+        let bc = c - b;
+        let (from_b, from_c) = (bc.dot(bp), bc.dot(cp));
+        return b + bc * (from_b / (from_b - from_c)).clamp(0.0, 1.0);
     }
     let sum = va + vb + vc;
     a + ab * (vb / sum) + ac * (vc / sum)
@@ -128,6 +144,36 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Irregular points, above the edges of a triangle too.
+    #[test]
+    fn the_order_of_the_corners_does_not_matter() {
+        let corners @ [a, b, c] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]
+            .map(|v: [f64; 3]| DVec3::from(v));
+        for i in 0..1000 {
+            let weight = |k: i32| f64::from(i * k % 101) / 40.0 - 0.8;
+            let p = a + (b - a) * weight(7) + (c - a) * weight(13) + DVec3::splat(weight(29));
+            let on = nearest_on_triangle(sorted(corners), p);
+            for order in [[a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
+                assert_eq!(nearest_on_triangle(sorted(order), p), on, "{p}");
+            }
+        }
+    }
+
+    /// A ridge, whose faces lie below it: it is nearest to all points high above.
+    #[test]
+    fn faces_that_share_an_edge_share_the_nearest_point_on_it() {
+        let [a, b] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9]].map(|v: [f64; 3]| DVec3::from(v));
+        let others = [[0.3, -1.1, -2.0], [1.1, 2.3, -2.2], [2.7, 1.3, -0.9]]
+            .map(|v: [f64; 3]| DVec3::from(v));
+        for i in 0..1000 {
+            let weight = |k: i32| f64::from(i * k % 101) / 101.0;
+            let up = DVec3::new(weight(13) - 0.5, weight(29) - 0.5, 4.0 + weight(53));
+            let p = a + (b - a) * weight(7) + up;
+            let on = others.map(|c| nearest_on_triangle(sorted([c, b, a]), p));
+            assert_eq!((on[0], on[1]), (on[2], on[2]), "{p}");
+        }
+    }
 
     /// Every order of three corners of which two coincide, and of three equal ones.
     #[test]
