@@ -24,9 +24,8 @@ impl TriangleMesh {
         if candidates.is_empty() {
             return self;
         }
-        let beside = self.beside(candidates);
-        let kept = candidates.iter().zip(beside);
-        let kept: Vec<_> = kept.filter_map(|(stitch, beside)| Some((*stitch, beside?))).collect();
+        let position = |v: u32| doubles(self.vertices[v as usize]);
+        let kept = kept_stitches(candidates, &self.triangles, self.vertices.len(), position);
         self.triangles.reserve_exact(kept.len());
         self.triangles.extend(kept.iter().map(|(stitch, _)| stitch));
         self.stitches = kept.into_iter().map(|(_, beside)| beside).collect();
@@ -45,44 +44,53 @@ impl TriangleMesh {
         let stitch = (prim as usize).checked_sub(first)?;
         self.stitches.get(stitch).copied()
     }
+}
 
-    /// Finds for each stitch the triangle across its longest edge. If another stitch lies there,
-    /// the search goes on across that stitch's longest edge. `None` if no triangle is found.
-    fn beside(&self, stitches: &[[u32; 3]]) -> Vec<Option<u32>> {
-        let longest: Vec<[u32; 2]> = stitches.iter().map(|&stitch| self.longest(stitch)).collect();
-        let mut marked = vec![false; self.vertices.len()];
-        // For each edge of a stitch, the first stitch that has this edge and a longer one.
-        let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
-        for (index, &stitch) in stitches.iter().enumerate() {
-            stitch.iter().for_each(|&v| marked[v as usize] = true);
-            for edge in edges(stitch) {
-                let first = longer.entry(edge).or_default();
-                *first = first.or((edge != longest[index]).then_some(index));
+/// Returns the `candidates` that lie along an edge of a triangle, each with this triangle: the one
+/// across its longest edge. If another candidate lies there, the search goes on across that one's
+/// longest edge. `vertices` is the number of vertices, above every index. `position` returns the
+/// place of a vertex, in any unit.
+pub fn kept_stitches(
+    candidates: &[[u32; 3]],
+    triangles: &[[u32; 3]],
+    vertices: usize,
+    position: impl Fn(u32) -> DVec3,
+) -> Vec<([u32; 3], u32)> {
+    if candidates.is_empty() {
+        return Vec::new();
+    }
+    let longest: Vec<[u32; 2]> = candidates.iter().map(|&c| longest_edge(c, &position)).collect();
+    let mut marked = vec![false; vertices];
+    // For each edge of a candidate, the first candidate that has this edge and a longer one.
+    let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
+    for (index, &candidate) in candidates.iter().enumerate() {
+        candidate.iter().for_each(|&v| marked[v as usize] = true);
+        for edge in edges(candidate) {
+            let first = longer.entry(edge).or_default();
+            *first = first.or((edge != longest[index]).then_some(index));
+        }
+    }
+    let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
+    for (prim, &triangle) in (0..).zip(triangles) {
+        let both = |[a, b]: &[u32; 2]| marked[*a as usize] && marked[*b as usize];
+        for edge in edges(triangle).into_iter().filter(both) {
+            if longer.contains_key(&edge) {
+                at_edge.entry(edge).or_insert(prim);
             }
         }
-        let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
-        for (prim, &triangle) in (0..).zip(&self.triangles) {
-            let both = |[a, b]: &[u32; 2]| marked[*a as usize] && marked[*b as usize];
-            for edge in edges(triangle).into_iter().filter(both) {
-                if longer.contains_key(&edge) {
-                    at_edge.entry(edge).or_insert(prim);
-                }
-            }
-        }
-        let next = |index: usize| longer[&longest[index]];
-        follow(stitches.len(), |index| at_edge.get(&longest[index]).copied(), next)
     }
+    let next = |index: usize| longer[&longest[index]];
+    let found = |index: usize| at_edge.get(&longest[index]).copied();
+    let beside = candidates.iter().zip(follow(candidates.len(), found, next));
+    beside.filter_map(|(candidate, beside)| Some((*candidate, beside?))).collect()
+}
 
-    fn longest(&self, stitch: [u32; 3]) -> [u32; 2] {
-        let [a, b, c] = edges(stitch);
-        let longer = |p, q| if self.squared_length(p) >= self.squared_length(q) { p } else { q };
-        longer(longer(a, b), c)
-    }
-
-    fn squared_length(&self, [a, b]: [u32; 2]) -> f64 {
-        let [a, b] = [a, b].map(|v| doubles(self.vertices[v as usize]));
-        a.distance_squared(b)
-    }
+/// Returns the longest edge of a triangle, the first of equal ones.
+fn longest_edge(triangle: [u32; 3], position: impl Fn(u32) -> DVec3) -> [u32; 2] {
+    let squared_length = |[a, b]: [u32; 2]| position(a).distance_squared(position(b));
+    let [a, b, c] = edges(triangle);
+    let longer = |p, q| if squared_length(p) >= squared_length(q) { p } else { q };
+    longer(longer(a, b), c)
 }
 
 /// Follows the chain of `next` from each of `count` indices. Returns for each the first `found`
@@ -182,10 +190,10 @@ mod tests {
     #[test]
     fn the_longest_edge_is_found_at_any_place() {
         let mesh = stitched();
+        let position = |v: u32| doubles(mesh.vertices[v as usize]);
         for stitch in [[0, 4, 1], [4, 1, 0], [1, 0, 4], [4, 0, 1]] {
-            assert_eq!(mesh.longest(stitch), [0, 1]);
+            assert_eq!(longest_edge(stitch, position), [0, 1]);
         }
-        assert_eq!(mesh.squared_length([1, 2]), 80.0);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Reads mesh files for the studio, and iterates over the vertices that are used.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::DVec3;
@@ -44,9 +45,11 @@ impl<'m> UsedVertices<'m> {
         Self { mesh, used: mesh.used_vertices() }
     }
 
-    /// Returns the number of vertices that no triangle uses.
-    pub fn unused(&self) -> u64 {
-        self.used.iter().filter(|used| !**used).count() as u64
+    /// Returns the number of vertices that no triangle and none of `stitches` uses.
+    pub fn unused(&self, stitches: &[[u32; 3]]) -> u64 {
+        let only_there: HashSet<u32> =
+            stitches.iter().flatten().copied().filter(|&v| !self.used[v as usize]).collect();
+        (self.used.iter().filter(|used| !**used).count() - only_there.len()) as u64
     }
 
     /// Returns an iterator over the used vertices.

@@ -21,6 +21,7 @@ use serde_json::{Map, Value, json};
 use crate::accel::memory_footprint;
 use crate::error::{Error, Failures, Problem, Result};
 use crate::film::Window;
+use crate::geometry::kept_stitches;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
 use crate::output::exr::text::decode;
@@ -145,16 +146,11 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     }
     let triangles = mesh.triangles.len() as u64;
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
-    notes(&mesh.notes, facts);
-    let stitches = mesh.stitches.len() as u64;
-    let what = [
-        "of them has three collinear corners: kept where it closes a T-junction",
-        "of them have three collinear corners: kept where they close a T-junction",
-    ];
-    facts.add_count("stitches", stitches, what);
+    let stitches = stitches(&mesh);
+    notes(&mesh.notes, stitches.len() as u64, facts);
     let points = UsedVertices::new(&mesh);
     let what = ["vertex that no triangle uses", "vertices that no triangle uses"];
-    facts.add_count("vertices_unused", points.unused(), what);
+    facts.add_count("vertices_unused", points.unused(&stitches), what);
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
@@ -227,7 +223,15 @@ fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
     })
 }
 
-fn notes(notes: &mesh::Notes, facts: &mut Facts) {
+/// Returns the triangles without area that a scene keeps as stitches.
+fn stitches(mesh: &mesh::Mesh) -> Vec<[u32; 3]> {
+    let position = |v: u32| mesh.positions.get(v as usize);
+    let vertices = mesh.positions.len();
+    let kept = kept_stitches(&mesh.stitches, &mesh.triangles, vertices, position);
+    kept.into_iter().map(|(stitch, _)| stitch).collect()
+}
+
+fn notes(notes: &mesh::Notes, stitches: u64, facts: &mut Facts) {
     let counts = [
         ("faces", notes.faces, ["face", "faces"]),
         (
@@ -245,8 +249,16 @@ fn notes(notes: &mesh::Notes, facts: &mut Facts) {
         ),
         (
             "degenerate_dropped",
-            notes.degenerate_dropped,
+            notes.degenerate_dropped.saturating_sub(stitches),
             ["triangle without area dropped", "triangles without area dropped"],
+        ),
+        (
+            "stitches",
+            stitches,
+            [
+                "triangle without area kept: it closes a T-junction",
+                "triangles without area kept: they close T-junctions",
+            ],
         ),
         (
             "duplicates_dropped",

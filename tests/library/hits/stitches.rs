@@ -314,3 +314,29 @@ fn lonely_lines_are_dropped() {
     let told = scratch.run(&["info", "solid.ply"]).stdout();
     assert!(told.contains("1 triangle without area dropped"), "{told}");
 }
+
+/// A pentagon with a vertex in the middle of an edge, and a line of points beside it. `info` counts
+/// the triangle that closes the T-junction apart from the line, which is dropped.
+#[test]
+fn info_counts_stitches_apart_from_dropped_triangles() {
+    let scratch = Scratch::new();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 9\nproperty double x\nproperty double y\nproperty double z\n\
+               element face 2\nproperty list uchar int vertex_indices\nend_header\n\
+               0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 0 0\n100 0 0\n101 1 1\n102 2 2\n9 9 9\n5 0 4 1 2 3\n3 5 6 7\n";
+    scratch.write("junction.ply", ply);
+    let told = scratch.run(&["info", "junction.ply"]).stdout();
+    for line in [
+        "  2 triangles\n",
+        "  1 triangle without area dropped\n",
+        "  1 triangle without area kept: it closes a T-junction\n",
+        // Vertices of the line and the last one, not the vertex that only the stitch uses.
+        "  4 vertices that no triangle uses\n",
+    ] {
+        assert!(told.contains(line), "{line}{told}");
+    }
+    let facts = scratch.run(&["info", "--json", "junction.ply"]).stdout();
+    let facts: Value = serde_json::from_str(&facts).expect("JSON");
+    let counts =
+        ["degenerate_dropped", "stitches", "vertices_unused"].map(|key| facts[key].as_u64());
+    assert_eq!(counts, [Some(1), Some(1), Some(4)]);
+}
