@@ -19,8 +19,9 @@ use crate::simd::Isa;
 /// What traces the rays of a [`RayScene`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum RayBackend {
-    /// The tree of this crate, for all queries. It is exactly watertight: no ray slips through an
-    /// edge or a vertex.
+    /// The tree of this crate, for all queries. It is watertight: no ray slips through an edge or a
+    /// vertex, unless it starts at a surface, closer than 5e-7 of the distance to the corners of a
+    /// face.
     #[default]
     Bvh,
     /// Intel Embree 4, loaded at run time, for [`RayScene::closest`] and [`RayScene::occluded`]

@@ -7,6 +7,9 @@
 //! most u(2|A_k| + 4|S_k||A_z|) <= 6u max|v - o|. It moves a shared vertex in the same way in every
 //! triangle.
 //!
+//! The ray's origin is not moved. So a ray that starts within that distance of a surface may start
+//! on the other side of the moved surface, and miss it.
+//!
 //! The signs of the three edge functions of the sheared points are exact. In f64 the product of two
 //! f32 is exact, and the difference of two exact products has the exact sign.
 
