@@ -77,12 +77,22 @@ impl RayScene {
         let local = point - self.origin();
         let mut best = Nearest::NONE;
         let slack = self.slack(local.abs().max_element());
+        // 2^-48 of the largest coordinate: more than the rounding of a distance.
+        let error = f64::from(slack) * 0.5f64.powi(26)
+            + self.origin().abs().max_element() * 0.5f64.powi(48);
+        let mut limit = f64::INFINITY;
         bvh.visit_nearest(local.as_vec3().to_array(), slack, |primitive| {
-            let on = nearest_on_triangle(sorted(self.corners(primitive)), point);
-            let squared = (on - point).length_squared();
-            let lower = squared == best.squared && primitive < best.primitive;
-            if squared < best.squared || lower {
-                best = Nearest { squared, point: on, primitive };
+            let corners = self.corners(primitive);
+            let squared = |on: DVec3| (on - point).length_squared();
+            // Only faces that are nearer or may be as near are computed with sorted corners.
+            if squared(nearest_on_triangle(corners, point)) <= limit {
+                let on = nearest_on_triangle(sorted(corners), point);
+                let squared = squared(on);
+                let lower = squared == best.squared && primitive < best.primitive;
+                if squared < best.squared || lower {
+                    best = Nearest { squared, point: on, primitive };
+                    limit = (squared.sqrt() + error).powi(2);
+                }
             }
             best.squared
         });
@@ -144,6 +154,7 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::{Mesh, Positions};
 
     /// Irregular points, above the edges of a triangle too.
     #[test]
@@ -163,16 +174,27 @@ mod tests {
     /// A ridge, whose faces lie below it: it is nearest to all points high above.
     #[test]
     fn faces_that_share_an_edge_share_the_nearest_point_on_it() {
-        let [a, b] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9]].map(|v: [f64; 3]| DVec3::from(v));
+        let [a, b] = [[0.1, 0.7, -0.3], [1.3, 0.2, -0.1]].map(|v: [f64; 3]| DVec3::from(v));
         let others = [[0.3, -1.1, -2.0], [1.1, 2.3, -2.2], [2.7, 1.3, -0.9]]
             .map(|v: [f64; 3]| DVec3::from(v));
+        let vertices = [&[a, b][..], &others[..]].concat();
+        let positions = Positions::F64(vertices.iter().map(|v| v.to_array()).collect());
+        let mesh = Mesh::new(positions, vec![[2, 1, 0], [1, 3, 0], [0, 1, 4]]).expect("a mesh");
+        let scene = RayScene::new(vec![Box::new(mesh)], &Monitor::default()).expect("a scene");
+        let mut between = 0;
         for i in 0..1000 {
             let weight = |k: i32| f64::from(i * k % 101) / 101.0;
-            let up = DVec3::new(weight(13) - 0.5, weight(29) - 0.5, 4.0 + weight(53));
+            let up = DVec3::new(weight(13) - 0.5, weight(29) - 0.5, 2.0 + weight(53));
             let p = a + (b - a) * weight(7) + up;
             let on = others.map(|c| nearest_on_triangle(sorted([c, b, a]), p));
             assert_eq!((on[0], on[1]), (on[2], on[2]), "{p}");
+            between += usize::from(on[0] != a && on[0] != b);
+            // The lowest of equally near faces wins.
+            let found = scene.closest_point(&[p.to_array()], &Monitor::default());
+            let found = found.expect("a finite point");
+            assert_eq!((found.primitive[0], found.point[0]), (0, on[0].to_array()), "{p}");
         }
+        assert!(between > 500);
     }
 
     /// Every order of three corners of which two coincide, and of three equal ones.
