@@ -7,6 +7,7 @@
 
 use super::camera_packet::CameraPacket;
 use super::light_sums::LightSums;
+use super::plate::Plate;
 use super::record::{Beauty, Record};
 use super::sampled_light::SampledLight;
 use super::shadows::ShadowRays;
@@ -14,10 +15,18 @@ use super::whitted::WhittedIntegrator;
 use crate::math::luminance;
 use crate::ray::{LANES, Mask};
 use crate::scene::Role;
-use crate::shading::{Area, Lanes3};
+use crate::shading::{Area, Emitter, Lanes3, Light};
 
 /// Fewest points of a light for the expectation of its light without shadows. They cost no rays.
 const EXPECTED_POINTS: u32 = 16;
+
+/// Returns the area of a light whose own points are too few for its expectation.
+fn few_points(light: &Light) -> Option<&Area> {
+    match &light.emitter {
+        Emitter::Area(area) if area.samples < EXPECTED_POINTS => Some(area),
+        _ => None,
+    }
+}
 
 impl WhittedIntegrator<'_> {
     /// Finds the holdouts and catchers that camera rays hit. Returns `hit` without the holdouts,
@@ -76,7 +85,6 @@ impl WhittedIntegrator<'_> {
         sampled_light: &SampledLight,
         q: &Lanes3,
         area: Option<&Area>,
-        camera_packet: &CameraPacket,
     ) {
         let (rays, weights) = (&mut self.shadow, &mut self.light_weights);
         let (falloff, light) = (self.world.falloff, sampled_light.light);
@@ -100,10 +108,7 @@ impl WhittedIntegrator<'_> {
                 }
             }
         }
-        let mean = area.map(|area| {
-            self.without_shadows(sampled_light, (area, EXPECTED_POINTS), camera_packet)
-        });
-        self.catch(sampled_light, &whole, mean.as_ref().unwrap_or(&whole));
+        self.catch(sampled_light, &whole);
     }
 
     /// [`WhittedIntegrator::catch_point`] for all points of an area light.
@@ -116,11 +121,7 @@ impl WhittedIntegrator<'_> {
         camera_packet: &CameraPacket,
     ) {
         let whole = self.without_shadows(sampled_light, (area, area.samples), camera_packet);
-        if area.samples >= EXPECTED_POINTS {
-            return self.catch(sampled_light, &whole, &whole);
-        }
-        let mean = self.without_shadows(sampled_light, (area, EXPECTED_POINTS), camera_packet);
-        self.catch(sampled_light, &whole, &mean);
+        self.catch(sampled_light, &whole);
     }
 
     /// Returns the mean light without shadows of `count` points of an area light. If `count` is the
@@ -170,21 +171,46 @@ impl WhittedIntegrator<'_> {
     }
 
     /// Moves the radiance of catchers, which is the light of `sampled_light`, into their sums.
-    /// `whole` is this light without shadows, with the same rounding, and `mean` its expectation.
-    fn catch(&mut self, sampled_light: &SampledLight, whole: &Lanes3, mean: &Lanes3) {
+    /// `whole` is this light without shadows, with the same rounding.
+    fn catch(&mut self, sampled_light: &SampledLight, whole: &Lanes3) {
         let Some(plate) = &mut self.plate else { return };
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
             let arrived = luminance([0, 1, 2].map(|axis| self.radiance[axis][i]));
             let unshadowed = luminance([0, 1, 2].map(|axis| whole[axis][i]));
             plate.arrived[i] += arrived;
             plate.unshadowed[i] += unshadowed;
-            plate.expected[i] += luminance([0, 1, 2].map(|axis| mean[axis][i]));
+            if few_points(sampled_light.light).is_none() {
+                plate.expected[i] += unshadowed;
+            }
             plate.taken[sampled_light.index as usize][i] = unshadowed - arrived;
             self.radiance.iter_mut().for_each(|axis| axis[i] = 0.0);
         }
     }
 
-    /// Computes the alpha of catchers after the last light.
+    /// Completes the expected light of catchers after the last light. Only shadows make alpha other
+    /// than 0, so without any there is nothing to do.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn expect_light(&mut self, camera_packet: &CameraPacket) {
+        let shadowed = |plate: &Plate| {
+            (0..LANES).any(|i| plate.catchers.0[i] != 0 && plate.arrived[i] != plate.unshadowed[i])
+        };
+        if !self.plate.as_deref().is_some_and(shadowed) {
+            return;
+        }
+        let world = self.world;
+        for (index, light) in (0..).zip(&world.lights) {
+            let Some(area) = few_points(light) else { continue };
+            let sampled_light = SampledLight { light, index, bounce: 0, glossy: true };
+            let mean = self.without_shadows(&sampled_light, (area, EXPECTED_POINTS), camera_packet);
+            let Some(plate) = &mut self.plate else { return };
+            for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
+                plate.expected[i] += luminance([0, 1, 2].map(|axis| mean[axis][i]));
+            }
+        }
+    }
+
+    /// Computes the alpha of catchers from their sums.
     #[cold]
     #[inline(never)]
     pub(super) fn finish_catchers<R: Record>(&mut self, record: &mut R) {

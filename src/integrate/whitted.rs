@@ -223,7 +223,7 @@ impl<'a> WhittedIntegrator<'a> {
                     let q = q.to_array().map(|x| [x; LANES]);
                     self.one_point(&sampled_light, (&q, None), camera_packet, counts, record);
                     if catching {
-                        self.catch_point(&sampled_light, &q, None, camera_packet);
+                        self.catch_point(&sampled_light, &q, None);
                     }
                 }
                 Emitter::Area(area) if area.samples == 1 => {
@@ -241,7 +241,7 @@ impl<'a> WhittedIntegrator<'a> {
                     let q = area.points(&square, &self.points.at);
                     self.one_point(&sampled_light, (&q, Some(area)), camera_packet, counts, record);
                     if catching {
-                        self.catch_point(&sampled_light, &q, Some(area), camera_packet);
+                        self.catch_point(&sampled_light, &q, Some(area));
                     }
                 }
                 Emitter::Area(area) => {
@@ -428,6 +428,7 @@ impl<R: Record> Stage<CameraPacket, RayCounts, R> for WhittedIntegrator<'_> {
             }
             self.lights(camera_packet, (bounce, catching), counts, record);
             if catching {
+                self.expect_light(camera_packet);
                 self.finish_catchers(record);
             }
         }
