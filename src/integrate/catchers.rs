@@ -18,7 +18,7 @@ use crate::scene::Role;
 use crate::shading::{Area, Emitter, Lanes3, Light};
 
 /// Fewest points of a light for the expectation of its light without shadows. They cost no rays.
-const EXPECTED_POINTS: u32 = 16;
+const EXPECTED_POINTS: u32 = 8;
 
 /// Returns the area of a light whose own points are too few for its expectation.
 fn few_points(light: &Light) -> Option<&Area> {

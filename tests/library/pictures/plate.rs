@@ -269,8 +269,8 @@ fn alpha_of_a_catcher_is_what_the_shadows_take() {
             }
             Picture::new(&scene, backend)
         };
-        // Of a light with few points, 16 give the expectation of its light.
-        let (shadowed, lit, mean) = (white(true, 1), white(false, 1), white(false, 16));
+        // Of a light with few points, 8 give the expectation of its light.
+        let (shadowed, lit, mean) = (white(true, 1), white(false, 1), white(false, 8));
         let caught = Picture::new(&with(stage(), 0, "shadow_catcher", json!(true)), backend);
         let plain = Picture::new(&stage(), backend);
         let (mut dark, mut partly, mut full) = (0, 0, 0);
