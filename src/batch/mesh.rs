@@ -175,6 +175,8 @@ impl Run<'_> {
         let film = match film {
             Some(film) if film.frame == world.frame => film,
             film => {
+                // Its memory must be free before the new one takes its own.
+                *film = None;
                 let window = Window::full(world.frame[0], world.frame[1]);
                 let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone())?;
                 // Otherwise the film would need memory beside the memory that the build has freed.

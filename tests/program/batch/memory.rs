@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::support::program::{Done, PYRAMID, Scratch};
 
@@ -26,6 +26,32 @@ fn a_limit_of_memory_covers_all_films() {
     assert_eq!(frames.len(), 9);
     let peak = frames.iter().map(|frame| frame["peak_bytes"].as_u64().unwrap()).max().unwrap();
     assert!(peak < 90 << 20, "{peak}");
+}
+
+/// Films of 1600 x 1200 and 1200 x 1600 pixels take 31 MB each. Two do not fit.
+#[test]
+fn a_film_of_another_size_takes_the_place_of_the_last() {
+    let scratch = Scratch::new();
+    let camera = |width: u32, height: u32| {
+        json!({ "type": "pinhole", "width": width, "height": height, "fov": 40,
+                "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] })
+    };
+    let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} });
+    let scene = json!({ "spp": 1, "camera": camera(8, 8), "scene": { "shapes": [ball] } });
+    scratch.write("s.json", &scene.to_string());
+    let view = |i: usize| {
+        let [width, height] = [[1600, 1200], [1200, 1600]][i % 2];
+        json!({ "image": i.to_string(), "camera": camera(width, height) })
+    };
+    let list = json!({ "cameras": (0..4).map(view).collect::<Vec<_>>() });
+    scratch.write("list.json", &list.to_string());
+    let args = ["batch", "s.json", "-o", "out", "--cameras", "list.json", "--threads", "2"];
+    let limited = ["--max-memory", "72M", "--no-sheet", "--quiet"];
+    scratch.run(&[&args[..], &limited].concat()).good();
+    let frames = records(&scratch, "frame");
+    assert_eq!(frames.len(), 4);
+    let peak = frames.iter().map(|frame| frame["peak_bytes"].as_u64().unwrap()).max().unwrap();
+    assert!(peak < 72 << 20, "{peak}");
 }
 
 /// A frame of 9000 x 9000 pixels, which takes 240 MB when it is decoded.
