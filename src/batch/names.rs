@@ -160,11 +160,18 @@ fn is_within(name: &Path) -> bool {
     name.file_name().is_some() && name.components().all(plain)
 }
 
-/// Returns the name of the folder that contains an input.
+/// Returns the name of the folder that contains an input. `..` leads to the folder above in the
+/// path as written, so a link gives the same name on every machine.
 fn parent(input: &Path) -> std::ffi::OsString {
     let absolute = std::path::absolute(input).unwrap_or_else(|_| input.to_owned());
-    let name = absolute.parent().and_then(Path::file_name);
-    name.unwrap_or("root".as_ref()).to_owned()
+    let mut folder = PathBuf::new();
+    for component in absolute.parent().iter().flat_map(|folder| folder.components()) {
+        match component {
+            Component::ParentDir => drop(folder.pop()),
+            other => folder.push(other),
+        }
+    }
+    folder.file_name().unwrap_or("root".as_ref()).to_owned()
 }
 
 fn piece(field: &str) -> std::result::Result<Piece, (String, Option<String>)> {
@@ -278,6 +285,16 @@ mod tests {
         assert_eq!(of("{stem}/{stem}.{frame:04}.exr"), "a/a.0012");
         assert_eq!(of("{parent}-{input:03}_{frame}"), "red-007_12");
         assert_eq!(of(NamePattern::STILL), "a");
+        let parents = [
+            ("/scans/red/../blue/a.ply", "blue"),
+            ("/scans/red/../a.ply", "scans"),
+            ("/scans/red/./a.ply", "red"),
+            ("/../a.ply", "root"),
+        ];
+        let pattern = NamePattern::parse("--name", "{parent}").unwrap();
+        for (input, name) in parents {
+            assert_eq!(pattern.of(Path::new(input), 0, 0), Path::new(name), "{input}");
+        }
         assert!(NamePattern::parse("", NamePattern::FRAMES).unwrap().has_frame_number());
         assert!(!NamePattern::parse("", NamePattern::STILL).unwrap().has_frame_number());
     }
