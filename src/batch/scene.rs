@@ -14,7 +14,7 @@ use crate::monitor::Monitor;
 use crate::picture::{self, PictureFiles};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Loaded, Overrides, Scene, Source};
-use crate::studio::{self, MeshScene, Subject, Turntable};
+use crate::studio::{self, MeshScene, Subject};
 use crate::world::{self, ContentHashes};
 
 use super::fingerprint::{Settings, fingerprint};
@@ -154,10 +154,10 @@ pub fn read(
     let mut warnings = Vec::new();
     let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
     let target = loaded.description.camera.target().map(|target| target.vec());
-    let pivot = match (job.pivot.or(target), job.turntable) {
-        (Some(pivot), _) => pivot,
-        (None, None | Some(Turntable { frames: 1, .. })) => DVec3::ZERO,
-        (None, Some(_)) => {
+    let pivot = match job.pivot.or(target) {
+        Some(pivot) => pivot,
+        None if !job.turntable.is_some_and(|turntable| turntable.turns()) => DVec3::ZERO,
+        None => {
             let place = path.display().to_string();
             let message = "found a turntable of a scene whose camera has no `target`";
             return Err(Error::invalid(place, message)

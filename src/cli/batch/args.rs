@@ -70,8 +70,8 @@ pub struct FrameArgs {
     #[arg(long, value_name = "WHAT", requires = "turntable")]
     pub lights: Option<LightsFollow>,
 
-    /// Angle of the first frame in degrees
-    #[arg(long, value_name = "DEG", requires = "turntable", allow_negative_numbers = true)]
+    /// Angle of the first frame in degrees, from -360 to 360
+    #[arg(long, value_name = "DEG", requires = "turntable", value_parser = parse_start, allow_negative_numbers = true)]
     pub start: Option<f64>,
 
     /// Render each input from every camera of a list, in its own coordinates: a folder with a
@@ -161,6 +161,12 @@ pub struct RunArgs {
     /// Write the contact sheet of the existing frames; render nothing
     #[arg(long, conflicts_with_all = ["dry_run", "no_sheet", "range"])]
     pub sheet_only: bool,
+}
+
+/// Parses the angle of a turntable's first frame, within the range of the job file.
+fn parse_start(text: &str) -> Result<f64, String> {
+    let degrees = text.parse().ok().filter(|degrees| (-360.0..=360.0).contains(degrees));
+    degrees.ok_or_else(|| "expected a number in [-360, 360]".to_string())
 }
 
 /// Rewords the help of [`PlacementArgs`] for many meshes.

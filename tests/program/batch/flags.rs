@@ -57,6 +57,34 @@ fn a_flag_wins_over_every_input_and_job() {
 }
 
 #[test]
+fn a_turntable_of_one_turned_frame_needs_an_axis() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let camera = json!({ "type": "pinhole", "width": 8, "height": 6, "fov": 40,
+                         "position": [100, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] });
+    let ball = json!({ "type": "sphere", "center": [100, 0, 0], "radius": 1, "material": {} });
+    let scene = json!({ "camera": camera, "scene": { "shapes": [ball] } });
+    scratch.write("s.json", &scene.to_string());
+    let batch = |input: &str, start: &str| {
+        let args = ["batch", input, "-o", "out", "--turntable", "1", "--no-sheet", "--quiet"];
+        scratch.run(&[&args[..], &["--start", start], &SMALL].concat())
+    };
+    batch("s.json", "-360").good();
+    let refused = batch("s.json", "90");
+    assert!(
+        refused.code() == 1 && refused.stderr().contains("no `target`"),
+        "{}",
+        refused.stderr()
+    );
+    // The angle has the range of the job file.
+    for start in ["361", "-1e9", "nan"] {
+        let refused = batch("a.ply", start);
+        assert_eq!(refused.code(), 2, "{start}");
+        assert!(refused.stderr().contains("[-360, 360]"), "{}", refused.stderr());
+    }
+}
+
+#[test]
 fn a_texture_wins_over_the_material_of_an_input() {
     let scratch = Scratch::new();
     let quad = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
