@@ -1,34 +1,60 @@
 //! Renders one input of a batch, a mesh or a scene: reads it, builds its accelerator, renders its
-//! frames in parallel, and drops it.
+//! frames in parallel, and drops it. Frames with another origin of coordinates follow, with another
+//! world of the same input.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
+
+use serde_json::Value;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Result};
 use crate::film::{Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
+use crate::mesh::Mesh;
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
 use crate::render::{RayCounts, RenderContext, render_layers};
+use crate::reserve::MemoryLimit;
+use crate::scene::{Backend, CheckedCamera, Scene};
 use crate::world::{ContentHashes, LoadOptions, World};
 
 use super::file_hashes::sum;
 use super::journal::{FrameRecord, JournalRecord, MeshRecord, seen_from};
+use super::origins::{self, Group};
 use super::resume::Resume;
 use super::scene::{self, Frame, Ready};
 use super::status::Event;
 use super::tasks::Task;
 use super::workers::{Run, Share, guarded, together};
 
-/// A loaded input with its accelerator, shared by all its frames.
-struct Built<'a> {
+/// What all frames of an input share, whatever their origin of coordinates.
+struct Input<'a> {
     /// Index among the tasks of the run.
     number: usize,
     task: &'a Task,
-    input: &'a str,
+    path: &'a str,
+    /// Memory limit of the mesh arrays.
+    memory_limit: Option<MemoryLimit>,
+    budget: Option<Budget>,
+    /// Predicted bytes of all films at a time.
+    film_bytes: u64,
+    /// Maximum number of films at a time.
+    films: u64,
+    /// Hashes of the files; `None` if one of them is a pipe.
+    contents: Option<ContentHashes>,
+    /// Cameras of all frames.
+    cameras: Vec<CheckedCamera>,
+    /// Camera for the journal.
+    camera: Value,
+}
+
+/// A loaded input with its accelerator, shared by all frames with its origin.
+struct Built<'a> {
+    input: &'a Input<'a>,
     /// Maximum number of films at a time.
     films: u64,
     world: &'a World,
@@ -45,7 +71,7 @@ impl Run<'_> {
     pub fn mesh(
         &self,
         (number, task): (usize, &Task),
-        input: &str,
+        path: &str,
         share: Share,
         left: &mut u64,
     ) -> Result<()> {
@@ -71,55 +97,127 @@ impl Run<'_> {
         }
         *left = frames.len() as u64;
         self.kept(task.input, kept).inspect_err(|error| self.end(error.clone()))?;
-        if frames.is_empty() {
-            return Ok(());
-        }
+        let Some(first) = frames.first() else { return Ok(()) };
         let Ready { loaded, mesh, warnings, .. } = ready;
+        let loaded = if job.poses.is_some() { &first.loaded } else { &loaded };
         let camera = loaded.description.to_json()["camera"].clone();
         if !mesh.is_empty() && job.poses.is_none() {
-            (self.tell)(Event::Framed { input, camera: &camera });
+            (self.tell)(Event::Framed { input: path, camera: &camera });
         }
-        let mut messages = self.warn(input, &warnings);
+        let mut messages = self.warn(path, &warnings);
         let film_bytes = prediction.film_bytes.saturating_mul(films);
         let budget = self.options.max_memory.map(|_| Budget::new(share, prediction)).transpose()?;
-        let budget = budget.as_ref();
-        let options = LoadOptions {
-            repair: job.repair,
-            no_mmap: job.no_mmap,
-            ready: mesh,
+        let hashed = frames.iter().all(|frame| frame.hash.is_some());
+        let input = Input {
+            number,
+            task,
+            path,
             memory_limit,
-            texture_bytes: budget.map(Budget::for_textures),
+            budget,
+            film_bytes,
+            films,
+            contents: hashed.then_some(contents),
             cameras: frames.iter().map(|frame| frame.loaded.scene.camera.clone()).collect(),
+            camera,
+        };
+        let world = self.load(&input, &loaded.scene, mesh, &mut messages)?;
+        let (here, others) = origins::groups(&world.views, job.poses.is_none());
+        self.group(&input, (world, loaded.scene.backend), (&here, &frames), began, &mut messages)?;
+        for group in others.iter().take_while(|_| !self.stopped()) {
+            let again = || self.load_again(&input, (group, &frames), &mut messages);
+            if let Err(error) = guarded(again) {
+                for &frame in &group.frames {
+                    self.failed(task.input, Some(frames[frame].number), 1, error.clone());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Loads the input with another origin than before, and renders the frames of this origin.
+    fn load_again(
+        &self,
+        input: &Input,
+        (group, frames): (&Group, &[Frame]),
+        messages: &mut Vec<String>,
+    ) -> Result<()> {
+        let began = Instant::now();
+        if input.contents.is_none() {
+            let message = "found a mesh or an image from a pipe, which cannot be read again for \
+                           the origin of coordinates of another camera";
+            return Err(Error::invalid(input.path, message).help("save it as a file"));
+        }
+        let scene = &frames[group.frames[0]].loaded.scene;
+        let world = self.load(input, scene, Vec::new(), messages)?;
+        self.group(input, (world, scene.backend), (group, frames), began, messages)
+    }
+
+    /// Loads a scene of the input, with the meshes that are in memory already. Reports warnings
+    /// that are new, and adds them to `messages`.
+    fn load(
+        &self,
+        input: &Input,
+        scene: &Scene,
+        ready: Vec<(PathBuf, Mesh)>,
+        messages: &mut Vec<String>,
+    ) -> Result<World> {
+        let options = LoadOptions {
+            repair: self.job.repair,
+            no_mmap: self.job.no_mmap,
+            ready,
+            memory_limit: input.memory_limit,
+            texture_bytes: input.budget.as_ref().map(Budget::for_textures),
+            cameras: input.cameras.clone(),
             ..LoadOptions::default()
         };
-        let scene = &loaded.scene;
+        let monitor = self.monitor.part();
         let loading = || World::load(scene, options, &monitor);
-        let (world, warnings) = self.loading.install(loading)?;
+        let (world, mut warnings) = self.loading.install(loading)?;
         self.refuse_if_output(&world.read)?;
-        if frames.iter().all(|frame| frame.hash.is_some()) {
+        if let Some(contents) = &input.contents {
             contents.check(&world.read)?;
         }
-        messages.extend(self.warn(input, &warnings));
+        warnings.retain(|warning| !messages.contains(&warning.to_string()));
+        messages.extend(self.warn(input.path, &warnings));
+        Ok(world)
+    }
+
+    /// Builds the accelerator of a world, and renders the frames that share it. `began` is when
+    /// loading began.
+    fn group(
+        &self,
+        input: &Input,
+        (world, backend): (World, Backend),
+        (group, frames): (&Group, &[Frame]),
+        began: Instant,
+        messages: &mut Vec<String>,
+    ) -> Result<()> {
+        if group.frames.is_empty() {
+            return Ok(());
+        }
+        messages.extend(self.warn(input.path, group.warning().as_slice()));
         let load_s = began.elapsed().as_secs_f64();
         let world_bytes = world.mesh_bytes() + world.texture_bytes();
+        let budget = input.budget.as_ref();
         let options = BuildOptions {
             threads: self.options.threads,
             max_bytes: budget.map(|budget| budget.for_accelerator(world_bytes)),
         };
+        let monitor = self.monitor.part();
         let building = || {
             if budget.is_none() {
                 let (threads, primitives) = (self.options.threads, world.primitives());
-                memory::ensure_build_fits(scene.backend, threads, primitives, film_bytes)?;
+                memory::ensure_build_fits(backend, threads, primitives, input.film_bytes)?;
             }
-            accel::build(&world.geometry, scene.backend, &options, &monitor)
+            accel::build(&world.geometry, backend, &options, &monitor)
         };
         let accelerator = self.loading.install(building)?;
         let info = accelerator.info();
         let films = match budget {
-            Some(budget) => budget.films(world_bytes + info.bytes, films)?,
-            None => films,
+            Some(budget) => budget.films(world_bytes + info.bytes, input.films)?,
+            None => input.films,
         };
-        let (path, name) = self.named(task.input);
+        let (path, name) = self.named(input.task.input);
         let record = MeshRecord {
             input: path,
             name,
@@ -127,28 +225,26 @@ impl Run<'_> {
             load_s,
             build_s: began.elapsed().as_secs_f64() - load_s,
             bytes: world_bytes + info.bytes,
-            camera,
-            warnings: messages,
+            camera: input.camera.clone(),
+            warnings: messages.clone(),
         };
         let noted = self.journal.add(&JournalRecord::Mesh(record));
         noted.inspect_err(|error| self.end(error.clone()))?;
         let accelerator = accelerator.as_ref();
-        self.frames(
-            &Built { number, task, input, films, world: &world, accelerator, info },
-            &frames,
-        );
+        let frames: Vec<&Frame> = group.frames.iter().map(|&frame| &frames[frame]).collect();
+        self.frames(&Built { input, films, world: &world, accelerator, info }, &frames);
         Ok(())
     }
 
     /// Renders frames on one thread per film. That is one more than frames are rendered at a time,
     /// if memory allows it: a frame can then be written while the next frames are traced.
-    fn frames(&self, built: &Built, frames: &[Frame]) {
+    fn frames(&self, built: &Built, frames: &[&Frame]) {
         let next = AtomicUsize::new(0);
         let work = || {
             let mut film = None;
             while let Some(frame) = frames.get(next.fetch_add(1, Relaxed)) {
                 if let Err(error) = guarded(|| self.frame(built, frame, &mut film)) {
-                    self.failed(built.task.input, Some(frame.number), 1, error);
+                    self.failed(built.input.task.input, Some(frame.number), 1, error);
                 }
                 if self.stopped() {
                     return;
@@ -163,7 +259,7 @@ impl Run<'_> {
         let plan = LayerPlan::new(scene);
         let world = built.world.frame_of(scene);
         let monitor = Arc::new(self.monitor.part());
-        let permit = self.permits.take(built.number);
+        let permit = self.permits.take(built.input.number);
         if self.stopped() {
             return Ok(());
         }
@@ -214,11 +310,11 @@ impl Run<'_> {
             Ok(written) => written,
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
-        let warnings = self.warn(built.input, &picture::oddity_warnings(&oddities));
+        let warnings = self.warn(built.input.path, &picture::oddity_warnings(&oddities));
         let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
         let xxh3 = xxh3.inspect_err(|error| self.end_if_retry(error))?;
         self.finished(&counts);
-        let (input, name) = self.named(built.task.input);
+        let (input, name) = self.named(built.input.task.input);
         let record = FrameRecord {
             index: frame.index,
             input,

@@ -2,8 +2,9 @@
 //!
 //! `description` holds the job file as written; [`Job`] is its checked form. `tasks` lists the
 //! frames and `workers` renders them. `scene` turns an input into the scenes of its frames;
-//! `mesh` reads, builds and renders it. `gate` orders the workers, `resume` decides which frames
-//! may stay, `journal` records events, and `sheet` draws the contact sheet.
+//! `mesh` reads, builds and renders it, once for each origin of `origins`. `gate` orders the
+//! workers, `resume` decides which frames may stay, `journal` records events, and `sheet` draws the
+//! contact sheet.
 
 mod description;
 mod file_hashes;
@@ -14,6 +15,7 @@ mod job;
 mod journal;
 mod mesh;
 mod names;
+mod origins;
 mod outputs;
 mod resume;
 mod scene;

@@ -28,7 +28,8 @@ const FRAMES_PER_CHECK: usize = 256;
 /// An input that is read and, if it is a mesh, framed.
 #[derive(Debug)]
 pub struct Ready {
-    /// Scene of the input: the scene of frame 0, unless a turntable starts at another angle than 0.
+    /// Scene of the input: the scene of frame 0, unless a turntable starts at another angle than 0
+    /// or the job has a list of cameras.
     pub loaded: Loaded,
     /// The mesh with its path; empty for a scene.
     pub mesh: Vec<(PathBuf, Mesh)>,
@@ -147,7 +148,6 @@ pub fn read(
         let MeshScene { loaded, warnings, mesh, middle } =
             studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
-        let loaded = first_pose(job, loaded, &folder)?;
         let pivot = job.pivot.unwrap_or(middle);
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
     }
@@ -165,18 +165,7 @@ pub fn read(
         }
     };
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let loaded = first_pose(job, loaded, &folder)?;
     Ok(Ready { loaded, mesh: Vec::new(), warnings, folder, pivot })
-}
-
-/// Gives a scene the first camera of the job's list. The world of all frames is loaded with this
-/// camera, because the origin of coordinates depends on a camera.
-fn first_pose(job: &Job, loaded: Loaded, folder: &Path) -> Result<Loaded> {
-    let pose = job.poses.as_ref().and_then(|poses| poses.list.first());
-    let Some(pose) = pose else { return Ok(loaded) };
-    let mut found = loaded.with_camera(&pose.image, &pose.camera, folder)?;
-    found.warnings = loaded.warnings;
-    Ok(found)
 }
 
 impl Ready {

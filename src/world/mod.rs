@@ -7,6 +7,7 @@ mod fingerprint;
 mod gather;
 mod instances;
 mod lights;
+mod load_options;
 mod maps;
 mod origin;
 mod place;
@@ -15,7 +16,6 @@ mod sources;
 mod textures;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -23,11 +23,10 @@ use glam::Vec3;
 use crate::camera::{self, Camera};
 use crate::error::{Error, Failures, Problem, Result};
 use crate::geometry::{Geometry, PrimitiveCounts};
-use crate::mesh::{self, Mesh};
 use crate::monitor::{Monitor, Phase};
 use crate::output::legend::Legend;
 use crate::reserve::MemoryLimit;
-use crate::scene::{CheckedCamera, Falloff, SamplerKind, Scene, ShapeKind, Trimesh};
+use crate::scene::{Falloff, SamplerKind, Scene, ShapeKind};
 use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
@@ -40,74 +39,13 @@ pub use self::bounds::Bounds;
 pub use self::colors::color_request;
 pub use self::fingerprint::{ContentHashes, fingerprint};
 pub use self::lights::VisibleEnvironment;
+pub use self::load_options::LoadOptions;
 pub use self::maps::Maps;
-pub use self::origin::Origin;
+pub use self::origin::{Origin, View};
 pub use self::place::{extent, placement};
 pub use self::resolution::{Detail, Resolution, ulp};
 pub use self::sources::{ReadFiles, mesh_sources, own_images, own_texture, sources};
 pub use self::textures::several_textures_warning;
-
-/// Options for reading the scene's files.
-#[derive(Debug, Default)]
-pub struct LoadOptions {
-    /// Drop triangles that use bad vertices instead of refusing the mesh.
-    pub repair: bool,
-    /// Read meshes through a window instead of mapping their files into memory.
-    pub no_mmap: bool,
-    /// Meshes that are in memory already, by the path that the scene uses for them.
-    pub ready: Vec<(PathBuf, Mesh)>,
-    /// Memory limit of the arrays of all meshes.
-    pub memory_limit: Option<MemoryLimit>,
-    /// Memory limit in bytes of all textures, decoding included. `None`: the limit is
-    /// `memory_limit`. A texture of a surface never takes more than 4 GiB. The image of an
-    /// environment takes more only if one of the limits is set.
-    pub texture_bytes: Option<u64>,
-    /// Make a copy of the mesh for each instance, for backends that trace no instances. Copies are
-    /// also made if the scene's own backend needs them.
-    pub copy_instances: bool,
-    /// Most texels of an image that is held in memory whole. `None`: 8192 x 8192. Larger images of
-    /// surfaces, of 8 bits a channel, are in temporary files.
-    pub whole_texels: Option<u64>,
-    /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
-    /// meshes where they are likely.
-    pub resolutions: bool,
-    /// All cameras of the render, for warnings about rounding and about unseen meshes. Empty: the
-    /// scene's camera alone.
-    pub cameras: Vec<CheckedCamera>,
-}
-
-impl LoadOptions {
-    /// Returns whether a box lies outside the view of every camera.
-    fn outside_views(&self, scene: &Scene, bounds: Bounds) -> bool {
-        match self.cameras.as_slice() {
-            [] => bounds.outside_view(&scene.camera),
-            all => all.iter().all(|camera| bounds.outside_view(camera)),
-        }
-    }
-
-    fn mesh(&mut self, spec: &Trimesh, textured: bool, monitor: &Monitor) -> Result<Mesh> {
-        let path = spec.path.as_path();
-        let ready = self.ready.iter().position(|(ready, _)| ready == path);
-        // A limit that the user set includes meshes in memory. One that was measured as free memory
-        // does not: they were in memory already.
-        let counts = ready.is_none() || self.memory_limit.is_some_and(|limit| limit.set_by_user);
-        let mesh = match ready {
-            Some(index) => self.ready.swap_remove(index).1,
-            None => {
-                let options = mesh::ReadOptions::default()
-                    .repair(self.repair)
-                    .memory_limit(self.memory_limit);
-                let options = options.color(color_request(spec, textured));
-                let options = options.points(spec.points.is_some());
-                let options = options.textures(!textured && spec.color.is_none());
-                mesh::read_ply(path, options.mmap(!self.no_mmap).monitor(monitor))?
-            }
-        };
-        let left = |limit: MemoryLimit| if counts { limit.less(mesh.bytes()) } else { limit };
-        self.memory_limit = self.memory_limit.map(left);
-        Ok(mesh)
-    }
-}
 
 /// Everything that a render needs except the accelerator. All positions are relative to
 /// `geometry.origin`. A clone shares geometry and shapes.
@@ -161,6 +99,8 @@ pub struct World {
     pub resolutions: Vec<Resolution>,
     /// Origin of the coordinates, and the precision near the camera.
     pub origin: Origin,
+    /// What each of [`LoadOptions::cameras`] sees of the loaded world.
+    pub views: Vec<View>,
     /// The files that were opened, with their stamps.
     pub read: ReadFiles,
     /// The colour map of the first mesh that shows a property.
@@ -248,9 +188,12 @@ impl World {
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
         let boxed: Vec<_> = shapes.zip(bounds).collect();
         let chosen = Origin::choose(&scene.camera, &boxed);
-        let others = options.cameras.iter().map(|camera| chosen.seen_by(camera, &boxed));
-        let worst = others.max_by(|a, b| a.pixels.total_cmp(&b.pixels)).unwrap_or(chosen);
-        log.warnings.extend(worst.warning());
+        let views = options.cameras.iter().map(|camera| View {
+            own: Origin::choose(camera, &boxed),
+            here: chosen.seen_by(camera, &boxed),
+        });
+        let views: Vec<View> = views.collect();
+        log.warnings.extend(chosen.warning().filter(|_| views.is_empty()));
         let origin = chosen.position;
         // Meshes of instances keep an origin of their own.
         let faces =
@@ -292,7 +235,7 @@ impl World {
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         log.warnings.extend(settled);
         let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), chosen, scene);
-        let world = Self { resolutions, read: log.read, legend, ..world };
+        let world = Self { resolutions, views, read: log.read, legend, ..world };
         Ok((world, log.warnings))
     }
 
@@ -330,6 +273,7 @@ impl World {
             transparent: scene.transparent,
             resolutions: Vec::new(),
             origin: chosen,
+            views: Vec::new(),
             geometry,
             read: ReadFiles::default(),
             legend: None,

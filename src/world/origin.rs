@@ -54,6 +54,22 @@ pub struct Origin {
     pub pixels: f64,
 }
 
+/// What a camera sees of a world whose origin another camera may have chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// The origin of a render of this camera alone.
+    pub own: Origin,
+    /// The world's origin, with the rounding that this camera sees.
+    pub here: Origin,
+}
+
+impl View {
+    /// Returns true if a render of this camera alone has the world's origin.
+    pub fn is_own(&self) -> bool {
+        self.own.position == self.here.position
+    }
+}
+
 impl Origin {
     /// Chooses the origin for a scene with these shapes and boxes.
     pub fn choose(camera: &CheckedCamera, shapes: &[(&ShapeKind, Bounds)]) -> Self {

@@ -20,6 +20,7 @@ mod batch {
     #[cfg(unix)]
     mod kill;
     mod memory;
+    mod origins;
     mod sheet;
 }
 
