@@ -53,7 +53,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let part = &parts.part;
     let first = args.parts.first().map_or(Path::new(""), PathBuf::as_path);
     let prefix = paths::prefix(Some(&args.output), first);
-    let mut attributes = parts.attributes();
+    let mut attributes = parts.attributes()?;
     let manifests = match args.files.crypto_sidecar {
         true => picture::manifests(&mut attributes, &prefix)?,
         false => Vec::new(),
@@ -83,7 +83,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         transparent: part.files.transparent,
         over: None,
         depth: part.files.depth,
-        legend: None,
+        legend: part.files.legend.as_ref(),
         fingerprint: None,
         exr: exr::Options {
             attributes: &attributes,
@@ -108,6 +108,11 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     if !args.messages.quiet {
         for warning in no_mattes.iter().chain(&no_layers) {
             progress.message(&format!("warning: {warning}"));
+        }
+        if part.files.over {
+            progress.message(
+                "warning: the parts were made with --over: the merged PNG is without the plate",
+            );
         }
         for warning in picture::oddity_warnings(&oddities) {
             progress.message(&format!("warning: {warning}"));

@@ -105,10 +105,23 @@ impl Parts {
         self.open.len() == 1 || self.part.fingerprint.is_some()
     }
 
-    /// Returns the text attributes of the merged picture.
-    pub fn attributes(&self) -> Vec<(String, String)> {
-        let all = self.open.iter().take(1).flat_map(|open| open.reader.attributes.clone());
-        all.filter(|(name, _)| name != part::ATTRIBUTE).collect()
+    /// Returns the text attributes of the merged picture. If it is not the whole frame, it is a
+    /// part again.
+    ///
+    /// # Errors
+    /// A failure to serialise, which cannot occur with the present types.
+    pub fn attributes(&self) -> Result<Vec<(String, String)>> {
+        let Some(first) = self.open.first() else { return Ok(Vec::new()) };
+        let mut all = first.reader.attributes.clone();
+        match self.part.merged(first.reader.frame) {
+            None => all.retain(|(name, _)| name != part::ATTRIBUTE),
+            Some(merged) => {
+                let text = merged.text()?;
+                let own = all.iter_mut().filter(|(name, _)| name == part::ATTRIBUTE);
+                own.for_each(|(_, old)| old.clone_from(&text));
+            }
+        }
+        Ok(all)
     }
 
     /// Returns the camera of the merged picture.

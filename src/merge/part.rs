@@ -5,9 +5,11 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::layers::{PartialSumsLayout, PixelLayout};
 use crate::output::exr::Compression;
+use crate::output::legend::Legend;
 use crate::output::tonemap::Depth;
 use crate::scene::Tonemap;
 
@@ -61,6 +63,12 @@ pub struct PictureFormat {
     pub exposure: f32,
     /// Use the sRGB transfer function in the PNG.
     pub srgb: bool,
+    /// Legend of the PNG.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub legend: Option<Legend>,
+    /// The PNGs of the parts show a plate, which a merge does not have.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub over: bool,
 }
 
 impl PictureFormat {
@@ -82,6 +90,29 @@ impl PictureFormat {
 }
 
 impl PartDescription {
+    /// Returns the description as JSON: the value of [`ATTRIBUTE`].
+    ///
+    /// # Errors
+    /// A failure to serialise, which cannot occur with the present types.
+    pub fn text(&self) -> Result<String> {
+        serde_json::to_string(self).map_err(|error| Error::invalid(ATTRIBUTE, error.to_string()))
+    }
+
+    /// Returns the description of the merged picture as a part of its frame; `None` if it is the
+    /// whole frame.
+    pub fn merged(&self, frame: [u32; 2]) -> Option<Self> {
+        let all = Window::full(frame[0], frame[1]);
+        let PictureFormat { float, compression, .. } = self.files;
+        let merged = Self {
+            whole: [all.x0, all.y0, all.x1, all.y1],
+            tile: None,
+            samples: [0, self.of],
+            exact: float && !compression.is_lossy(),
+            ..self.clone()
+        };
+        (self.whole() != all).then_some(merged)
+    }
+
     /// Returns the range of samples.
     pub fn samples(&self) -> Range<u32> {
         self.samples[0]..self.samples[1]

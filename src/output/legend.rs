@@ -1,5 +1,7 @@
 //! Draws the legend of a colour map into the PNG: a bar with ticks, and the property's name.
 
+use serde::{Deserialize, Serialize};
+
 use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_6X10, FONT_10X20};
 
@@ -20,7 +22,8 @@ const PAPER: [u8; 3] = [244, 245, 247];
 const INK: [u8; 3] = [28, 33, 38];
 
 /// The colour map of a property and the range of values that it shows.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Legend {
     /// Name of the property.
     pub name: String,

@@ -376,6 +376,65 @@ fn crops_give_the_bytes_of_the_frame() {
     }
 }
 
+/// Tiles of a crop merge to the crop, which is a part of the frame again.
+#[test]
+fn tiles_of_a_crop_give_the_bytes_of_the_crop() {
+    let scratch = scratch();
+    let (above, below) = (["0", "0", "75", "20"], ["0", "20", "75", "53"]);
+    for float in [&[][..], &["--float"]] {
+        let flags = |crop: &[&'static str]| [&["--aov", "Z", "--crop"], crop, float].concat();
+        render(&scratch, "whole", &flags(&above));
+        for (name, tile) in [("a", "1/2"), ("b", "2/2")] {
+            render(&scratch, name, &[&flags(&above)[..], &["--tile", tile]].concat());
+        }
+        same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+        std::fs::rename(scratch.path("merged.exr"), scratch.path("above.exr")).unwrap();
+        render(&scratch, "below", &flags(&below));
+        render(&scratch, "whole", &[&["--aov", "Z"], float].concat());
+        same(&scratch, &["above.exr", "below.exr"], &[], &["exr"]);
+    }
+}
+
+#[test]
+fn a_legend_is_drawn_into_the_merged_picture() {
+    let scratch = Scratch::new();
+    let values = PYRAMID.replace("property float z", "property float z\nproperty float quality");
+    let vertices = PYRAMID.split("end_header\n").nth(1).unwrap().lines().take(5);
+    let numbered = vertices.clone().enumerate().map(|(i, line)| format!("{line} {i}.5"));
+    let (old, new) =
+        (vertices.collect::<Vec<_>>().join("\n"), numbered.collect::<Vec<_>>().join("\n"));
+    scratch.write("q.ply", &values.replace(&old, &new));
+    let flags = ["--color", "quality", "--size", "120x90", "--spp", "1", "--light-samples", "1"];
+    for legend in [&["--legend"][..], &[]] {
+        for (name, tile) in
+            [("whole", &[][..]), ("a", &["--tile", "1/2"]), ("b", &["--tile", "2/2"])]
+        {
+            let args = [&["render", "q.ply", "--quiet", "-o", name], &flags[..], legend, tile];
+            scratch.run(&args.concat()).good();
+        }
+        same(&scratch, &["a.exr", "b.exr"], &[], &["exr", "png"]);
+        let kept = scratch.path(&format!("{}.png", legend.len()));
+        std::fs::copy(scratch.path("merged.png"), kept).unwrap();
+    }
+    assert!(scratch.read("0.png") != scratch.read("1.png"));
+}
+
+#[test]
+fn parts_over_a_plate_merge_without_it_and_say_so() {
+    let scratch = scratch();
+    image::RgbImage::new(75, 53).save(scratch.path("plate.png")).unwrap();
+    for (name, crop) in [("a", ["0", "0", "75", "20"]), ("b", ["0", "20", "75", "53"])] {
+        let flags = [&["--transparent", "--spp", "1", "--crop"], &crop[..]].concat();
+        render(&scratch, name, &[&flags[..], &["--over", "plate.png"]].concat());
+        render(&scratch, &format!("{name}{name}"), &flags);
+    }
+    let said = scratch.run(&["merge", "a.exr", "b.exr", "-o", "merged"]).good().stderr();
+    assert!(said.contains("without the plate"), "{said}");
+    let said = scratch.run(&["merge", "aa.exr", "bb.exr", "-o", "whole"]).good().stderr();
+    assert!(!said.contains("plate"), "{said}");
+    assert!(scratch.read("merged.exr") == scratch.read("whole.exr"));
+}
+
 #[test]
 fn missing_and_duplicate_parts_are_named() {
     let scratch = scratch();

@@ -254,8 +254,9 @@ impl RenderRun<'_> {
     ) -> Result<(Vec<PathBuf>, ValueCounts)> {
         let started = Instant::now();
         let (options, scene) = (&self.options, &self.job.loaded.scene);
-        let mut more: Vec<(String, String)> =
-            options.part.attribute(options.storage, scene, info, hash)?.into_iter().collect();
+        let legend = world.legend.as_ref();
+        let part = options.part.attribute(options.storage, scene, info, (hash, legend))?;
+        let mut more: Vec<(String, String)> = part.into_iter().collect();
         more.extend(options.adaptive.as_ref().map(sampling::attributes).unwrap_or_default());
         let spp = sampling::spp(options.adaptive.as_ref(), scene);
         let behind = options.plate.as_ref().map(|plate| plate.pixels(film.window));
@@ -268,7 +269,7 @@ impl RenderRun<'_> {
             exact: options.part.exact,
             sequence: options.sequence,
             render_seconds: options.record_time.then_some(stats.seconds.render as f32),
-            legend: world.legend.as_ref(),
+            legend,
             ..PictureHeader::default()
         };
         let RenderFiles { mut picture, previews, dataset, mut texts, scene: saved } = files;

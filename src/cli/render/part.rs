@@ -9,6 +9,7 @@ use crate::film::{Channel, Window};
 use crate::integrate::{Pattern, TILE};
 use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
 use crate::merge::{PartDescription, PictureFormat, part};
+use crate::output::legend::Legend;
 use crate::picture::Storage;
 use crate::scene::{Backend, MAX_PIXELS, Scene};
 use crate::units::plural;
@@ -30,6 +31,8 @@ pub struct PicturePart {
     tile: Option<[u32; 2]>,
     /// True if the EXR must keep every bit.
     pub exact: bool,
+    /// True if the PNG shows a plate.
+    over: bool,
     /// Layers of the merged picture.
     layout: PixelLayout,
     /// Layout of partial sums in the EXR; `None` if all samples are rendered.
@@ -76,7 +79,8 @@ impl PicturePart {
         let raw = (samples != (0..spp)).then(|| PartialSumsLayout::new(&layout, samples.clone()));
         let is_split = split.tile.is_some() || split.samples.is_some();
         let (tile, exact) = (split.tile, split.part || is_split);
-        let piece = Self { whole, window, overscan, samples, tile, exact, layout, raw };
+        let over = args.files.plate.over.is_some();
+        let piece = Self { whole, window, overscan, samples, tile, exact, over, layout, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop alone is a part of the frame. With `--tile` or `--samples` the whole is the crop.
         let piece = if is_split || overscan > 0 { piece } else { Self { whole: frame, ..piece } };
@@ -91,11 +95,7 @@ impl PicturePart {
                     "the samples of a part are not all: render the picture at once",
                 ),
                 ("--png-ids", args.files.dataset.png_ids, "render the picture at once"),
-                (
-                    "--over",
-                    args.files.plate.over.is_some(),
-                    "the plate is as large as the frame: put the merged EXR over it",
-                ),
+                ("--over", over, "the plate is as large as the frame: put the merged EXR over it"),
                 ("--overscan", overscan > 0, "parts are pieces of the frame: render it at once"),
                 (
                     "--time",
@@ -108,7 +108,7 @@ impl PicturePart {
                 return Err(Error::invalid(flag, message).help(help));
             }
         }
-        if overscan > 0 && args.files.plate.over.is_some() {
+        if overscan > 0 && over {
             let message = "found with --overscan, expected a picture of the frame alone";
             return Err(Error::invalid("--over", message));
         }
@@ -139,7 +139,8 @@ impl PicturePart {
     }
 
     /// Returns the attribute that `merge` reads, or `None` for a whole picture. `fingerprint` is
-    /// the hash of the scene and its files, and `storage` the format of the merged picture.
+    /// the hash of the scene and its files, `legend` that of its colour map, and `storage` the
+    /// format of the merged picture.
     ///
     /// # Errors
     /// A failure to serialise, which cannot occur with the present types.
@@ -148,7 +149,7 @@ impl PicturePart {
         storage: Storage,
         scene: &Scene,
         info: &BuildInfo,
-        fingerprint: Option<&str>,
+        (fingerprint, legend): (Option<&str>, Option<&Legend>),
     ) -> Result<Option<(String, String)>> {
         if !self.exact && self.window == self.whole {
             return Ok(None);
@@ -159,6 +160,8 @@ impl PicturePart {
             multipart: storage.multipart,
             depth: storage.depth,
             transparent: scene.has_alpha(),
+            legend: legend.filter(|_| scene.legend).cloned(),
+            over: self.over,
             ..PictureFormat::new(&scene.tonemap)
         };
         let Window { x0, y0, x1, y1 } = self.whole;
@@ -173,9 +176,7 @@ impl PicturePart {
             files,
             layout: self.layout.clone(),
         };
-        let text =
-            serde_json::to_string(&part).map_err(|e| Error::invalid("--part", e.to_string()))?;
-        Ok(Some((part::ATTRIBUTE.to_string(), text)))
+        Ok(Some((part::ATTRIBUTE.to_string(), part.text()?)))
     }
 }
 
