@@ -213,7 +213,9 @@ fn settle(corners: [[f64; 3]; 3], d: [f64; 3], found: [f32; 2], slack: f64) -> (
         (u, v) = clamp_barycentrics(found[0].into(), found[1].into());
         t = dot(point(corners, u, v), d) / dot(d, d);
     }
-    ((t * down).max(0.0).min(f64::MAX), u, v)
+    // A NaN becomes 0.
+    let t = (t * down).max(0.0);
+    (if t.is_finite() { t } else { f64::MAX }, u, v)
 }
 
 /// The point of a triangle with the weights `u` and `v`.
