@@ -3,8 +3,8 @@
 use super::distortion::Distortion;
 use super::intrinsics::Calibration;
 
-/// Cells of the table along each side of the frame. The finer tables are for distortions that change
-/// much within a cell.
+/// Cells of the table along each side of the frame. The finer tables are for distortions that
+/// change much within a cell.
 const CELLS: [u32; 3] = [64, 128, 256];
 
 /// Points of each side of the frame from which the check for folds starts.

@@ -37,8 +37,8 @@ pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
-/// Shortest distance for ambient occlusion, in world units. Rounding would turn the rays of a shorter
-/// one below the surface.
+/// Shortest distance for ambient occlusion, in world units. Rounding would turn the rays of a
+/// shorter one below the surface.
 fn shortest_occlusion(geometry: &Geometry) -> f64 {
     reach(geometry) / f64::from(1 << 20)
 }

@@ -19,8 +19,8 @@ use crate::world::ContentHashes;
 use super::entry::SheetEntry;
 
 /// Returns the problems of each input, in the order of the job: frames that are missing, frames
-/// that are older than its settings or files, a failure after its frames were made. An input has none if
-/// `--resume` would keep all its frames, and no failure came later.
+/// that are older than its settings or files, a failure after its frames were made. An input has
+/// none if `--resume` would keep all its frames, and no failure came later.
 ///
 /// Reads the inputs that have frames, one after the other, on the threads of the current rayon
 /// pool. `memory_limit` limits the arrays of a mesh.
