@@ -3,7 +3,7 @@
 use super::adaptive_shadows::LightPoint;
 use super::record::Record;
 use super::sampled_light::SampledLight;
-use super::split::LightPartSums;
+use super::split::{LightPartSums, same_sign};
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes3, Light, LightWeights, lane};
 
@@ -87,13 +87,6 @@ impl LightSums {
             self.split.add_part(&part.split, factor);
         }
     }
-}
-
-/// Returns `value`, or 0 if its sign is another one than that of `like`. The light of a negative
-/// colour is negative.
-#[inline(always)]
-pub fn same_sign(value: f64, like: f64) -> f64 {
-    if like >= 0.0 { value.max(0.0) } else { value.min(0.0) }
 }
 
 /// Adds the light that the lanes of `seen` receive along one colour axis.

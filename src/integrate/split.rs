@@ -5,8 +5,6 @@ use glam::Vec3;
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes, Lanes3, Light, LightWeights};
 
-use super::light_sums::same_sign;
-
 /// Light of one source in each lane, before the base colour, as diffuse and specular parts.
 #[derive(Debug, Clone)]
 pub struct LightParts {
@@ -109,4 +107,11 @@ impl LightPartSums {
         }
         split
     }
+}
+
+/// Returns `value`, or 0 if its sign is another one than that of `like`. The light of a negative
+/// colour is negative.
+#[inline(always)]
+pub fn same_sign(value: f64, like: f64) -> f64 {
+    if like >= 0.0 { value.max(0.0) } else { value.min(0.0) }
 }

@@ -98,6 +98,7 @@ impl Outputs {
         self.further_files.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         monitor.set_done(1);
-        Ok((paths, ValueCounts::count(film, &options.exr)))
+        let is_half = |name: &str, kind| options.exr.keeps_halves(name, kind);
+        Ok((paths, ValueCounts::count(film, is_half)))
     }
 }

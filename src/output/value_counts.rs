@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::exr::Options;
 use crate::film::{ChannelKind, Dropped, Film};
 
 /// Largest finite value of a half-float.
@@ -43,15 +42,11 @@ pub struct ValueCounts {
 
 impl ValueCounts {
     /// Counts the pixels of a film with such values, on the threads of the caller's rayon pool.
-    /// With `float`, only the compression makes halves of values.
-    pub fn count(film: &Film, options: &Options) -> Self {
+    /// `is_half` tells by name and kind whether the file keeps the values of a channel as halves.
+    pub fn count(film: &Film, is_half: impl Fn(&str, ChannelKind) -> bool) -> Self {
         let width = film.window.width().max(1) as usize;
         let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
-        let largest = |name: &str, kind| match kind {
-            ChannelKind::Half if !options.float => HALF_MAX,
-            _ if options.compression.halves(name) => HALF_MAX,
-            _ => f32::MAX,
-        };
+        let largest = |name: &str, kind| if is_half(name, kind) { HALF_MAX } else { f32::MAX };
         let beauty = ["R", "G", "B", "A"].map(|name| largest(name, ChannelKind::Half));
         let kinds = film.planes.channels.iter().enumerate();
         let floats: Vec<(usize, f32)> = kinds

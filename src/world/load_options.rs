@@ -31,11 +31,11 @@ pub struct LoadOptions {
     /// Most texels of an image that is held in memory whole. `None`: 8192 x 8192. Larger images of
     /// surfaces, of 8 bits a channel, are in temporary files.
     pub whole_texels: Option<u64>,
-    /// Measures the [`Resolution`] of every mesh. Without it, collapsed edges are searched only in
-    /// meshes where they are likely.
+    /// Measures the [`Resolution`](super::Resolution) of every mesh. Without it, collapsed edges
+    /// are searched only in meshes where they are likely.
     pub resolutions: bool,
-    /// All cameras of the render, for [`World::views`] and for warnings about unseen meshes. The
-    /// caller then warns about rounding. Empty: the scene's camera alone.
+    /// All cameras of the render, for [`World::views`](super::World::views) and for warnings about
+    /// unseen meshes. The caller then warns about rounding. Empty: the scene's camera alone.
     pub cameras: Vec<CheckedCamera>,
 }
 

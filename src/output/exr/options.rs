@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::film::ChannelKind;
+
 /// Compression of the blocks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -95,4 +97,12 @@ pub struct Options<'a> {
     pub compression: Compression,
     /// True for one part of the file per layer.
     pub multipart: bool,
+}
+
+impl Options<'_> {
+    /// Returns true if the file holds the values of a channel as halves: by their type, or by the
+    /// compression alone.
+    pub fn keeps_halves(&self, channel: &str, kind: ChannelKind) -> bool {
+        (kind == ChannelKind::Half && !self.float) || self.compression.halves(channel)
+    }
 }
