@@ -31,7 +31,7 @@ pub use look::{Material, Owner, Shape, Shapes, TextureChoice, TexturesByFace};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};
 pub use mip_map::Footprint;
 pub use points::{Lanes, Lanes3, Points, ShadowPoints, lane, reflect, set_lane};
-pub use sun::{Cone, reach};
+pub use sun::Cone;
 pub use texel_image::Negative;
 pub use texture::Texture;
 pub use uv::{UvFrame, UvSource};

@@ -93,7 +93,7 @@ impl Cone {
 
 /// A length above the diagonal of the bounding box of all primitives; 1 if the box is empty or a
 /// point.
-pub fn reach(geometry: &Geometry) -> f64 {
+pub(super) fn reach(geometry: &Geometry) -> f64 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut add = |lower: DVec3, upper: DVec3| (low, high) = (low.min(lower), high.max(upper));
     for mesh in &geometry.meshes {

@@ -43,10 +43,7 @@ pub fn frame(
     // A sphere reaches its radius times |n| along n.
     let beyond = view.slants().map(|slant| lens.radius * slant.length());
     let extent = FrustumExtent::around(points, |p| (view.reach(p), view.depth(p), beyond));
-    match target {
-        None => view.position(&extent),
-        Some(target) => view.position_towards(&extent, target),
-    }
+    view.position(&extent, target)
 }
 
 /// Returns the position of [`frame`] for points that turn around an axis. The axis is a point and a
@@ -72,10 +69,7 @@ pub fn frame_turning(
         let reach = std::array::from_fn(|k| radius * across[k] + beyond[k]);
         (view.reach(centre), view.depth(centre), reach)
     });
-    match target {
-        None => view.position(&extent),
-        Some(target) => view.position_towards(&extent, target),
-    }
+    view.position(&extent, target)
 }
 
 /// The axes of a camera (right, up, forward), and the slopes of the frustum's sides after the
@@ -164,31 +158,39 @@ impl FramedView {
         p.dot(self.axes[2])
     }
 
-    fn position(&self, extent: &FrustumExtent) -> Option<DVec3> {
+    fn position(&self, extent: &FrustumExtent, target: Option<DVec3>) -> Option<DVec3> {
+        let position = match target {
+            None => self.centred(extent),
+            Some(target) => self.towards(extent, target),
+        };
+        position.is_finite().then_some(position)
+    }
+
+    /// Returns the position from which the points are centred in both axes.
+    fn centred(&self, extent: &FrustumExtent) -> DVec3 {
         let &FrustumExtent { planes: [right, left, top, bottom], near, far } = extent;
         let Self { axes: [x, y, z], tx, ty } = *self;
         let back = (-(right + left) / (2.0 * tx)).min(-(top + bottom) / (2.0 * ty));
         let position = x * ((right - left) / 2.0) + y * ((top - bottom) / 2.0);
         let back = if extent.is_before(back, self) { back } else { near - (far - near).max(1.0) };
-        let position = position + z * back;
-        position.is_finite().then_some(position)
+        position + z * back
     }
 
     /// Returns the position on the line through `target` along the view. A camera there is at
     /// c = target - s z, so the condition of [`Self::reach`] is s >= (the largest reach of a point
     /// - the reach of the target) / t for each plane.
-    fn position_towards(&self, extent: &FrustumExtent, target: DVec3) -> Option<DVec3> {
+    fn towards(&self, extent: &FrustumExtent, target: DVec3) -> DVec3 {
         let (own, slopes) = (self.reach(target), [self.tx, self.tx, self.ty, self.ty]);
         let needed = (0..4).map(|k| (extent.planes[k] - own[k]) / slopes[k]);
-        let (depth, at) = ((extent.far - extent.near).max(1e-300), self.depth(target));
-        // The target is in front of the camera.
-        let distance = needed.fold(1e-2 * depth, f64::max);
+        let (depth, at) = (extent.far - extent.near, self.depth(target));
+        // The target is in front of the camera, also where the points are far behind it.
+        let least = 1e-2 * depth.max((extent.near - at).abs());
+        let distance = needed.fold(least, f64::max);
         let distance = match extent.is_before(at - distance, self) {
             true => distance,
             false => at - extent.near + depth.max(1.0),
         };
-        let position = target - self.axes[2] * distance;
-        position.is_finite().then_some(position)
+        target - self.axes[2] * distance
     }
 }
 
@@ -302,6 +304,12 @@ mod tests {
         assert!((target - at).dot(direction) > 0.0);
         let inside = |p| project(p, at, direction, up, [t * 1.3, t]).iter().all(|v| v.abs() < 1.0);
         assert!(cloud().into_iter().all(inside));
+        // A single point has no size of its own.
+        for away in [0.0, 1e-3, 100.0] {
+            let (points, target) = (vec![middle], middle - direction * away);
+            let at = frame(points.into_par_iter(), direction, up, lens, Some(target)).unwrap();
+            assert!((target - at).dot(direction) > 0.0 && (middle - at).dot(direction) > 0.0);
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::maps::Maps;
 use crate::error::Problem;
 use crate::geometry::Geometry;
 use crate::scene::{self, Layer, LightKind, MapUse, OcclusionRays, Scene};
-use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap, reach};
+use crate::shading::{Area, Cone, Distant, Emitter, Environment, Light, TurnedMap};
 
 /// The image of a visible environment, as rays that hit nothing see it.
 #[derive(Debug, Clone)]
@@ -23,30 +23,30 @@ impl VisibleEnvironment {
 }
 
 /// Returns the white light of the hemisphere whose shadow rays give the layer of ambient occlusion.
-/// `None` if the scene lacks the layer.
-pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
+/// `None` if the scene lacks the layer. `extent` is the longest side of the scene's box, in world
+/// units.
+pub(super) fn occlusion(scene: &Scene, geometry: &Geometry, extent: f64) -> Option<Light> {
     if !scene.layers.contains(&Layer::Occlusion) {
         return None;
     }
     let OcclusionRays { distance, samples } = scene.occlusion;
     let hemisphere = match distance {
-        Some(distance) => Environment::within(distance.max(shortest_occlusion(geometry))),
+        Some(distance) => Environment::within(distance.max(SHORTEST_OCCLUSION * extent)),
         None => Environment::new(geometry, None),
     };
     let area = Area::from_distant(Distant::Environment(hemisphere), samples);
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
-/// Shortest distance for ambient occlusion, in world units. Rounding would turn the rays of a
-/// shorter one below the surface.
-fn shortest_occlusion(geometry: &Geometry) -> f64 {
-    reach(geometry) / f64::from(1 << 20)
-}
+/// Shortest distance for ambient occlusion, as a fraction of the longest side of the scene's box.
+/// Rounding would turn the rays of a shorter one below the surface.
+const SHORTEST_OCCLUSION: f64 = 1.0 / (1u64 << 20) as f64;
 
 /// Returns a warning if `aodistance` is shorter than positions can express.
-pub(super) fn occlusion_warning(scene: &Scene, geometry: &Geometry) -> Option<Problem> {
+/// `extent` is the longest side of the scene's box, in world units.
+pub(super) fn occlusion_warning(scene: &Scene, extent: f64) -> Option<Problem> {
     let distance = scene.occlusion.distance.filter(|_| scene.layers.contains(&Layer::Occlusion))?;
-    let shortest = shortest_occlusion(geometry);
+    let shortest = SHORTEST_OCCLUSION * extent;
     let message = format!(
         "found {distance:e}, which the rounding of positions exceeds: {shortest:.1e} is used"
     );

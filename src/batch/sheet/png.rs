@@ -7,7 +7,7 @@ use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::FONT_6X10;
 use image::{ImageFormat, Rgb, RgbImage, imageops};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::atomic::PartFile;
 use crate::output::text::draw_text;
 
@@ -37,7 +37,7 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
         let written = sheet.write_to(&mut buffered, ImageFormat::Png);
         written.map_err(|error| {
             let message = format!("cannot write: {error}");
-            Error::no_memory(&path.display().to_string(), message)
+            Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))
         })?;
         // Dropping a BufWriter would ignore the error of a full disk.
         buffered.flush().map_err(|error| Error::io(path, "write", &error))

@@ -157,17 +157,12 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
                 false => (measured.abs() > *value, "above"),
             };
             if exceeded {
-                let layer = layer.test.shown();
-                failed.push(match measured < 0.0 && !metric.more_is_better() {
-                    true => {
-                        let size = text::number(*metric, -measured);
-                        format!("{layer}: |{name}| is {size}, {word} {value}")
-                    }
-                    false => {
-                        let shown = text::number(*metric, measured);
-                        format!("{layer}: {name} is {shown}, {word} {value}")
-                    }
-                });
+                let (name, measured) = match measured < 0.0 && word == "above" {
+                    true => (format!("|{name}|"), -measured),
+                    false => (name.to_string(), measured),
+                };
+                let shown = text::number(*metric, measured);
+                failed.push(format!("{}: {name} is {shown}, {word} {value}", layer.test.shown()));
             }
         }
     }

@@ -108,8 +108,7 @@ fn refuse_image_of_scan(prefix: &Path) -> Result<()> {
         return Ok(());
     }
     let message = "would be overwritten, and no render has made it: its .exr is missing";
-    Err(Error::invalid(png.display().to_string(), message)
-        .help(format!("choose another name: {OUTPUT_FLAGS}")))
+    Err(Error::invalid(png.display().to_string(), message).help("choose another name: -o PREFIX"))
 }
 
 /// State shared by the stages of a render.
