@@ -98,7 +98,7 @@ names! { Turning:
 }
 
 names! { LightsFollow:
-    Camera = "camera", "Light falls from the same side in every frame, except from environments";
+    Camera = "camera", "Light falls from the same side in every frame";
     Object = "object", "The lit side turns with the object";
 }
 

@@ -12,6 +12,7 @@ pub mod part;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use serde_json::{Value, json};
 
 use crate::error::{Error, ErrorKind, Failures, Problem, Result};
 use crate::film::{Channel, ChannelKind, Dropped, Film, ReservedFilm, Window};
@@ -319,7 +320,6 @@ impl OpenPart {
                 let [x0, y0, x1, y1] = open.part.whole;
                 format!("x {x0}..{x1}, y {y0}..{y1}")
             }),
-            both("way of writing files", &|open| format!("{:?}", open.part.files)),
             both(INSTRUCTIONS, &|open| open.part.isa.clone().unwrap_or_else(none)),
         ];
         let (theirs, ours) = (texts(other), texts(self));
@@ -333,10 +333,22 @@ impl OpenPart {
                 facts.push((name.clone(), "none".to_string(), value.clone()));
             }
         }
+        let channels = |open: &Self| {
+            let channels = open.part.layout.channels.iter();
+            channels.map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(" ")
+        };
+        facts.extend(fields(&other.part.files, &self.part.files));
         facts.extend([
             both("camera", &|open| format!("{:?}", open.reader.view)),
-            both("frame of a sequence", &|open| format!("{:?}", open.reader.sequence)),
-            both("layers", &|open| format!("{:?}", open.part.layout)),
+            both("frame number", &|open| {
+                open.reader.sequence.frame.map_or_else(none, |number| number.to_string())
+            }),
+            both("frame rate", &|open| {
+                let rate = open.reader.sequence.per_second;
+                rate.map_or_else(none, |(above, below)| format!("{above}/{below}"))
+            }),
+            both("list of layers", &channels),
+            both("layout of layers", &|open| json!(open.part.layout).to_string()),
             // Last, because the other facts say what differs.
             both(FINGERPRINT, &|open| open.part.fingerprint.clone().unwrap_or_else(none)),
         ]);
@@ -357,6 +369,21 @@ impl OpenPart {
         };
         Some(Problem::new(other.name.clone(), message).help(help))
     }
+}
+
+/// Returns the names of all settings of two formats, with their values.
+fn fields(theirs: &PictureFormat, ours: &PictureFormat) -> Vec<(String, String, String)> {
+    let (theirs, ours) = (json!(theirs), json!(ours));
+    let objects = [theirs.as_object(), ours.as_object()];
+    let names = objects.iter().flatten().flat_map(|object| object.keys());
+    let text = |format: &Value, name: &str| match format.get(name) {
+        None => "none".to_string(),
+        Some(Value::String(text)) => text.clone(),
+        Some(value) => value.to_string(),
+    };
+    names
+        .map(|name| (format!("{name} of the files"), text(&theirs, name), text(&ours, name)))
+        .collect()
 }
 
 fn describe(fault: &CoverFault, open: &[OpenPart], part: &PartDescription) -> Problem {

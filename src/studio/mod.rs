@@ -13,6 +13,7 @@ mod builtin;
 mod calibrated;
 mod framing;
 mod furnish;
+mod placing;
 mod points;
 mod quality;
 mod subject;

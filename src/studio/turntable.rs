@@ -1,9 +1,9 @@
 //! Frames of a turntable: the same shapes, seen from all around.
 //!
 //! The shapes never move. A frame turns the camera, and also the lights if these stay with the
-//! camera. Environments never turn. So the geometry and the acceleration structure serve all
-//! frames, and a frame is an ordinary scene. Positions and normals in layers, and the camera in a
-//! file's header, are in the space of that scene.
+//! camera. So the geometry and the acceleration structure serve all frames, and a frame is an
+//! ordinary scene. Positions and normals in layers, and the camera in a file's header, are in the
+//! space of that scene.
 
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
@@ -29,7 +29,7 @@ pub enum Turning {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LightsFollow {
-    /// the camera: light falls from the same side in every frame, except from environments
+    /// the camera: light falls from the same side in every frame
     Camera,
     /// the object: its lit side turns with it
     Object,
@@ -63,6 +63,8 @@ impl Turntable {
     /// Returns the scene of one frame, turned about the vertical axis (the main axis of the
     /// camera's `up`) through `pivot`. Frame 0 of a turntable that starts at 0 is the scene itself,
     /// bit for bit.
+    ///
+    /// The image of an environment turns about y only: about another axis it stays where it is.
     pub fn frame(&self, scene: &SceneDescription, pivot: DVec3, frame: u32) -> SceneDescription {
         let mut scene = scene.clone();
         let turned = self.start_deg + 360.0 * f64::from(frame) / f64::from(self.frames);
@@ -74,7 +76,8 @@ impl Turntable {
         if degrees % 360.0 == 0.0 {
             return scene;
         }
-        let turn = turn(up(&scene.camera), degrees);
+        let up = up(&scene.camera);
+        let turn = turn(up, degrees);
         let direction = |v: &mut [f64; 3]| *v = (turn * DVec3::from(*v)).to_array();
         let point = |p: &mut [f64; 3]| {
             *p = (turn * (DVec3::from(*p) - pivot) + pivot).to_array();
@@ -98,7 +101,12 @@ impl Turntable {
                             .into_iter()
                             .for_each(|p| point(&mut p.0));
                     }
-                    LightDescription::Environment(_) => {}
+                    LightDescription::Environment(light) => {
+                        if main_axis(up) == 1 && light.image.is_some() {
+                            // An azimuth goes clockwise as seen from +y.
+                            light.rotation -= degrees * up.y.signum();
+                        }
+                    }
                     LightDescription::Directional(light) => light.sky.turn(turn),
                     LightDescription::Sun(light) => light.sky.turn(turn),
                 }
@@ -220,6 +228,38 @@ mod tests {
         assert_eq!(stand(&seen).0, [6.0, 2.0, 0.0]);
         assert_eq!(seen.scene.lightsources, scene.scene.lightsources);
         assert_eq!(seen.scene.shapes, scene.scene.shapes);
+    }
+
+    #[test]
+    fn an_image_around_the_scene_stays_with_the_camera() {
+        let mut scene = scene();
+        let environment = |image: Option<&str>| {
+            serde_json::from_value(serde_json::json!(
+                { "type": "environment", "image": image, "rotation": 30.0 }
+            ))
+            .unwrap()
+        };
+        scene.scene.lightsources = vec![environment(Some("sky.exr")), environment(None)];
+        let rotations = |table: Turntable, scene: &SceneDescription| {
+            let seen = table.frame(scene, DVec3::X, 1);
+            let lights = seen.scene.lightsources.iter().map(|light| match light {
+                LightDescription::Environment(light) => light.rotation,
+                _ => unreachable!(),
+            });
+            lights.collect::<Vec<_>>()
+        };
+        // The camera moves from +z to -x and so looks towards +x, at azimuth 90 instead of 0.
+        let object = Turntable::new(4);
+        assert_eq!(rotations(object, &scene), [120.0, 30.0]);
+        let held = Turntable { lights: LightsFollow::Object, ..object };
+        assert_eq!(rotations(held, &scene), [30.0, 30.0]);
+        let set_up = |scene: &mut SceneDescription, up: [f64; 3]| {
+            scene.camera.stand_mut().unwrap().1.up.0 = up;
+        };
+        set_up(&mut scene, [0.0, -1.0, 0.0]);
+        assert_eq!(rotations(object, &scene), [-60.0, 30.0]);
+        set_up(&mut scene, [0.0, 0.0, 1.0]);
+        assert_eq!(rotations(object, &scene), [30.0, 30.0]);
     }
 
     #[test]

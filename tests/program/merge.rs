@@ -211,7 +211,10 @@ fn merged_files_have_the_format_of_the_parts() {
     let other: Vec<&str> =
         other.iter().map(|flag| if *flag == "-7" { "8" } else { flag }).collect();
     render(&scratch, "c", &other);
-    refused(&merge(&scratch, &["a.exr", "c.exr"], &[]), &["c.exr", "frame of a sequence", "8"]);
+    refused(
+        &merge(&scratch, &["a.exr", "c.exr"], &[]),
+        &["c.exr", "another frame number: 8, expected"],
+    );
     // A crop without --part has its layers in parts of the file.
     render(&scratch, "d", &["--crop", "0", "0", "75", "20", "--multipart", "--aov", "Z"]);
     refused(&merge(&scratch, &["d.exr"], &[]), &["d.exr", "several parts", "--part"]);
@@ -465,8 +468,8 @@ fn parts_of_different_pictures_are_refused() {
         (&["--set", "/scene/shapes/0/radius=0.8"], "fingerprint"),
         (&["--spp", "25"], "--of"),
         (&["--size", "75x54"], "frame"),
-        (&["--float"], "way of writing"),
-        (&["--exposure", "1"], "way of writing"),
+        (&["--float"], "another float of the files: true, expected false"),
+        (&["--exposure", "1"], "another exposure of the files: 1.0, expected 0.0"),
         (&["--aov", "Z"], "fingerprint"),
     ];
     for (flags, what) in others {

@@ -1,4 +1,5 @@
-//! OpenEXR textures: reads the pixels of the data window, wherever it lies in the picture.
+//! OpenEXR textures: reads the pixels of the data window, wherever it lies in the picture. A file
+//! with a Y channel alone is grey.
 //!
 //! A texture is the whole picture (the display window), black where the file has no pixels. Memory
 //! is allocated only for the pixels in the file, because a small file can declare a picture of any
@@ -9,10 +10,11 @@ use std::io::{BufReader, Seek};
 use std::ops::Range;
 use std::path::Path;
 
+use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
-use exr::prelude::{ReadChannels, ReadLayers, read};
+use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, read};
 
 use crate::error::{Error, Result};
 use crate::output::exr_check::{self, exr_error};
@@ -29,6 +31,8 @@ pub struct ExrLayout {
     pub rows: Range<u32>,
     /// Top left pixel of the data window, relative to the picture's top left.
     first: [i64; 2],
+    /// Whether its only colour is the luminance Y.
+    is_grey: bool,
     /// Whether the file has an alpha channel.
     pub has_alpha: bool,
 }
@@ -37,7 +41,7 @@ impl ExrLayout {
     /// Reads the layout from the header of a file.
     ///
     /// # Errors
-    /// `Invalid` for a file that is no EXR or has no channels R, G and B of half or float.
+    /// `Invalid` for a file that is no EXR or has neither R, G and B nor Y alone, as half or float.
     pub fn read_header(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
         exr_check::check(path)?;
         rewind(file, path)?;
@@ -46,18 +50,21 @@ impl ExrLayout {
         let has = |header: &Header, name: &str| {
             header.channels.list.iter().any(|channel| channel.name.eq(name))
         };
-        let colour = |h: &&Header| !h.deep && ["R", "G", "B"].iter().all(|name| has(h, name));
-        let Some(header) = meta.headers.iter().find(colour) else {
-            let message = "cannot read this EXR: found no part with the channels R, G and B";
+        let is_color = |h: &&Header| !h.deep && ["R", "G", "B"].iter().all(|name| has(h, name));
+        // RY and BY are the chroma of a colour file.
+        let is_grey = |h: &&Header| !h.deep && has(h, "Y") && !has(h, "RY") && !has(h, "BY");
+        let color = meta.headers.iter().find(is_color);
+        let Some(header) = color.or_else(|| meta.headers.iter().find(is_grey)) else {
+            let message = "cannot read this EXR: found no part with the channels R, G and B, or Y";
             return Err(Error::invalid(path.display().to_string(), message));
         };
-        let mut colours = header
-            .channels
-            .list
-            .iter()
-            .filter(|channel| ["R", "G", "B"].iter().any(|name| channel.name.eq(name)));
-        if colours.any(|channel| channel.sample_type == SampleType::U32) {
-            let message = "found R, G or B of type uint, expected half or float";
+        let names: &[&str] = if color.is_some() { &["R", "G", "B"] } else { &["Y"] };
+        let mut channels = header.channels.list.iter();
+        let integer = channels.find(|channel| {
+            channel.sample_type == SampleType::U32 && names.iter().any(|name| channel.name.eq(name))
+        });
+        if let Some(channel) = integer {
+            let message = format!("found {} of type uint, expected half or float", channel.name);
             return Err(Error::invalid(path.display().to_string(), message));
         }
         let display = header.shared_attributes.display_window;
@@ -75,6 +82,7 @@ impl ExrLayout {
             columns: within(first[0], data.x(), size.x()),
             rows: within(first[1], data.y(), size.y()),
             first,
+            is_grey: color.is_none(),
             has_alpha: has(header, "A"),
         })
     }
@@ -95,7 +103,15 @@ impl ExrLayout {
         Some(within(y, self.first[1], &self.rows)? * self.columns.len() + x)
     }
 
-    /// Reads R, G, B of the kept pixels, row by row.
+    /// Stores a pixel of the data window in the kept pixels, if it is one of them.
+    fn store(&self, pixels: &mut [f32], at: Vec2<usize>, color: [f32; 3]) {
+        let pixel = self.place(at.x(), at.y());
+        if let Some(pixel) = pixel.and_then(|at| pixels.get_mut(3 * at..3 * at + 3)) {
+            pixel.copy_from_slice(&color);
+        }
+    }
+
+    /// Reads R, G, B of the kept pixels, row by row. A grey file has the same value in all three.
     ///
     /// # Errors
     /// `Invalid` for damaged files, `Retry` if memory is short.
@@ -105,23 +121,23 @@ impl ExrLayout {
         reserve::probe(bytes, &path.display().to_string())?;
         rewind(file, path)?;
         let layout = self.clone();
-        let image = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .rgba_channels(
-                move |_, _| vec![0.0f32; count],
-                move |pixels: &mut Vec<f32>, at, (r, g, b, _): (f32, f32, f32, f32)| {
-                    let pixel = layout.place(at.x(), at.y());
-                    if let Some(pixel) = pixel.and_then(|at| pixels.get_mut(3 * at..3 * at + 3)) {
-                        pixel.copy_from_slice(&[r, g, b]);
-                    }
-                },
-            )
-            .first_valid_layer()
-            .all_attributes()
-            .from_buffered(file)
-            .map_err(|error| exr_error(path, error))?;
-        Ok(image.layer_data.channel_data.pixels)
+        let level = read().no_deep_data().largest_resolution_level();
+        let pixels = if self.is_grey {
+            let black = move |_: Vec2<usize>, _: &_| vec![0.0f32; count];
+            let store = move |all: &mut Vec<f32>, at, (y,): (f32,)| layout.store(all, at, [y; 3]);
+            let channels = level.specific_channels().required("Y").collect_pixels(black, store);
+            let image = channels.first_valid_layer().all_attributes().from_buffered(file);
+            image.map(|image| image.layer_data.channel_data.pixels)
+        } else {
+            let black = move |_: Vec2<usize>, _: &_| vec![0.0f32; count];
+            let store = move |all: &mut Vec<f32>, at, (r, g, b, _): (f32, f32, f32, f32)| {
+                layout.store(all, at, [r, g, b]);
+            };
+            let channels = level.rgba_channels(black, store);
+            let image = channels.first_valid_layer().all_attributes().from_buffered(file);
+            image.map(|image| image.layer_data.channel_data.pixels)
+        };
+        pixels.map_err(|error| exr_error(path, error))
     }
 }
 

@@ -237,6 +237,31 @@ fn an_image_without_space_for_its_tiles_is_kept_and_told() {
 }
 
 #[test]
+fn an_exr_with_luminance_alone_is_grey() {
+    use ::exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+    let saved = |names: &[&'static str]| {
+        let (folder, path) = file("y.exr", b"");
+        let values = FlatSamples::F32(vec![0.25, -1.0, 7.5, 0.0]);
+        let channel = |name: &&'static str| AnyChannel::new(*name, values.clone());
+        let channels = AnyChannels::sort(names.iter().map(channel).collect());
+        Image::from_channels((2, 2), channels).write().to_file(&path).unwrap();
+        (folder, read(&path, None, DEFAULT_MAX_BYTES))
+    };
+    for (names, alpha) in [(&["Y"][..], false), (&["A", "Y", "Z"], true)] {
+        let texture = saved(names).1.unwrap();
+        assert_eq!(texture.had_alpha, alpha);
+        let texels = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
+        let found = texels.map(|(u, v)| nearest(&texture, u, v));
+        assert_eq!(found, [0.25, -1.0, 7.5, 0.0].map(Vec3::splat));
+    }
+    // Chroma makes it a colour file, which is not read.
+    for names in [&["Y", "RY", "BY"][..], &["Z"]] {
+        let message = saved(names).1.unwrap_err().to_string();
+        assert!(message.contains("no part with the channels R, G and B, or Y"), "{message}");
+    }
+}
+
+#[test]
 fn exr_alpha_is_dropped_and_nan_refused() {
     let rgba = image::Rgba32FImage::from_pixel(2, 2, Rgba([1.0, 2.0, 3.0, 0.5]));
     let mut image = DynamicImage::ImageRgba32F(rgba);

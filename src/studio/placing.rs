@@ -1,0 +1,121 @@
+//! Places a mesh on the ground of a template, and moves the camera to where it sees the mesh.
+
+use glam::{DAffine3, DVec3};
+use rayon::iter::Either;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::scene::{Loaded, Overrides, ShapeKind};
+use crate::world::{Bounds, placement};
+
+use super::axes::main_axis;
+use super::framing::{FieldOfView, frame, frame_turning};
+use super::points::UsedVertices;
+use super::subject::{GROUND, Subject};
+use super::template::{copies, trimesh};
+
+/// Height of the mesh above the ground, as a fraction of the mesh's longest side. It is too small
+/// to see, but a flat mesh does not coincide with the ground plane.
+const GROUND_GAP: f64 = 1e-4;
+
+/// Adds overrides that place the mesh on the ground and move the camera. Instances are placed with
+/// it, and the camera sees all of them. Returns the centre of the bounding box in world space.
+///
+/// # Errors
+/// If there is no triangle, or if the camera is neither `pinhole` nor `thinlens`.
+pub(super) fn place(
+    subject: &Subject,
+    points: &UsedVertices,
+    (loaded, user): (&Loaded, &Overrides),
+    shape: &str,
+    ours: &mut Overrides,
+) -> Result<DVec3> {
+    let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
+    let spec = trimesh(loaded, shape).ok_or_else(empty)?;
+    let (linear, middle) = placement(spec, points.bounds(|p| p));
+    let turned = |p: DVec3| linear * (p - middle);
+    // If points are drawn as spheres, the box contains the spheres.
+    let radius = spec.points.unwrap_or(0.0) * linear.x_axis.length();
+    let Bounds { min, max } = points.bounds(turned);
+    let (low, high) = (min - radius, max + radius);
+    let camera = &loaded.scene.camera;
+    let vertical = main_axis(camera.up);
+    let up = camera.up[vertical].signum();
+    let lowest = if up > 0.0 { low } else { high }[vertical];
+    let mut center = spec.center;
+    // Without `fit`, `placement` does not move the centre of the box to zero.
+    if spec.fit.is_none() {
+        center -= (low + high) / 2.0;
+    }
+    let gap = up * GROUND_GAP * (high - low).max_element();
+    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + gap - lowest;
+    let Some((fov_deg, _)) = camera.perspective() else {
+        let message =
+            "found a template whose camera cannot be framed, expected a `pinhole` or `thinlens`";
+        return Err(Error::invalid("/camera/type", message));
+    };
+    let aspect = f64::from(camera.width) / f64::from(camera.height);
+    let copies = copies(loaded, shape);
+    let (middle, placed) = match copies.is_empty() {
+        true => {
+            let placed = points.par_iter().map(|p| turned(p) + center);
+            (center + (low + high) / 2.0, Either::Left(placed))
+        }
+        false => {
+            let one = Bounds { min: low + center, max: high + center };
+            let all = copies.iter().map(|copy| one.transformed(copy));
+            // A mesh may have many instances, so their boxes stand for their vertices.
+            let corners = |copy: &DAffine3| one.corners().map(|p| copy.transform_point3(p));
+            let corners: Vec<DVec3> = copies.iter().flat_map(corners).collect();
+            (
+                all.fold(Bounds::EMPTY, Bounds::union).center(),
+                Either::Right(corners.into_par_iter()),
+            )
+        }
+    };
+    let lens = FieldOfView { fov_deg, aspect, margin: subject.margin, radius };
+    let target = user.touches("/camera/target").then(|| loaded.description.camera.target());
+    let target = target.flatten().map(|point| DVec3::from(point.0));
+    let position = match subject.turning {
+        false => frame(placed, camera.lookat, camera.up, lens, target),
+        true => {
+            let axis = (subject.pivot.unwrap_or(middle), DVec3::AXES[vertical]);
+            frame_turning(placed, axis, camera.lookat, camera.up, lens, target)
+        }
+    };
+    let position = position.ok_or_else(empty)?;
+    ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
+    point(loaded, user, position, middle, ours);
+    Ok(middle)
+}
+
+/// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on
+/// the centre of the mesh.
+fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: &mut Overrides) {
+    let camera = &loaded.scene.camera;
+    let list = |v: DVec3| Some(v.to_array().to_vec());
+    let z = camera.lookat.normalize();
+    let is_given = user.touches("/camera/position");
+    let position = if is_given { camera.position } else { framed };
+    if !is_given {
+        ours.flag("FILE.ply", "/camera/position", list(position));
+        // The camera has moved, and so has the point in its direction.
+        if loaded.description.camera.target().is_some() {
+            ours.flag("FILE.ply", "/camera/target", list(position + z));
+        }
+    }
+    if camera.perspective().is_some_and(|(_, lens)| lens.is_some()) {
+        let distance = Some((middle - position).dot(z)).filter(|distance| *distance > 0.0);
+        ours.flag("FILE.ply", "/camera/focaldistance", distance);
+    }
+}
+
+/// Returns the height of the plane named `ground`, at its first corner.
+fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
+    let named = loaded.scene.shapes.iter();
+    let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));
+    planes.find_map(|shape| match &shape.kind {
+        ShapeKind::Plane { corners } => Some(corners[0][vertical]),
+        _ => None,
+    })
+}
