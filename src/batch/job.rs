@@ -11,14 +11,15 @@ use crate::output::exr::Sequence;
 use crate::output::tonemap::Depth;
 use crate::picture::Storage;
 use crate::poses::Poses;
-use crate::scene::Overrides;
 use crate::scene::written::Name;
+use crate::scene::{Overrides, escaped};
 use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
 use crate::{paths, studio, units};
 
 use super::description::{Input as Written, JobFile, TurntableKeys};
 use super::inputs;
 use super::names::{self, NamePattern};
+use super::places::Places;
 
 /// Output folder if none is given.
 const FOLDER: &str = "out";
@@ -56,6 +57,8 @@ pub struct Job {
     pub name: NamePattern,
     /// Path of the job file.
     pub job_file: Option<PathBuf>,
+    /// Where the job's settings were written.
+    pub places: Places,
     /// Other files of the job beside its inputs: the template, the lists of cameras.
     pub files: Vec<PathBuf>,
 }
@@ -91,6 +94,8 @@ pub struct Flags {
     pub no_mmap: bool,
     /// Path of the job file.
     pub file: Option<PathBuf>,
+    /// Where the job's settings were written.
+    pub places: Places,
 }
 
 impl Job {
@@ -124,11 +129,13 @@ impl Job {
         };
         let images = poses.iter().flat_map(|poses| &poses.list);
         let images: Vec<String> = images.map(|pose| pose.image.clone()).collect();
-        let name = NamePattern::parse("output name", pattern);
+        let places = &flags.places;
+        let name_place = places.at("/output/name");
+        let name = NamePattern::parse(&name_place, pattern);
         // Without names, the list of cameras could not be read. That error is already kept.
         let named = |name: NamePattern| match file.cameras.is_some() && images.is_empty() {
             true => Ok(name),
-            false => name.with_images("output name", images),
+            false => name.with_images(&name_place, images),
         };
         let name = failures.keep(name.and_then(named));
         if name.as_ref().is_some_and(NamePattern::has_image) {
@@ -140,23 +147,24 @@ impl Job {
                 failures.keep(name.check(&input.path, number));
             }
             let paths: Vec<&Path> = found.iter().map(|input| input.path.as_path()).collect();
-            failures.keep(names::distinct(name, &paths, frames, pattern));
+            failures.keep(names::distinct(&name_place, (name, pattern), &paths, frames));
         }
         let both = file.up.is_some() && file.rotate.is_some();
         if both {
             let message = "found with `rotate`, expected one of the two";
-            failures.keep::<()>(Err(Error::invalid("up", message)));
+            failures.keep::<()>(Err(Error::invalid(places.at("/up"), message)));
         }
         let rate = file.output.fps.as_ref().and_then(|Name(rate)| {
             let rate = units::parse_rate(rate);
-            failures.keep(rate.map_err(|message| Error::invalid("output fps", message)))
+            failures.keep(rate.map_err(|message| Error::invalid(places.at("/output/fps"), message)))
         });
         let depth = match file.output.pngbits {
             None | Some(8) => Depth::Eight,
             Some(16) => Depth::Sixteen,
             Some(bits) => {
                 let message = format!("found {bits}, expected 8 or 16");
-                failures.keep::<()>(Err(Error::invalid("output pngbits", message)));
+                let place = places.at("/output/pngbits");
+                failures.keep::<()>(Err(Error::invalid(place, message)));
                 Depth::Eight
             }
         };
@@ -198,6 +206,7 @@ impl Job {
             folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
             name,
             job_file: flags.file,
+            places: flags.places,
             files: files.into_iter().chain(cameras).collect(),
             poses,
         })
@@ -241,7 +250,10 @@ impl Job {
 fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
     let Some(Name(path)) = &file.cameras else {
         return match file.undistort {
-            true => Err(Error::invalid("undistort", "found without a list of cameras")),
+            true => {
+                let place = flags.places.at("/undistort");
+                Err(Error::invalid(place, "found without a list of cameras"))
+            }
             false => Ok(None),
         };
     };
@@ -254,11 +266,11 @@ fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
     let set = file.set.keys().any(|key| key.starts_with("/camera"));
     let camera = !file.camera.is_empty() || set || file.inputs.iter().any(entry);
     let size = file.size.is_some() || camera || flags.overrides.touches("/camera");
-    for (what, found) in [("turntable", file.turntable.is_some()), ("camera", size)] {
+    for (what, found) in [("/turntable", file.turntable.is_some()), ("/camera", size)] {
         if found {
             let message =
                 "found with a list of cameras, which has the size and pose of each picture";
-            return Err(Error::invalid(what, message));
+            return Err(Error::invalid(flags.places.at(what), message));
         }
     }
     Poses::read(&base.join(path), file.undistort).map(Some)
@@ -278,16 +290,17 @@ fn input(
         Written::Path(path) => (path, None, None, &none, &none),
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
     };
-    let mut overrides = common(file);
-    overrides.append(patches(camera, set));
+    let mut overrides = common(file, &flags.places);
+    let entry = format!("/inputs/{number}");
+    overrides.append(patches(camera, set, &entry, &flags.places));
     let place = match flags.file {
-        Some(_) => format!("inputs/{number}"),
+        Some(_) => flags.places.at(&entry),
         None => "INPUT".to_string(),
     };
     let files = inputs::expand(&place, &path.0, base)?;
     if (up.is_some() || rotate.is_some()) && !files.iter().any(|file| studio::is_mesh(file)) {
         let key = if up.is_some() { "up" } else { "rotate" };
-        return Err(without_mesh(&format!("{place}/{key}")));
+        return Err(without_mesh(&flags.places.at(&format!("{entry}/{key}"))));
     }
     // An entry's own `up` or `rotate` replaces both of the job's.
     let (up, rotate) = match (up, rotate) {
@@ -319,27 +332,35 @@ pub fn without_mesh(place: &str) -> Error {
 }
 
 /// Returns the overrides that the job applies to every scene.
-fn common(file: &JobFile) -> Overrides {
+fn common(file: &JobFile, places: &Places) -> Overrides {
     let mut all = Overrides::default();
     if let Some([width, height]) = file.size {
-        all.flag("size", "/camera/width", Some(width));
-        all.flag("size", "/camera/height", Some(height));
+        all.flag(places.at("/size"), "/camera/width", Some(width));
+        all.flag(places.at("/size"), "/camera/height", Some(height));
     }
     let layers = file.layers.as_ref();
     let layers = layers.map(|names| names.iter().map(|n| n.0.clone()).collect::<Vec<String>>());
-    all.flag("layers", "/output/layers", layers);
-    all.flag("cryptoranks", "/output/cryptoranks", file.cryptoranks);
-    all.append(patches(&file.camera, &file.set));
+    all.flag(places.at("/layers"), "/output/layers", layers);
+    all.flag(places.at("/cryptoranks"), "/output/cryptoranks", file.cryptoranks);
+    all.append(patches(&file.camera, &file.set, "", places));
     all
 }
 
-fn patches(camera: &BTreeMap<String, Value>, set: &BTreeMap<String, Value>) -> Overrides {
+/// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`.
+fn patches(
+    camera: &BTreeMap<String, Value>,
+    set: &BTreeMap<String, Value>,
+    at: &str,
+    places: &Places,
+) -> Overrides {
     let mut all = Overrides::default();
     for (key, value) in camera {
-        all.flag("camera", &format!("/camera/{key}"), Some(value.clone()));
+        let place = places.at(&format!("{at}/camera/{}", escaped(key)));
+        all.flag(place, &format!("/camera/{key}"), Some(value.clone()));
     }
     for (pointer, value) in set {
-        all.flag("set", pointer, Some(value.clone()));
+        let place = places.at(&format!("{at}/set/{}", escaped(pointer)));
+        all.flag(place, pointer, Some(value.clone()));
     }
     all
 }

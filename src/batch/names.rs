@@ -217,14 +217,19 @@ type HashedName = (u64, u32, u32);
 
 /// Refuses two frames with the same name, and a frame with the name of a contact sheet's file or in
 /// a folder of that name.
-/// `text` is the pattern, for messages.
+/// `text` is the pattern and `place` is where it was written, for messages.
 ///
 /// # Errors
 /// The first such pair in the order of the job.
-pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -> Result<()> {
+pub fn distinct(
+    place: &str,
+    (name, text): (&NamePattern, &str),
+    inputs: &[&Path],
+    frames: u32,
+) -> Result<()> {
     if frames > 1 && !name.has_frame_number() {
         let message = format!("found {text:?} for {frames} frames, expected {{frame}} in it");
-        return Err(Error::invalid("output name", message).help("{stem}/{stem}.{frame:04}"));
+        return Err(Error::invalid(place, message).help("{stem}/{stem}.{frame:04}"));
     }
     let of =
         |&(_, input, frame): &HashedName| name.of(inputs[input as usize], input as usize, frame);
@@ -269,7 +274,7 @@ pub fn distinct(name: &NamePattern, inputs: &[&Path], frames: u32, text: &str) -
         Some((_, input, _)) if input == one.1 => "tell them apart: --name '{stem}/{frame:04}'",
         _ => "tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'",
     };
-    Err(Error::invalid("output name", message).help(help))
+    Err(Error::invalid(place, message).help(help))
 }
 
 #[cfg(test)]

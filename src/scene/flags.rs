@@ -1,5 +1,7 @@
 //! Converts flags to `--set` overrides. A problem with such an override names the flag.
 
+use std::borrow::Cow;
+
 use serde_json::Value;
 
 use crate::error::{Error, Problem, Result};
@@ -9,11 +11,14 @@ use super::description::{LightDescription, SceneDescription};
 use super::load_scene::{self, Loaded, Source};
 use super::node::JsonPlace;
 
+/// The name of a flag, or a place in a job file.
+type Place = Cow<'static, str>;
+
 /// Overrides in the order of their application, with the flags they come from.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
-    /// Flag, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
-    list: Vec<(Option<&'static str>, String, String)>,
+    /// Flag or place in a job file, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
+    list: Vec<(Option<Place>, String, String)>,
     /// Number of overrides at the start of the list that flags win over: those of a job file.
     below: usize,
     /// Options of the backend that the scene selects.
@@ -27,11 +32,16 @@ impl Overrides {
         self.list.push((None, pointer.to_string(), set.to_string()));
     }
 
-    /// Adds the override of a flag, if the flag has a value.
-    pub fn flag<T: Into<Value>>(&mut self, flag: &'static str, pointer: &str, value: Option<T>) {
+    /// Adds the override of a flag, if the flag has a value. `flag` may be a place in a job file.
+    pub fn flag<T: Into<Value>>(
+        &mut self,
+        flag: impl Into<Place>,
+        pointer: &str,
+        value: Option<T>,
+    ) {
         if let Some(value) = value {
             let set = format!("{pointer}={}", value.into());
-            self.list.push((Some(flag), pointer.to_string(), set));
+            self.list.push((Some(flag.into()), pointer.to_string(), set));
         }
     }
 
@@ -72,7 +82,7 @@ impl Overrides {
         let pointers: Vec<String> =
             (0..lights.len()).map(|i| format!("/scene/lightsources/{i}/samples")).collect();
         let (mut document, _) = load_scene::document(source)?;
-        let mut set_by = |sets: &[(Option<&'static str>, String, String)]| -> Vec<bool> {
+        let mut set_by = |sets: &[(Option<Place>, String, String)]| -> Vec<bool> {
             for (_, _, set) in sets {
                 // An override with an error was refused when `scene` was loaded.
                 let _ = document.apply_set(set);
@@ -150,7 +160,7 @@ impl Overrides {
             rest == pointer || rest == set || rest.starts_with(&format!("{pointer} "))
         });
         match culprit {
-            Some((Some(flag), ..)) => Problem { place: (*flag).to_string(), ..problem },
+            Some((Some(flag), ..)) => Problem { place: flag.to_string(), ..problem },
             _ => problem,
         }
     }

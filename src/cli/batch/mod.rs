@@ -11,8 +11,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use serde_json::json;
 
 use crate::batch::{
-    self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Status, TurntableKeys,
-    WrittenInput, sheet,
+    self, BatchOptions, Event, Flags, Job, JobFile, LimitKeys, Outcome, Places, Status,
+    TurntableKeys, WrittenInput, sheet,
 };
 use crate::error::{Error, ErrorKind, Problem, Result, printable};
 use crate::monitor::Monitor;
@@ -31,13 +31,10 @@ use self::args::BatchArgs;
 /// JSON pointer of the limit of memory in a job file.
 pub const MEMORY_KEY: &str = "/limits/memory";
 
-/// Places of problems of a scene that come from keys of the job file.
-const JOB_KEYS: [&str; 5] = ["size", "layers", "cryptoranks", "camera", "set"];
-
 /// Renders the batch that the arguments describe.
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
-    check_settings(&job)?;
+    batch::check_settings(&job)?;
     if args.run.dry_run {
         return list(&job, args);
     }
@@ -191,14 +188,21 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         let message = "found with `batch`, expected with `render`";
         return Err(Error::invalid(flag, message));
     }
-    let (mut file, own) = match args.inputs.as_slice() {
+    let (mut file, document) = match args.inputs.as_slice() {
         [one] => match read_job_file(one)? {
-            Some(file) => (file, Some(one.as_path())),
+            Some((file, document)) => (file, Some(document)),
             None => (inputs(&args.inputs)?, None),
         },
         several => (inputs(several)?, None),
     };
+    let own = args.inputs.first().filter(|_| document.is_some()).map(PathBuf::as_path);
     let looks = apply_flags(args, &mut file)?;
+    let replaced = [
+        ("/output/name", "--name", args.name.is_some()),
+        ("/turntable", "--turntable", args.frames.turntable.is_some()),
+    ];
+    let replaced = replaced.into_iter().filter(|(_, _, given)| *given);
+    let flags = replaced.map(|(key, flag, _)| (key, flag)).collect();
     let limits = file.limits.clone();
     let beside = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
@@ -208,6 +212,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         looks,
         turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
+        places: Places { document, flags },
     };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(own), beside)?;
@@ -220,33 +225,17 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     Ok((job, limits))
 }
 
-/// Refuses settings that no input of the job can be rendered with.
-///
-/// # Errors
-/// The problems of the first input. Those of keys of the job file name the file.
-pub fn check_settings(job: &Job) -> Result<()> {
-    let file = job.job_file.as_ref().map(|path| path.display().to_string());
-    batch::check_settings(job).map_err(|mut error| {
-        for problem in &mut error.problems {
-            if let Some(file) = file.as_ref().filter(|_| JOB_KEYS.contains(&problem.place.as_str()))
-            {
-                problem.place = format!("{file}: {}", problem.place);
-            }
-        }
-        error
-    })
-}
-
 /// Loads a job file and its limits as `batch` loads them, with another output folder if one is
 /// given. Returns `None` if the file is not a job file.
 ///
 /// # Errors
 /// All problems of the job.
 pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<(Job, LimitKeys)>> {
-    let Some(mut file) = read_job_file(path)? else { return Ok(None) };
+    let Some((mut file, document)) = read_job_file(path)? else { return Ok(None) };
     set_output(&mut file, output)?;
     let limits = file.limits.clone();
-    let flags = Flags { file: Some(path.to_owned()), ..Flags::default() };
+    let places = Places { document: Some(document), flags: Vec::new() };
+    let flags = Flags { file: Some(path.to_owned()), places, ..Flags::default() };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(Some(path)), flags)?;
     refuse_mesh_key(&job, mesh_key)?;
@@ -260,10 +249,7 @@ fn has_mesh(job: &Job) -> bool {
 /// Refuses a key of the job file that only meshes have, if no input is one.
 fn refuse_mesh_key(job: &Job, key: Option<&str>) -> Result<()> {
     match key.filter(|_| !has_mesh(job)) {
-        Some(key) => {
-            let file = job.job_file.as_deref().unwrap_or(Path::new(""));
-            Err(batch::without_mesh(&format!("{}: {key}", file.display())))
-        }
+        Some(key) => Err(batch::without_mesh(&job.places.at(&format!("/{key}")))),
         None => Ok(()),
     }
 }
@@ -276,7 +262,7 @@ fn folder_of(job_file: Option<&Path>) -> &Path {
 
 /// Parses a file that has `inputs` as a job, whatever its name is; `None` for any other file. The
 /// path of the output folder is then relative to the working folder.
-fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
+fn read_job_file(path: &Path) -> Result<Option<(JobFile, Document)>> {
     if !path.is_file() || studio::is_mesh(path) {
         return Ok(None);
     }
@@ -290,7 +276,7 @@ fn read_job_file(path: &Path) -> Result<Option<JobFile>> {
     if let Some(folder) = &mut file.output.folder {
         folder.0 = paths::named(&folder_of(Some(path)).join(&folder.0))?;
     }
-    Ok(Some(file))
+    Ok(Some((file, document)))
 }
 
 fn inputs(paths: &[PathBuf]) -> Result<JobFile> {

@@ -99,7 +99,7 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     let Engine::Slurm(args) = &args.engine;
     signals::end_at_once()?;
     let (job, limits) = load(args)?;
-    batch_command::check_settings(&job)?;
+    batch::check_settings(&job)?;
     let slurm = plan(args, &job, &limits, &self::program(program)?)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]

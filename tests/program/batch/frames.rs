@@ -64,14 +64,19 @@ fn flags_for_meshes_are_refused_with_scenes_alone() {
             scratch.run(&["batch", "job.json", "--dry-run"])
         };
         let done = job(r#"["s.json"]"#);
-        let expected = format!("error: job.json: {key}: found with scenes, expected with a .ply");
+        let expected = format!("(/{key}): found with scenes, expected with a .ply file");
+        assert!(done.stderr().starts_with("error: job.json:1:"), "{}", done.stderr());
         assert!(done.code() == 2 && done.stderr().contains(&expected), "{}", done.stderr());
         job(r#"["s.json", "scans/a.ply"]"#).good();
     }
     let entry = r#"{ "inputs": ["scans/a.ply", { "path": "s.json", "up": "z" }] }"#;
     scratch.write("job.json", entry);
     let done = scratch.run(&["batch", "job.json", "--dry-run"]);
-    assert!(done.stderr().contains("error: inputs/1/up: found with scenes"), "{}", done.stderr());
+    assert!(
+        done.stderr().contains("error: job.json:1:55 (/inputs/1/up): found with scenes"),
+        "{}",
+        done.stderr()
+    );
     assert_eq!(done.code(), 2);
 }
 
@@ -312,7 +317,7 @@ fn manifests_are_files_of_their_frames() {
     scratch.write("job.json", &job.replace("BITS", "8"));
     assert_eq!(resume("settings changed"), 0);
     scratch.write("job.json", &job.replace("BITS", "12"));
-    assert_eq!(resume("pngbits: found 12, expected 8 or 16"), 2);
+    assert_eq!(resume("(/output/pngbits): found 12, expected 8 or 16"), 2);
 }
 
 #[test]
@@ -460,16 +465,21 @@ fn invalid_jobs_are_refused_before_rendering() {
             assert!(!scratch.path("out").exists(), "{value}");
         }
     }
-    for (key, value) in [
-        ("layers", r#"["Q"]"#),
-        ("size", "[0, 48]"),
-        ("camera", r#"{ "fov": 0 }"#),
-        ("set", r#"{ "/nope/x": 3 }"#),
+    for (key, value, place) in [
+        ("layers", r#"["Q"]"#, "34 (/layers)"),
+        ("size", "[0, 48]", "32 (/size)"),
+        ("camera", r#"{ "fov": 0 }"#, "43 (/camera/fov)"),
+        ("set", r#"{ "/nope/x": 3 }"#, "44 (/set/~1nope~1x)"),
+        ("output", r#"{ "fps": "fast" }"#, "43 (/output/fps)"),
+        ("output", r#"{ "pngbits": 9 }"#, "47 (/output/pngbits)"),
+        ("output", r#"{ "name": "{nope}" }"#, "44 (/output/name)"),
+        ("undistort", "true", "37 (/undistort)"),
     ] {
         let job = job(&format!(r#"{{ "inputs": ["scans"], "{key}": {value} }}"#));
         let said = scratch.run(&["batch", job, "--dry-run"]);
         assert_eq!(said.code(), 2, "{key}: {}", said.stderr());
-        assert!(said.stderr().contains(&format!("error: job.json: {key}: ")), "{}", said.stderr());
+        let place = format!("error: job.json:1:{place}: ");
+        assert!(said.stderr().contains(&place), "{place}{}", said.stderr());
     }
     let limited = job(r#"{ "inputs": ["scans"], "limits": { "memory": "8X" } }"#);
     refused(&[limited, "--dry-run"], "job.json:1:46 (/limits/memory): found \"8X\"");

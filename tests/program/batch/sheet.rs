@@ -172,7 +172,8 @@ fn inputs_of_one_path_have_their_own_records() {
     let other = scratch.path("a.ply").display().to_string();
     scratch.write("job.json", &job.replace("PATH", &other));
     let (said, html) = run(&["--sheet-only"]);
-    assert!(said.contains(": all frames are missing: set: found 500"), "{said}");
+    assert!(said.contains(": all frames are missing: job.json:1:"), "{said}");
+    assert!(said.contains("(/inputs/1/set/~1camera~1fov): found 500"), "{said}");
     assert_eq!(cards(&html), [1, 1]);
     // Journals of earlier versions know only the path.
     let old = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
@@ -182,7 +183,7 @@ fn inputs_of_one_path_have_their_own_records() {
     scratch.write("out/batch.jsonl", &format!("{failed}\n"));
     scratch.write("job.json", &job.replace("PATH", "a.ply"));
     let (said, _) = run(&["--sheet-only"]);
-    assert!(said.contains("all frames are missing: set: found 500"), "{said}");
+    assert!(said.contains("all frames are missing: job.json:1:"), "{said}");
     // Two inputs fail, not one.
     scratch.write("a.ply", "ply\n");
     assert!(run(&[]).0.contains("2 of 2 inputs failed:"));
