@@ -3,7 +3,7 @@
 use super::adaptive_shadows::LightPoint;
 use super::record::Record;
 use super::sampled_light::SampledLight;
-use super::split::{LightPartSums, same_sign};
+use super::split::{LightPartSums, changed};
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes3, Light, LightWeights, lane};
 
@@ -71,17 +71,14 @@ impl LightSums {
         }
     }
 
-    /// Adds `part` times `factor`. A negative factor never removes more light than there is, except
-    /// for rounding, so no sum changes its sign.
+    /// Adds `part` times `factor`. A negative factor removes light that was added before.
     #[inline(always)]
     pub fn add_part<R: Record>(&mut self, part: &Self, factor: f64) {
         if factor == 0.0 {
             return;
         }
         for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
-            let whole = *sum + factor * part;
-            debug_assert!(whole * sum.signum() >= -1e-9 * sum.abs(), "{sum} {part} {factor}");
-            *sum = same_sign(whole, *sum);
+            *sum = changed(*sum, factor * part);
         }
         if R::ON {
             self.split.add_part(&part.split, factor);

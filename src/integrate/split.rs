@@ -83,9 +83,9 @@ impl LightPartSums {
         for axis in 0..3 {
             for i in 0..LANES {
                 let sum = &mut self.diffuse[axis][i];
-                *sum = same_sign(*sum + factor * part.diffuse[axis][i], *sum);
+                *sum = changed(*sum, factor * part.diffuse[axis][i]);
                 let sum = &mut self.specular[axis][i];
-                *sum = same_sign(*sum + factor * part.specular[axis][i], *sum);
+                *sum = changed(*sum, factor * part.specular[axis][i]);
             }
         }
         // Not clamped: one result may be outside [0, n], because the draws follow the light.
@@ -109,9 +109,10 @@ impl LightPartSums {
     }
 }
 
-/// Returns `value`, or 0 if its sign is another one than that of `like`. The light of a negative
-/// colour is negative.
+/// Returns `sum + change`. Light that is taken away again, in single precision, leaves no light of
+/// the other sign: the result is 0 if only rounding tells it from 0.
 #[inline(always)]
-pub fn same_sign(value: f64, like: f64) -> f64 {
-    if like >= 0.0 { value.max(0.0) } else { value.min(0.0) }
+pub fn changed(sum: f64, change: f64) -> f64 {
+    let whole = sum + change;
+    if whole * sum < 0.0 && whole.abs() <= 1e-6 * sum.abs() { 0.0 } else { whole }
 }

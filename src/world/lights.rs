@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::maps::Maps;
+use super::origin::Origin;
 use crate::error::Problem;
 use crate::geometry::Geometry;
 use crate::scene::{self, Layer, LightKind, MapUse, OcclusionRays, Scene};
@@ -23,30 +24,33 @@ impl VisibleEnvironment {
 }
 
 /// Returns the white light of the hemisphere whose shadow rays give the layer of ambient occlusion.
-/// `None` if the scene lacks the layer. `extent` is the longest side of the scene's box, in world
-/// units.
-pub(super) fn occlusion(scene: &Scene, geometry: &Geometry, extent: f64) -> Option<Light> {
+/// `None` if the scene lacks the layer.
+pub(super) fn occlusion(scene: &Scene, geometry: &Geometry, origin: &Origin) -> Option<Light> {
     if !scene.layers.contains(&Layer::Occlusion) {
         return None;
     }
     let OcclusionRays { distance, samples } = scene.occlusion;
     let hemisphere = match distance {
-        Some(distance) => Environment::within(distance.max(SHORTEST_OCCLUSION * extent)),
+        Some(distance) => Environment::within(distance.max(shortest_occlusion(origin))),
         None => Environment::new(geometry, None),
     };
     let area = Area::from_distant(Distant::Environment(hemisphere), samples);
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
-/// Shortest distance for ambient occlusion, as a fraction of the longest side of the scene's box.
-/// Rounding would turn the rays of a shorter one below the surface.
-const SHORTEST_OCCLUSION: f64 = 1.0 / (1u64 << 20) as f64;
+/// Returns the shortest distance for ambient occlusion, in world units. Rounding would turn the rays
+/// of a shorter one below the surface. Coordinates are as large as the scene's box, or as the
+/// distance from the camera if that is their origin.
+fn shortest_occlusion(origin: &Origin) -> f64 {
+    let nearest = if origin.nearest.is_finite() { origin.nearest } else { 0.0 };
+    let largest = if origin.at_camera { nearest } else { origin.extent };
+    largest / (1u64 << 20) as f64
+}
 
 /// Returns a warning if `aodistance` is shorter than positions can express.
-/// `extent` is the longest side of the scene's box, in world units.
-pub(super) fn occlusion_warning(scene: &Scene, extent: f64) -> Option<Problem> {
+pub(super) fn occlusion_warning(scene: &Scene, origin: &Origin) -> Option<Problem> {
     let distance = scene.occlusion.distance.filter(|_| scene.layers.contains(&Layer::Occlusion))?;
-    let shortest = SHORTEST_OCCLUSION * extent;
+    let shortest = shortest_occlusion(origin);
     let message = format!(
         "found {distance:e}, which the rounding of positions exceeds: {shortest:.1e} is used"
     );

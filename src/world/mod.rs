@@ -226,7 +226,7 @@ impl World {
         }
         let copy = options.copy_instances || !scene.backend.traces_instances();
         let (geometry, mut shapes) = shared.place(scene, geometry, shapes, copy)?;
-        log.warnings.extend(lights::occlusion_warning(scene, chosen.extent));
+        log.warnings.extend(lights::occlusion_warning(scene, &chosen));
         shapes.make_mip_maps(left)?;
         monitor.check()?;
         let settled = suspects
@@ -268,7 +268,7 @@ impl World {
             visible_environments: visible_environments(scene, &maps),
             maps,
             ambient: scene.ambient,
-            occlusion: occlusion(scene, &geometry, chosen.extent),
+            occlusion: occlusion(scene, &geometry, &chosen),
             falloff: scene.falloff,
             transparent: scene.transparent,
             resolutions: Vec::new(),

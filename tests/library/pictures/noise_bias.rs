@@ -220,28 +220,43 @@ fn penumbra() -> Value {
           "material": { "kd": 0.8, "ks": 0.5, "specularexponent": 80 } }] } })
 }
 
+/// The dark edge of a penumbra: of the light's points, most pixels see none of the first.
+fn dark_edge() -> Value {
+    json!({ "spp": 4,
+            "camera": { "type": "pinhole", "width": 32, "height": 32, "fov": 12, "up": [0, 1, 0],
+                        "position": [-1.9, 3, -0.5], "target": [-0.45, 0, -0.45] },
+            "scene": { "lightsources": [
+        { "type": "arealight", "v0": [-1, 5, -1], "v1": [1, 5, -1], "v2": [-1, 5, 1],
+          "id": [1, 1, 1] }], "shapes": [
+        { "type": "plane", "v0": [-9, 0, 9], "v1": [9, 0, 9], "v2": [9, 0, -9], "v3": [-9, 0, -9],
+          "material": { "kd": 0.5, "ks": 0.3 } },
+        { "type": "sphere", "center": [0, 1.5, 0], "radius": 0.8, "visible": { "camera": false },
+          "material": {} }] } })
+}
+
 /// The light of a negative colour is that of the colour, taken away.
 #[test]
 fn adaptive_shadows_take_negative_light_away() {
-    let picture = |sign: f64| {
-        let mut scene = penumbra();
-        scene["adaptiveshadows"] = json!(true);
-        let light = &mut scene["scene"]["lightsources"][0];
-        light["samples"] = json!(32);
-        light["id"] = json!([9.0 * sign, 6.0, 1.0 * sign]);
-        light["is"] = json!([1.0 * sign, 4.0, 9.0 * sign]);
-        with_world(&scene, |world, accelerator| {
-            let mut film = film(world);
-            let (isa, monitor) = (Isa::detect(), Monitor::default());
-            render::render(world, accelerator, isa, &mut film, &monitor).unwrap();
-            film.pixels
-        })
-    };
-    let (light, taken) = (picture(1.0), picture(-1.0));
-    assert!(light.iter().any(|pixel| pixel[0] > 0.1));
-    for (light, taken) in light.iter().zip(&taken) {
-        let [r, g, b, _] = *light;
-        assert_eq!(taken[..3], [-r, g, -b]);
+    for mut scene in [penumbra(), dark_edge()] {
+        let mut picture = |sign: f64| {
+            scene["adaptiveshadows"] = json!(true);
+            let light = &mut scene["scene"]["lightsources"][0];
+            light["samples"] = json!(32);
+            light["id"] = json!([9.0 * sign, 6.0, 1.0 * sign]);
+            light["is"] = json!([1.0 * sign, 4.0, 9.0 * sign]);
+            with_world(&scene, |world, accelerator| {
+                let mut film = film(world);
+                let (isa, monitor) = (Isa::detect(), Monitor::default());
+                render::render(world, accelerator, isa, &mut film, &monitor).unwrap();
+                film.pixels
+            })
+        };
+        let (light, taken) = (picture(1.0), picture(-1.0));
+        assert!(light.iter().any(|pixel| pixel[0] > 0.1));
+        for (light, taken) in light.iter().zip(&taken) {
+            let [r, g, b, _] = *light;
+            assert_eq!(taken[..3], [-r, g, -b]);
+        }
     }
 }
 
