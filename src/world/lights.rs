@@ -95,3 +95,27 @@ pub(super) fn recentre(light: &scene::CheckedLight, geometry: &Geometry, maps: &
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn short_occlusion_rays_are_limited_by_the_rounding_of_positions() {
+        let position = DVec3::ZERO;
+        let middle = Origin {
+            position,
+            at_camera: false,
+            extent: 1e6,
+            nearest: 3.0,
+            rounding: 0.0,
+            pixels: 0.0,
+        };
+        assert!((0.9..1.0).contains(&shortest_occlusion(&middle)));
+        let camera = Origin { at_camera: true, ..middle };
+        assert!((2.8e-6..3e-6).contains(&shortest_occlusion(&camera)));
+        assert_eq!(shortest_occlusion(&Origin { nearest: f64::INFINITY, ..camera }), 0.0);
+    }
+}
