@@ -12,7 +12,7 @@ use super::parse::{self, MAX_DEPTH};
 impl Document {
     /// Applies one `/json/pointer=VALUE`. VALUE is JSON; a text that is not JSON is taken as a
     /// string. Missing object members are created. An array index must exist; `-` appends an item.
-    /// A `target` replaces a `lookat` that no override set, and the reverse.
+    /// A `target` of the camera replaces its `lookat`, and the reverse.
     ///
     /// # Errors
     /// - A text without `=`, or a pointer without a leading `/`.
@@ -53,19 +53,19 @@ impl Document {
         }
         *node = new;
         match pointer {
-            "/camera/target" => self.drop_unless_set("lookat"),
-            "/camera/lookat" => self.drop_unless_set("target"),
+            "/camera/target" => self.drop_of_camera("lookat"),
+            "/camera/lookat" => self.drop_of_camera("target"),
             _ => {}
         }
         Ok(())
     }
 
-    /// Removes a member of `/camera`, unless an override named it.
-    fn drop_unless_set(&mut self, key: &str) {
-        let Some(camera) = self.root.member_mut("camera") else { return };
-        if let NodeKind::Object(members) = &mut camera.kind {
-            let named = JsonPlace::Set(Arc::from(join("/camera", key)));
-            members.retain(|member| member.key != key || member.value.place == named);
+    /// Removes a member of `/camera`.
+    fn drop_of_camera(&mut self, key: &str) {
+        if let Some(NodeKind::Object(members)) =
+            self.root.member_mut("camera").map(|camera| &mut camera.kind)
+        {
+            members.retain(|member| member.key != key);
         }
     }
 }

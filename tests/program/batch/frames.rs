@@ -470,6 +470,12 @@ fn invalid_jobs_are_refused_before_rendering() {
         ("size", "[0, 48]", "32 (/size)"),
         ("camera", r#"{ "fov": 0 }"#, "43 (/camera/fov)"),
         ("set", r#"{ "/nope/x": 3 }"#, "44 (/set/~1nope~1x)"),
+        ("camera", r#"{ "lookat": [1, 0, 0], "target": [0, 0, 9] }"#, "67 (/camera/target)"),
+        (
+            "set",
+            r#"{ "/camera/lookat": [1, 0, 0], "/camera/target": [0, 0, 9] }"#,
+            "80 (/set/~1camera~1target)",
+        ),
         ("output", r#"{ "fps": "fast" }"#, "43 (/output/fps)"),
         ("output", r#"{ "pngbits": 9 }"#, "47 (/output/pngbits)"),
         ("output", r#"{ "name": "{nope}" }"#, "44 (/output/name)"),
