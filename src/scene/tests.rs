@@ -221,15 +221,17 @@ fn overrides_apply_in_order_and_create() {
         "/scene/materials/red~1blue/diffusecolor=[1,0,0]",
         r#"/scene/shapes/-={"type":"sphere","center":[0,9,0],"radius":1,"material":"red/blue"}"#,
         "/scene/shapes/0/radius=2",
-        "/output/layers=[]",
         "/output/layers/-=Z",
+        "/output/layers/-=N",
+        r#"/scene/lightsources/-={"type":"pointlight","position":[0,0,3],"id":[1,1,1]}"#,
         "/comment=ignored",
     ];
     let loaded = load_value(&minimal(), &set).unwrap();
     assert_eq!(loaded.scene.camera.perspective().unwrap().0, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
     assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
-    assert_eq!(loaded.scene.layers, [Layer::Depth]);
+    assert_eq!(loaded.scene.layers, [Layer::Depth, Layer::Normal]);
+    assert_eq!(loaded.scene.lights.len(), 1);
 }
 
 #[test]
