@@ -400,7 +400,9 @@ fn all_errors_come_in_file_order() {
 #[test]
 fn common_keys_are_checked_even_if_the_type_is_unknown() {
     for shape in [
-        r#"{"type": "mesh", "material": {"kd": [1, 1, 1], "kx": 1}, "path": 5}"#,
+        r#"{"type": "cube", "material": {"kd": [1, 1, 1], "kx": 1}, "path": 5}"#,
+        // Not a sphere: it has keys of other types.
+        r#"{"type": "shpere", "material": {"kd": [1, 1, 1], "kx": 1}, "path": 5}"#,
         r#"{"material": {"kd": [1, 1, 1], "kx": 1}}"#,
     ] {
         let error = text(with(CAMERA, shape).as_bytes(), &[]).unwrap_err();
@@ -410,6 +412,42 @@ fn common_keys_are_checked_even_if_the_type_is_unknown() {
         assert_eq!(messages[1], "found an array of 3, expected a number in [0, 1e18]");
         assert!(messages[2].starts_with("found the unknown key \"kx\""), "{error}");
     }
+}
+
+#[test]
+fn an_object_with_a_misspelt_type_is_checked_as_the_type_it_means() {
+    let errors = |camera: &str, shape: &str| -> Vec<String> {
+        let error = text(with(camera, shape).as_bytes(), &[]).unwrap_err();
+        let short = |p: &Problem| {
+            let message = p.message.split(", expected").next().unwrap();
+            format!("{}: {message}", p.place.split(['(', ')']).nth(1).unwrap())
+        };
+        error.problems.iter().map(short).collect()
+    };
+    let shape = r#"{"type": "shpere", "cnter": [0,0], "radius": -1, "material": {"kx": 1}}"#;
+    assert_eq!(
+        errors(CAMERA, shape),
+        [
+            "/scene/shapes/0: missing key `center`",
+            "/scene/shapes/0/type: found \"shpere\"",
+            "/scene/shapes/0/cnter: found the unknown key \"cnter\"",
+            "/scene/shapes/0/radius: found -1",
+            "/scene/shapes/0/material/kx: found the unknown key \"kx\"",
+        ]
+    );
+    let camera = CAMERA.replace("pinhole", "pinhle").replace("\"fov\"", "\"fvo\"");
+    assert_eq!(
+        errors(&camera, &sphere()),
+        [
+            "/camera: missing key `fov`",
+            "/camera/type: found \"pinhle\"",
+            "/camera/fvo: found the unknown key \"fvo\"",
+        ]
+    );
+    // Two types have similar names: which keys are missing is not known.
+    let light = r#"/scene/lightsources=[{"type": "light", "id": [1, 1, 1]}]"#;
+    let error = set(&[light]);
+    assert!(error.contains("found \"light\"") && !error.contains("missing key"), "{error}");
 }
 
 #[test]
