@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum absolute value of a coordinate in world units. Its square still fits f32.
 pub const MAX_COORDINATE: f64 = 1e18;
+/// Minimum of radii, sizes and distances in world units. Embree finds no sphere of a denormal
+/// radius, and f32 is denormal below 1.2e-38.
+pub const MIN_SIZE: f64 = 1e-37;
 /// Maximum absolute value of a colour component.
 pub const MAX_COLOR: f64 = 1e18;
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use lightpath::{
-    error::{Error, ErrorKind},
+    error::{Error, ErrorKind, Problem},
     scene::{Loaded, Source, load},
 };
 
@@ -165,7 +165,7 @@ fn shapes() {
     says(shape(r#"{"material": {}}"#), &["(/scene/shapes/0): missing key `type`"]);
     says(
         shape(r#"{"type": "sphere", "center": [0,0,0], "radius": -1, "material": {}}"#),
-        &["/radius): found -1, expected a number in (0, 1e18]"],
+        &["/radius): found -1, expected a number in [1e-37, 1e18]"],
     );
     says(
         shape(r#"{"type": "sphere", "center": [0,0,0], "radius": 1}"#),
@@ -412,6 +412,31 @@ fn common_keys_are_checked_even_if_the_type_is_unknown() {
         assert_eq!(messages[1], "found an array of 3, expected a number in [0, 1e18]");
         assert!(messages[2].starts_with("found the unknown key \"kx\""), "{error}");
     }
+}
+
+#[test]
+fn sizes_have_a_minimum() {
+    let refused = |scene: &str, key: &str| {
+        says(one(scene), &[&format!("/{key}): found 1e-40, expected a number in [1e-37, 1e18]")]);
+    };
+    let sphere = r#"{"type": "sphere", "center": [0,0,0], "radius": SIZE, "material": {}}"#;
+    refused(&with(CAMERA, &sphere.replace("SIZE", "1e-40")), "radius");
+    for size in ["1e-37", "1e18"] {
+        let scene = with(CAMERA, &sphere.replace("SIZE", size));
+        assert!(text(scene.as_bytes(), &[]).is_ok(), "{size}");
+    }
+    for key in ["size", "fit", "points"] {
+        let mesh = format!(
+            r#"{{"type": "trimesh", "path": "tests/ply/valid/blank-lines.ply", "{key}": 1e-40, "material": {{}}}}"#
+        );
+        refused(&with(CAMERA, &mesh), key);
+    }
+    let lens = CAMERA.replace("pinhole\"", "thinlens\", \"aperture\": 0, \"focaldistance\": SIZE");
+    refused(&with(&lens.replace("SIZE", "1e-40"), self::sphere()), "focaldistance");
+    assert!(text(with(&lens.replace("SIZE", "1e-37"), self::sphere()).as_bytes(), &[]).is_ok());
+    let parallel =
+        CAMERA.replace("pinhole", "orthographic").replace("\"fov\": 40", "\"viewwidth\": 1e-40");
+    refused(&with(&parallel, self::sphere()), "viewwidth");
 }
 
 #[test]
