@@ -309,6 +309,21 @@ fn panoramas() {
 }
 
 #[test]
+fn angles_have_bounds() {
+    let light = |keys: &str| set(&[&format!("/scene/lightsources=[{{{keys}}}]")]);
+    let sun = r#""type": "sun", "id": [1, 1, 1], "elevation": 9"#;
+    let wanted = "expected a number in [-1e6, 1e6]";
+    says(light(&format!(r#"{sun}, "azimuth": 1e300"#)), &["/azimuth): found 1e300", wanted]);
+    says(light(&format!(r#"{sun}, "azimuth": 3, "angle": 180"#)), &["[0, 179]"]);
+    let sky = r#""type": "environment", "radiance": [1, 1, 1]"#;
+    says(light(&format!(r#"{sky}, "rotation": -1e18"#)), &["/rotation): found -1e18", wanted]);
+    for keys in [format!(r#"{sun}, "azimuth": -1e6"#), format!(r#"{sky}, "rotation": 1e6"#)] {
+        let lights = format!("/scene/lightsources=[{{{keys}}}]");
+        assert!(text(with(CAMERA, sphere()).as_bytes(), &[&lights]).is_ok(), "{keys}");
+    }
+}
+
+#[test]
 fn lights_and_materials_and_files() {
     let area = r#"/scene/lightsources=[{"type":"arealight","v0":[0,0,0],"v1":[1,0,0],"v2":[5,0,0],"id":[1,1,1]}]"#;
     says(
