@@ -31,7 +31,7 @@ use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
 use self::lights::{occlusion, recentre, visible_environments};
-use self::place::{MAX_COORDINATE, PlacedMesh};
+use self::place::PlacedMesh;
 use self::sources::LoadLog;
 use self::textures::{MeshMaterial, TextureLimits};
 
@@ -330,14 +330,18 @@ impl World {
     }
 }
 
+/// Upper bound of the extent of a scene. Its half bounds the coordinates relative to the middle:
+/// Embree silently drops primitives beyond that (its `FLT_LARGE`, whose square is a hundredth of
+/// the largest f32).
+const MAX_EXTENT: f64 = 2.0 * 1.844e18;
+
 /// Rejects a scene whose primitives Embree would silently drop. Warns if Embree's single-precision
 /// products may overflow or underflow. `tests/library/hits/properties.rs` finds correct hits from
 /// 1e-12 to 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
-    if size / 2.0 >= MAX_COORDINATE {
-        let message =
-            format!("found shapes {size:e} apart, expected less than {:e}", 2.0 * MAX_COORDINATE);
+    if size >= MAX_EXTENT {
+        let message = format!("found shapes {size:e} apart, expected less than {MAX_EXTENT:e}");
         return Err(Error::invalid("scene", message));
     }
     if size > 1e12 || (0.0..1e-12).contains(&size) {

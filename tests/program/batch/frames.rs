@@ -439,6 +439,10 @@ fn invalid_jobs_are_refused_before_rendering() {
     refused(&["nosuch.ply"], "INPUT: found \"nosuch.ply\": there is no such file");
     refused(&["scans", "--name", "index.html/{stem}"], "the contact sheet would both be written");
     refused(&["scans", "other"], "would both be written to");
+    refused(&["scans", "other"], "--name '{parent}/{stem}', or '{input:03}-{stem}'\n");
+    refused(&["scans/a.ply", "scans/a.ply"], "apart: --name '{input:03}-{stem}'\n");
+    let turning = ["scans", "other", "--turntable", "2"];
+    refused(&turning, "--name '{parent}/{stem}.{frame:04}', or '{input:03}-{stem}.{frame:04}'\n");
     refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
     refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
     refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
@@ -470,6 +474,12 @@ fn invalid_jobs_are_refused_before_rendering() {
         ("size", "[0, 48]", "32 (/size)"),
         ("camera", r#"{ "fov": 0 }"#, "43 (/camera/fov)"),
         ("set", r#"{ "/nope/x": 3 }"#, "44 (/set/~1nope~1x)"),
+        ("camera", r#"{ "lookat": [1, 0, 0], "target": [0, 0, 9] }"#, "67 (/camera/target)"),
+        (
+            "set",
+            r#"{ "/camera/lookat": [1, 0, 0], "/camera/target": [0, 0, 9] }"#,
+            "80 (/set/~1camera~1target)",
+        ),
         ("output", r#"{ "fps": "fast" }"#, "43 (/output/fps)"),
         ("output", r#"{ "pngbits": 9 }"#, "47 (/output/pngbits)"),
         ("output", r#"{ "name": "{nope}" }"#, "44 (/output/name)"),
