@@ -80,6 +80,7 @@ mod ply {
 /// Rays and points on arrays, without a scene.
 mod rays {
     mod queries;
+    mod stitches;
 }
 
 mod scene {
