@@ -85,5 +85,6 @@ mod rays {
 mod scene {
     mod errors;
     mod fingerprint;
+    mod warnings;
     mod watched;
 }
