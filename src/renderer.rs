@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use self::ray_query::{closest_of_packet, occlusion_of_packet};
+use self::ray_query::{ShapeNumber, closest_of_packet, occlusion_of_packet};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm, Window};
@@ -58,6 +58,8 @@ pub struct LoadedScene {
     scene: Scene,
     world: World,
     plan: LayerPlan,
+    /// How hits name the shapes of `scene`.
+    numbers: Vec<ShapeNumber>,
     warnings: Vec<Problem>,
 }
 
@@ -271,7 +273,8 @@ impl LoadedScene {
         warnings.extend(more);
         warnings.iter_mut().for_each(drop_nuls);
         let plan = LayerPlan::new(&scene);
-        Ok(Self { scene, world, plan, warnings })
+        let numbers = ShapeNumber::of_all(&scene.shapes);
+        Ok(Self { scene, world, plan, numbers, warnings })
     }
 }
 
@@ -381,9 +384,10 @@ impl Renderer<'_> {
     /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
     /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let (accelerator, world) = (self.accelerator.as_ref(), &self.loaded.world);
+        let LoadedScene { world, numbers, .. } = self.loaded;
+        let closest = |rays| closest_of_packet(self.accelerator.as_ref(), world, numbers, rays);
         let packets = rays.par_chunks(LANES);
-        packets.flat_map_iter(|rays| closest_of_packet(accelerator, world, rays)).collect()
+        packets.flat_map_iter(closest).collect()
     }
 
     /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that

@@ -185,6 +185,7 @@ impl World {
             textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut log.warnings)?;
+        log.warnings.extend(lights::facing_warnings(scene, &bounds));
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
         let boxed: Vec<_> = shapes.zip(bounds).collect();
         let chosen = Origin::choose(&scene.camera, &boxed);

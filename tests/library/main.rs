@@ -87,5 +87,6 @@ mod rays {
 mod scene {
     mod errors;
     mod fingerprint;
+    mod warnings;
     mod watched;
 }
