@@ -6,6 +6,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
+use serde_json::json;
+
 use crate::support::program::{Done, PYRAMID, SMALL, Scratch};
 
 const SCENE: &str = r#"{
@@ -84,6 +86,25 @@ fn names_of_inputs_that_are_no_files_are_refused() {
     fs::remove_dir(path("b.ply.gz")).unwrap();
     assert!(Command::new("mkfifo").arg(path("b.ply")).status().unwrap().success());
     refused(&["scans/b.ply: found a pipe or a device, expected a file"]);
+}
+
+/// The first page of this file is not mapped, so that reading it is an error of the device.
+#[cfg(target_os = "linux")]
+#[test]
+fn another_try_may_cure_an_error_of_the_device() {
+    let scratch = Scratch::new();
+    std::os::unix::fs::symlink("/proc/self/mem", scratch.path("a.ply")).unwrap();
+    let shape = json!({ "type": "trimesh", "path": "a.ply", "material": {} });
+    scratch.write("s.json", &json!({ "scene": { "shapes": [shape] } }).to_string());
+    for input in ["a.ply", "s.json"] {
+        let done = scratch.run(&["batch", input, "--no-sheet"]);
+        assert_eq!(done.code(), 3, "{input}: {}", done.stderr());
+        assert!(done.stderr().contains("a.ply: cannot read: "), "{}", done.stderr());
+    }
+    // A missing face needs another file.
+    scratch.write("bad.ply", &PYRAMID.replace("3 3 0 4", "3 3 0 9"));
+    let done = scratch.run(&["batch", "a.ply", "bad.ply", "--no-sheet"]);
+    assert_eq!(done.code(), 1, "{}", done.stderr());
 }
 
 #[test]
