@@ -262,8 +262,8 @@ impl Run<'_> {
 
     /// Refuses outputs of this run that are files which an input has read.
     ///
-    /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
-    /// when the mesh is read.
+    /// Checks only files that were unknown at the start: those of an input that could not be read
+    /// then, or that has changed since.
     pub fn refuse_if_output(&self, read: &ReadFiles) -> Result<()> {
         let new: FileSet = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {

@@ -100,11 +100,13 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     signals::end_at_once()?;
     let (job, limits) = load(args)?;
     batch::check_settings(&job)?;
-    let slurm = plan(args, &job, &limits, &self::program(program)?)?;
+    let program = self::program(program)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
         .map(|(name, text)| (folder.join(name), text));
+    // Before any mesh is opened: opening a pipe waits for its writer.
     batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
+    let slurm = plan(args, &job, &limits, &program)?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
     for (path, text) in &scripts {
