@@ -520,9 +520,9 @@ fn invalid_jobs_are_refused_before_rendering() {
 #[test]
 fn progress_for_farms() {
     let scratch = scans();
-    let run = |mode: &str| {
+    let run = |mode: &str, more: &[&str]| {
         let args = ["scans", "-o", mode, "--turntable", "4", "--no-sheet", "--progress", mode];
-        let done = batch(&scratch, &args);
+        let done = batch(&scratch, &[&args[..], more].concat());
         assert_eq!(done.code(), 0, "{}", done.stderr());
         (done.stdout(), done.stderr())
     };
@@ -530,15 +530,17 @@ fn progress_for_farms() {
         let lines = text.lines().filter_map(|line| line.strip_prefix(start)?.strip_suffix(end));
         lines.map(|number| number.parse().unwrap()).collect()
     };
-    let openjd = run("openjd").0;
+    let openjd = run("openjd", &[]).0;
     let said = percents(&openjd, "openjd_progress: ", "");
     assert!(said.is_sorted() && said.last() == Some(&100), "{openjd}");
     assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
-    let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
+    let said = percents(&run("alf", &[]).0, "ALF_PROGRESS ", "%");
     assert!(said.is_sorted() && said.last() == Some(&100));
-    let said = run("json").1;
-    let lines = said.lines().filter(|line| line.starts_with('{'));
-    let lines: Vec<Value> = lines.map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(run("json", &[]).1.contains("framed "));
+    // Beside `--quiet`, a program reads nothing but JSON.
+    let said = run("json", &["--quiet"]).1;
+    let lines = said.lines().map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
     assert!(lines.iter().all(|line| line["total"] == 12), "{said}");
     assert_eq!(lines.last().unwrap()["rendered"], 12, "{said}");
 }
