@@ -6,7 +6,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::support::program::{Done, PYRAMID, SMALL, Scratch};
 
@@ -14,6 +14,16 @@ const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] },
   "scene": { "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} }] }
 }"#;
+
+/// Returns [`SCENE`] with what its camera lacks, and a mesh in place of its ball.
+fn scene_of(mesh: &str, material: Value) -> String {
+    let mut scene: Value = serde_json::from_str(SCENE).unwrap();
+    for (key, value) in [("width", 24), ("height", 16), ("fov", 50)] {
+        scene["camera"][key] = json!(value);
+    }
+    scene["scene"]["shapes"][0] = json!({ "type": "trimesh", "path": mesh, "material": material });
+    scene.to_string()
+}
 
 #[test]
 fn a_folder_that_cannot_be_listed_is_an_error() {
@@ -96,12 +106,8 @@ fn pipes_are_refused_before_anything_is_rendered() {
     for name in ["pipe.ply", "pipe.png"] {
         scratch.pipe(name);
     }
-    let scene = |mesh: &str, material: serde_json::Value| {
-        let shape = json!({ "type": "trimesh", "path": mesh, "material": material });
-        json!({ "scene": { "shapes": [shape] } }).to_string()
-    };
-    scratch.write("mesh.json", &scene("pipe.ply", json!({})));
-    scratch.write("image.json", &scene("a.ply", json!({ "tPath": "pipe.png" })));
+    scratch.write("mesh.json", &scene_of("pipe.ply", json!({})));
+    scratch.write("image.json", &scene_of("a.ply", json!({ "tPath": "pipe.png" })));
     scratch.write("job.json", r#"{ "inputs": ["a.ply", "mesh.json"] }"#);
     let refused = |args: &[&str], pipe: &str| {
         let done = scratch.run(args);
@@ -125,16 +131,15 @@ fn pipes_are_refused_before_anything_is_rendered() {
 fn another_try_may_cure_an_error_of_the_device() {
     let scratch = Scratch::new();
     std::os::unix::fs::symlink("/proc/self/mem", scratch.path("a.ply")).unwrap();
-    let shape = json!({ "type": "trimesh", "path": "a.ply", "material": {} });
-    scratch.write("s.json", &json!({ "scene": { "shapes": [shape] } }).to_string());
+    scratch.write("s.json", &scene_of("a.ply", json!({})));
     for input in ["a.ply", "s.json"] {
-        let done = scratch.run(&["batch", input, "--no-sheet"]);
+        let done = scratch.run(&[&["batch", input, "--no-sheet"], &SMALL[..]].concat());
         assert_eq!(done.code(), 3, "{input}: {}", done.stderr());
         assert!(done.stderr().contains("a.ply: cannot read: "), "{}", done.stderr());
     }
-    // A missing face needs another file.
+    // A face of a missing vertex needs another file.
     scratch.write("bad.ply", &PYRAMID.replace("3 3 0 4", "3 3 0 9"));
-    let done = scratch.run(&["batch", "a.ply", "bad.ply", "--no-sheet"]);
+    let done = scratch.run(&[&["batch", "a.ply", "bad.ply", "--no-sheet"], &SMALL[..]].concat());
     assert_eq!(done.code(), 1, "{}", done.stderr());
 }
 
