@@ -12,6 +12,7 @@ pub mod finished;
 pub mod legend;
 pub mod over;
 pub mod png;
+pub mod png_read;
 pub mod preview;
 pub mod srgb;
 pub mod stored_curve;
