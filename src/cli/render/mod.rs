@@ -100,8 +100,8 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     args.files.prefix.check(&oddities)
 }
 
-/// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made it:
-/// scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
+/// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made
+/// it: scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
 fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
     let [exr, _] = Outputs::names(&options.prefix);
     let is_png = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
