@@ -3,7 +3,8 @@
 
 use std::collections::HashSet;
 use std::ffi::OsString;
-use std::fs::Metadata;
+use std::fs::{File, Metadata};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -31,6 +32,23 @@ impl Stamp {
         let modified = data.modified().ok();
         data.is_file().then(|| Self { node: node(data), bytes: data.len(), modified })
     }
+}
+
+/// Reads a file of at most `most` MiB. `expected` names the kind of file in messages.
+///
+/// # Errors
+/// A file that cannot be read or is longer.
+pub fn read_within(path: &Path, most: u64, expected: &str) -> Result<Vec<u8>> {
+    let failed = |error| Error::io(path, "read", &error);
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(failed)?;
+    // A device or a pipe may be endless.
+    file.take((most << 20) + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > most << 20 {
+        let message = format!("found more than {most} MiB, expected {expected}");
+        return Err(Error::invalid(path.display().to_string(), message));
+    }
+    Ok(bytes)
 }
 
 /// Makes the error for a file whose stamp has changed since it was first read.
@@ -224,6 +242,20 @@ mod tests {
                 assert!(files.has(&path(same)), "{same}");
             }
         }
+    }
+
+    #[test]
+    fn a_file_is_read_up_to_its_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let file = File::create(&path).unwrap();
+        file.set_len(1 << 20).unwrap();
+        assert_eq!(read_within(&path, 1, "a text").unwrap().len(), 1 << 20);
+        file.set_len((1 << 20) + 1).unwrap();
+        let error = read_within(&path, 1, "a text").unwrap_err().to_string();
+        assert!(error.ends_with("a: found more than 1 MiB, expected a text"), "{error}");
+        #[cfg(target_os = "linux")]
+        assert!(read_within(Path::new("/dev/zero"), 1, "a text").is_err());
     }
 
     #[test]

@@ -18,6 +18,9 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::threads::lock;
 
+/// Most bytes of a line that is read. A longer one is damaged: a file system may leave zeros.
+const MAX_LINE_BYTES: u64 = 64 << 20;
+
 /// One line of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "lowercase")]
@@ -241,9 +244,27 @@ pub fn each(folder: &Path, mut take: impl FnMut(JournalRecord)) {
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(ours).collect();
     paths.sort();
     for file in paths.iter().filter_map(|path| File::open(path).ok()) {
-        let lines = BufReader::new(file).split(b'\n').map_while(std::result::Result::ok);
-        lines.filter_map(|line| serde_json::from_slice(&line).ok()).for_each(&mut take);
+        let (mut file, mut line) = (BufReader::new(file), Vec::new());
+        while next_line(&mut file, &mut line).is_ok_and(|found| found) {
+            if let Ok(record) = serde_json::from_slice(&line) {
+                take(record);
+            }
+        }
     }
+}
+
+/// Reads the next line. It is empty if it is longer than [`MAX_LINE_BYTES`]. Returns false at the
+/// end of the file.
+fn next_line(file: &mut BufReader<File>, line: &mut Vec<u8>) -> std::io::Result<bool> {
+    line.clear();
+    if file.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', line)? == 0 {
+        return Ok(false);
+    }
+    if line.last() != Some(&b'\n') && line.len() as u64 == MAX_LINE_BYTES {
+        line.clear();
+        file.skip_until(b'\n')?;
+    }
+    Ok(true)
 }
 
 /// Returns the current time in seconds since 1970.
@@ -268,6 +289,22 @@ mod tests {
         Journal::open(&path).unwrap().add(&kept).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);
         assert_eq!(read(folder.path()).len(), 2);
+    }
+
+    #[test]
+    fn a_long_line_is_skipped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("batch.jsonl");
+        // What a crash of the machine may leave.
+        File::create(&path).unwrap().set_len(3 * MAX_LINE_BYTES).unwrap();
+        let mut file = BufReader::new(File::open(&path).unwrap());
+        let mut line = Vec::new();
+        assert!(next_line(&mut file, &mut line).unwrap());
+        assert!(line.is_empty() && line.capacity() as u64 <= 2 * MAX_LINE_BYTES);
+        assert!(!next_line(&mut file, &mut line).unwrap());
+        let kept = JournalRecord::Kept { input: "a.ply".into(), name: None, frames: vec![1] };
+        Journal::open(&path).unwrap().add(&kept).unwrap();
+        assert_eq!(read(folder.path()).len(), 1);
     }
 
     /// A run of all frames fails. A later run of a range renders the frame. By name the journal of

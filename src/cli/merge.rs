@@ -111,7 +111,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         }
         if part.files.over {
             progress.message(
-                "warning: the parts were made with --over: the merged PNG is without the plate",
+                "warning: parts were made with --over: the merged PNG is without the plate",
             );
         }
         for warning in picture::oddity_warnings(&oddities) {

@@ -51,7 +51,7 @@ pub fn main(words: &[OsString], program: Option<&Path>) -> u8 {
     match run(&arguments, words, program) {
         Ok(()) => 0,
         Err(error) => {
-            print::note(&error.to_string());
+            print::error(&error);
             error.exit_code()
         }
     }

@@ -7,8 +7,8 @@
 //! A signal that was ignored when the process began stays ignored.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::Ordering::{Relaxed, SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicI32};
 use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
@@ -23,6 +23,24 @@ use crate::output::atomic::remove_parts;
 /// process and then the group that it is in.
 const SAME_REQUEST: Duration = Duration::from_millis(200);
 
+/// Number of the first signal of a job with a monitor, 0 before it.
+static FIRST: AtomicI32 = AtomicI32::new(0);
+/// Whether the job waits for a pipe and does not poll its monitor.
+static WAITS: AtomicBool = AtomicBool::new(false);
+
+/// Calls `wait`, which may wait for the other end of a pipe. The first signal ends the process
+/// then, also one that came before. Call it from one thread at a time.
+pub fn end_while<T>(wait: impl FnOnce() -> T) -> T {
+    WAITS.store(true, SeqCst);
+    match FIRST.load(SeqCst) {
+        0 => {}
+        signal => end_now(signal),
+    }
+    let done = wait();
+    WAITS.store(false, SeqCst);
+    done
+}
+
 /// Handles signals until the process ends, for a job that polls the monitor. The first signal is
 /// stored in the monitor. A signal more than [`SAME_REQUEST`] after it removes unfinished files and
 /// ends the process.
@@ -36,6 +54,10 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
         None => {
             first = Some(Instant::now());
             monitor.signal.store(signal, Relaxed);
+            FIRST.store(signal, SeqCst);
+            if WAITS.load(SeqCst) {
+                end_now(signal);
+            }
         }
         // The user does not want to wait for the job.
         Some(first) if first.elapsed() > SAME_REQUEST => end(signal),
@@ -49,10 +71,13 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
 /// # Errors
 /// The system refuses the signal handler or the thread.
 pub fn end_at_once() -> Result<()> {
-    spawn(|signal| {
-        print::note("error: stopped by a signal");
-        end(signal);
-    })
+    spawn(end_now)
+}
+
+/// Says that a signal stopped the job, removes unfinished files and ends the process.
+fn end_now(signal: i32) {
+    print::note("error: stopped by a signal");
+    end(signal);
 }
 
 /// Removes unfinished files and ends the process with exit code 128 + `signal`.

@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 use crate::output::atomic::PartFile;
 use crate::{files, paths};
 
+use super::signals;
+
 /// A small text file that is written atomically. A device, a pipe or a file that a process has open
 /// (`/dev/stdout`) is written directly.
 #[derive(Debug)]
@@ -36,8 +38,9 @@ impl TextFile {
             Ok(data) if !data.is_dir() && (!data.is_file() || open.is_some()) => {
                 paths::refuse_control_characters(target)?;
                 let opened = match open {
-                    Some(open) => writer(&open),
-                    None => OpenOptions::new().write(true).open(target),
+                    Some(open) => signals::end_while(|| writer(&open)),
+                    // A pipe waits for its reader.
+                    None => signals::end_while(|| OpenOptions::new().write(true).open(target)),
                 };
                 Ok(Self::Direct(named, opened.map_err(failed)?))
             }
@@ -64,7 +67,7 @@ impl TextFile {
             Self::Direct(path, mut file) => {
                 // Buffered output to the same file comes first.
                 let _ = std::io::stdout().flush();
-                let written = file.write_all(text.as_bytes());
+                let written = signals::end_while(|| file.write_all(text.as_bytes()));
                 written.map_err(|error| Error::io(&path, "write", &error))?;
                 Ok(path)
             }

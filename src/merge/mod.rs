@@ -40,7 +40,8 @@ const MAX_NAMED_FAULTS: usize = 20;
 #[derive(Debug)]
 pub struct Parts {
     open: Vec<OpenPart>,
-    /// Description of the first part. All parts share the fields about the whole picture.
+    /// Description of the first part. All parts share the fields about the whole picture, except
+    /// that `files.over` is true if it is in any part.
     pub part: PartDescription,
 }
 
@@ -75,7 +76,8 @@ impl Parts {
         };
         let differences = open[1..].iter().filter_map(|other| first.difference(other));
         Error::check(ErrorKind::Invalid, differences.collect())?;
-        let part = first.part.clone();
+        let mut part = first.part.clone();
+        part.files.over = open.iter().any(|open| open.part.files.over);
         let pieces = open
             .iter()
             .map(|o| CoveredRegion { window: o.reader.window, samples: o.part.samples() });
@@ -373,7 +375,8 @@ impl OpenPart {
 
 /// Returns the names of all settings of two formats, with their values.
 fn fields(theirs: &PictureFormat, ours: &PictureFormat) -> Vec<(String, String, String)> {
-    let (theirs, ours) = (json!(theirs), json!(ours));
+    let compared = |format: &PictureFormat| json!(PictureFormat { over: false, ..format.clone() });
+    let (theirs, ours) = (compared(theirs), compared(ours));
     let objects = [theirs.as_object(), ours.as_object()];
     let names = objects.iter().flatten().flat_map(|object| object.keys());
     let text = |format: &Value, name: &str| match format.get(name) {

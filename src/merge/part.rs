@@ -66,7 +66,8 @@ pub struct PictureFormat {
     /// Legend of the PNG.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub legend: Option<Legend>,
-    /// The PNGs of the parts show a plate, which a merge does not have.
+    /// The PNG of the part shows a plate, which a merge does not have. Parts may differ in it:
+    /// their EXRs have no plate.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub over: bool,
 }

@@ -12,6 +12,7 @@ pub mod finished;
 pub mod legend;
 pub mod over;
 pub mod png;
+pub mod png_read;
 pub mod preview;
 pub mod srgb;
 pub mod stored_curve;
@@ -22,7 +23,7 @@ mod write_options;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::monitor::{Monitor, Phase};
 use crate::paths;
@@ -50,8 +51,13 @@ impl Outputs {
     /// Creates the part files of the EXR and the PNG.
     ///
     /// # Errors
-    /// The same as [`PartFile::create`].
+    /// The same as [`PartFile::create`]; a prefix that names a device or a pipe.
     pub fn create(prefix: &Path) -> Result<Self> {
+        let is_special = |data: std::fs::Metadata| !data.is_file() && !data.is_dir();
+        if std::fs::metadata(prefix).is_ok_and(is_special) {
+            let message = "is a device or a pipe, expected the start of the names of two files";
+            return Err(Error::invalid(prefix.display().to_string(), message));
+        }
         let [exr, png] = Self::names(prefix);
         Ok(Self {
             exr: PartFile::create(&exr)?,

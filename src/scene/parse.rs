@@ -10,6 +10,8 @@ use super::node::{JsonNode, JsonPlace, Member, NodeKind};
 
 /// Maximum nesting of arrays and objects. A scene needs 6 levels.
 pub const MAX_DEPTH: usize = 64;
+/// Maximum number of values in a text. A value takes some 90 bytes of memory.
+const MAX_VALUES: usize = 1 << 25;
 
 /// A syntax error: why a text is not JSON, and where.
 #[derive(Debug)]
@@ -28,7 +30,7 @@ pub(super) type Parsed<T> = Result<T, SyntaxError>;
 
 /// Parses exactly one value.
 pub fn parse(text: &str) -> Parsed<JsonNode> {
-    let mut parser = Parser { text, at: 0, line: 1, mark: (0, 1), depth: 0 };
+    let mut parser = Parser { text, at: 0, line: 1, mark: (0, 1), depth: 0, values: 0 };
     parser.skip_space();
     let node = parser.value()?;
     parser.skip_space();
@@ -47,6 +49,7 @@ pub(super) struct Parser<'a> {
     /// with one long line is parsed in linear time.
     mark: (usize, u32),
     depth: usize,
+    values: usize,
 }
 
 impl Parser<'_> {
@@ -130,6 +133,10 @@ impl Parser<'_> {
     }
 
     fn value(&mut self) -> Parsed<JsonNode> {
+        self.values += 1;
+        if self.values > MAX_VALUES {
+            return Err(self.error(format!("found more than {MAX_VALUES} values")));
+        }
         let place = self.place();
         let kind = match self.peek() {
             Some(b'{') => self.nested(Self::object)?,

@@ -436,6 +436,11 @@ fn parts_over_a_plate_merge_without_it_and_say_so() {
     let said = scratch.run(&["merge", "aa.exr", "bb.exr", "-o", "whole"]).good().stderr();
     assert!(!said.contains("plate"), "{said}");
     assert!(scratch.read("merged.exr") == scratch.read("whole.exr"));
+    for (parts, name) in [(["a.exr", "bb.exr"], "one"), (["aa.exr", "b.exr"], "other")] {
+        let said = scratch.run(&["merge", parts[0], parts[1], "-o", name]).good().stderr();
+        assert!(said.contains("without the plate"), "{said}");
+        assert!(scratch.read(&format!("{name}.exr")) == scratch.read("whole.exr"));
+    }
 }
 
 #[test]

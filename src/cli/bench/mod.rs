@@ -12,6 +12,7 @@ use std::time::{Duration, SystemTime};
 use serde::Serialize;
 
 use crate::error::{Error, ErrorKind, Failures, Problem, Result, printable};
+use crate::files;
 use crate::lab::ab::TimingPlan;
 use crate::lab::backend::{self, TestedBackend};
 use crate::lab::baseline::BaselineComparison;
@@ -30,6 +31,8 @@ use super::{machine, overrides, print, signals};
 
 use self::args::BenchArgs;
 
+/// Maximum size of a `--baseline` file in MiB.
+const MAX_BASELINE_MIB: u64 = 64;
 /// Built-in scene for a mesh without a scene.
 const SCENE: &str = include_str!("../../../assets/bench.json");
 
@@ -190,11 +193,11 @@ fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>
 }
 
 fn read_baseline(path: &Path) -> Result<BenchReport> {
-    let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, "read", &error))?;
     let place = || path.display().to_string();
-    let expected = "expected a file of `lightpath bench --save-baseline`";
-    let report: BenchReport = serde_json::from_str(&text)
-        .map_err(|error| Error::invalid(place(), format!("{error}; {expected}")))?;
+    let expected = "a file of `lightpath bench --save-baseline`";
+    let text = files::read_within(path, MAX_BASELINE_MIB, expected)?;
+    let report: BenchReport = serde_json::from_slice(&text)
+        .map_err(|error| Error::invalid(place(), format!("{error}; expected {expected}")))?;
     if report.version != result::VERSION {
         let message = format!("found version {}, expected {}", report.version, result::VERSION);
         return Err(Error::invalid(place(), message).help("save a new baseline"));

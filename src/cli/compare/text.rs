@@ -47,9 +47,11 @@ pub fn text(args: &CompareArgs, found: &Comparison) -> String {
 /// Explains the symbols x, r and d, and how the 8-bit pictures are made.
 pub fn legend(args: &CompareArgs, found: &Comparison) -> String {
     let [a, b] = [&args.test, &args.reference].map(|path| shown(path));
+    let misses = found.layers.iter().any(|layer| layer.misses.is_some());
+    let without = if misses { " but depths of misses" } else { "" };
     format!(
-        "x: {a}, r: {b} (the reference), d = x - r; over all pixels and channels, in linear light. \
-         8-bit pictures: sRGB, {}",
+        "x: {a}, r: {b} (the reference), d = x - r; over all pixels and channels{without}, in \
+         linear light. 8-bit pictures: sRGB, {}",
         curve(found)
     )
 }

@@ -15,6 +15,7 @@ use crate::accel::coursework::Coursework;
 use crate::accel::lane::LaneRay;
 use crate::accel::{Accelerator, BuildOptions, Visits};
 use crate::error::{Error, ErrorKind, Result, printable};
+use crate::files;
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, TestedBackend};
 use crate::lab::crosscheck::{CrossCheck, Finding, TreeReport, check_rays, compare_pictures};
@@ -32,8 +33,8 @@ use super::{overrides, print, signals};
 
 use self::args::CrosscheckArgs;
 
-/// Maximum size of a `--replay` file in bytes.
-const MAX_REPLAY_BYTES: u64 = 64 << 20;
+/// Maximum size of a `--replay` file in MiB.
+const MAX_REPLAY_MIB: u64 = 64;
 
 /// Content of a `--save` file.
 #[derive(Serialize, Deserialize)]
@@ -290,14 +291,8 @@ fn replay(args: &CrosscheckArgs, file: &Path, isa: Isa, monitor: &Arc<Monitor>) 
 
 fn read(file: &Path) -> Result<Saved> {
     let place = file.display().to_string();
-    let failed = |error: std::io::Error| Error::io(file, "read", &error);
-    let size = std::fs::metadata(file).map_err(failed)?.len();
-    if size > MAX_REPLAY_BYTES {
-        let message = format!("found {size} bytes, expected a file of `crosscheck --save`");
-        return Err(Error::invalid(place, message));
-    }
-    let bytes = std::fs::read(file).map_err(failed)?;
-    serde_json::from_slice(&bytes).map_err(|error| {
-        Error::invalid(&place, format!("{error}, expected a file of `crosscheck --save`"))
-    })
+    let expected = "a file of `crosscheck --save`";
+    let bytes = files::read_within(file, MAX_REPLAY_MIB, expected)?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| Error::invalid(&place, format!("{error}, expected {expected}")))
 }

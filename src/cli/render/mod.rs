@@ -11,7 +11,7 @@ pub mod progress;
 mod sampling;
 mod stats;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -82,7 +82,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let inputs = inputs.chain(args.files.plate.over.clone());
     outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
     if args.output.is_none() && studio::is_mesh(&args.input) {
-        refuse_image_of_scan(&options.prefix)?;
+        refuse_images_of_scan(&options)?;
     }
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
@@ -100,13 +100,15 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     args.files.prefix.check(&oddities)
 }
 
-/// Refuses to replace `NAME.png` beside `NAME.ply` unless a render has made it: scanners write the
-/// texture of a mesh under this name. A render leaves `NAME.exr`, too.
-fn refuse_image_of_scan(prefix: &Path) -> Result<()> {
-    let [exr, png] = Outputs::names(prefix);
-    if exr.exists() || !png.exists() {
+/// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made
+/// it: scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
+fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
+    let [exr, _] = Outputs::names(&options.prefix);
+    let is_png = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
+    let mut pngs = options.outputs().into_iter().filter(is_png);
+    let Some(png) = pngs.find(|png| png.exists()).filter(|_| !exr.exists()) else {
         return Ok(());
-    }
+    };
     let message = "would be overwritten, and no render has made it: its .exr is missing";
     Err(Error::invalid(png.display().to_string(), message).help("choose another name: -o PREFIX"))
 }

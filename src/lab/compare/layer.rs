@@ -4,10 +4,15 @@ use std::path::Path;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::lab::named::named;
+use crate::memory::limit_before_kill;
 use crate::output::exr::layer_of;
+use crate::reserve;
 
 /// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
+/// Estimated bytes that the comparison of a pixel of light takes, most of them for FLIP, as
+/// measured.
+pub const WORKING_BYTES: u64 = 200;
 
 named! {
     /// Meaning of the values of a layer.
@@ -76,4 +81,14 @@ pub fn fits(path: &Path, bytes: u64) -> Result<()> {
     }
     let message = format!("found {bytes} bytes of pixels, the limit is {MAX_BYTES}");
     Err(Error::new(ErrorKind::Limit, Problem::new(path.display().to_string(), message)))
+}
+
+/// Checks that the machine and the limits of the process leave `bytes` of memory. `what` names the
+/// file that needs them.
+///
+/// # Errors
+/// `Retry`, with the numbers.
+pub fn has_room(what: &str, bytes: u64) -> Result<()> {
+    limit_before_kill().map_or(Ok(()), |limit| limit.check(bytes, what))?;
+    reserve::probe(bytes, what)
 }

@@ -1,8 +1,9 @@
 //! Compares the cryptomattes of two files by name: the pixels that each matte covers.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
+
+use crate::files;
 
 use super::compared::Compared;
 use super::layer::PictureLayer;
@@ -60,7 +61,7 @@ pub fn read_names<'a>(
         let Some(kind) = entries.get("name") else { continue };
         let beside = entries.get("manif_file").and_then(|file| {
             let file = path.with_file_name(Path::new(file).file_name()?);
-            fs::read_to_string(file).ok()
+            String::from_utf8(files::read_within(&file, 64, "a manifest").ok()?).ok()
         });
         let text = entries.get("manifest").map(|text| text.to_string()).or(beside);
         let pairs: Option<BTreeMap<String, String>> =

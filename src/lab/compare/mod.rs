@@ -18,7 +18,7 @@ pub use compared::{Compared, NonFinite};
 use super::metrics::{self, Metric, MetricValues, flip};
 use file::{FileFormat, Picture};
 use half::HalfRounding;
-use layer::{Meaning, PictureLayer};
+use layer::{Meaning, PictureLayer, WORKING_BYTES, has_room};
 use mattes::Names;
 use misses::Misses;
 
@@ -96,6 +96,7 @@ pub fn compare(
         if let Some(at) = others.iter().position(|other| other.name == layer.name) {
             let other = others.swap_remove(at);
             fit([&test_path, &reference_path], &layer, &other, both_exr)?;
+            has_room(&test_path, working_bytes(&layer))?;
             layers.push(compare_layer(layer, other, &tonemap, both_exr));
         }
     }
@@ -135,6 +136,15 @@ fn fit(
         own.shown()
     );
     Err(Error::new(ErrorKind::Invalid, Problem::new(test, message)))
+}
+
+/// Estimated bytes that the comparison of a layer takes.
+fn working_bytes(layer: &PictureLayer) -> u64 {
+    let per_pixel = match layer.meaning {
+        Meaning::Light => WORKING_BYTES,
+        _ => 24 * layer.values_per_pixel() as u64,
+    };
+    per_pixel * layer.size[0] as u64 * layer.size[1] as u64
 }
 
 fn compare_layer(
@@ -204,5 +214,29 @@ fn non_finite(test: &PictureLayer, reference: &PictureLayer) -> Option<NonFinite
     let of = |layer: &PictureLayer| metrics::non_finite(&layer.values, layer.values_per_pixel());
     let ((a, first_a), (b, first_b)) = (of(test), of(reference));
     let first = [first_a, first_b].into_iter().flatten().min()?;
-    Some(NonFinite { pixels: [a, b], first: test.position(first) })
+    // A PNG has no position; its origin is 0, 0.
+    let placed = if test.origin == [0, 0] { reference } else { test };
+    Some(NonFinite { pixels: [a, b], first: placed.position(first) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_that_is_not_finite_has_its_position_in_the_frame() {
+        let layer = |origin, last| PictureLayer {
+            name: String::new(),
+            meaning: Meaning::Light,
+            size: [2, 1],
+            origin,
+            channels: ["R", "G", "B"].map(String::from).to_vec(),
+            values: vec![0.0, 0.0, 0.0, 0.0, 0.0, last],
+            half: false,
+        };
+        let (png, crop) = (layer([0, 0], 1.0), layer([5, 7], f32::NAN));
+        for (a, b) in [(&png, &crop), (&crop, &png)] {
+            assert_eq!(non_finite(a, b).unwrap().first, [6, 7]);
+        }
+    }
 }

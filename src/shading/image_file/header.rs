@@ -8,16 +8,19 @@ use image::codecs::hdr::HdrDecoder;
 use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr::ExrLayout;
+use super::png_image::PngImage;
 use super::{jpeg_segments, pnm};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
-use crate::output::stored_curve;
 use crate::shading::tiles;
 
 const FORMATS: &str = "Netpbm (P1 to P7), PNG, JPEG, Radiance HDR or OpenEXR";
 
 /// Offset of the byte of a PNG that is not 0 if the image is interlaced.
 const PNG_INTERLACING: usize = 28;
+
+/// Most bytes in the header of a Radiance file.
+const MAX_RADIANCE_HEADER: u64 = 1 << 18;
 
 /// First bytes of a Radiance file, and those that some programs write. The decoder knows the first.
 const RADIANCE: [&[u8]; 2] = [b"#?RADIANCE", b"#?RGBE"];
@@ -102,13 +105,7 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     };
     let mut gamma = None;
     let by_rows = match format {
-        ImageFormat::Png => {
-            let mut file = reader.into_inner();
-            gamma = png_gamma(&mut file, max_bytes);
-            file.rewind().map_err(failed)?;
-            reader = ImageReader::with_format(file, format);
-            interlacing == Some(0)
-        }
+        ImageFormat::Png => interlacing == Some(0),
         ImageFormat::Jpeg => {
             let mut file = reader.into_inner();
             let in_order = jpeg_segments::rows_are_in_order(&mut file).map_err(failed)?;
@@ -120,9 +117,15 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     };
     let failed = |error| explain(path, error);
     let source = match format {
-        ImageFormat::Hdr if renamed => {
+        ImageFormat::Png => {
+            let image = PngImage::new(reader.into_inner(), bytes).map_err(failed)?;
+            gamma = image.gamma();
+            ImageSource::Image(format, Box::new(image), None)
+        }
+        ImageFormat::Hdr => {
             let mut file = reader.into_inner();
-            let begin = SeekFrom::Start(other.len() as u64);
+            check_radiance_header(path, &mut file)?;
+            let begin = SeekFrom::Start(if renamed { other.len() } else { known.len() } as u64);
             file.seek(begin).map_err(|error| failed(ImageError::IoError(error)))?;
             let mut decoder = HdrDecoder::new(Cursor::new(known).chain(file)).map_err(failed)?;
             decoder.set_limits(limits(max_bytes)).map_err(failed)?;
@@ -145,25 +148,26 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
     Ok(Opened { source, stamp, by_rows, bytes, gamma })
 }
 
-/// The gamma of a PNG. Errors are left to the decoder of the image.
-fn png_gamma(file: &mut BufReader<File>, max_bytes: u64) -> Option<f64> {
-    let bytes = usize::try_from(decoder_limit(max_bytes)).unwrap_or(usize::MAX);
-    let decoder = png::Decoder::new_with_limits(file, png::Limits { bytes });
-    stored_curve::gamma(decoder.read_info().ok()?.info())
-}
-
-/// Bytes that a file's metadata may take, such as colour profiles and XMP. Nobody counts them
-/// before the file is read.
-const METADATA_BYTES: u64 = 64 << 20;
-
-/// Limit in bytes on what the decoders allocate themselves. `check_size` limits the rest.
-pub(super) fn decoder_limit(max_bytes: u64) -> u64 {
-    max_bytes.saturating_add(METADATA_BYTES)
+/// Refuses a Radiance file with a long header, which the decoder would hold line by line.
+fn check_radiance_header(path: &Path, file: &mut BufReader<File>) -> Result<()> {
+    let failed = |e| Error::io(path, "read the texture", &e);
+    let mut header = file.by_ref().take(MAX_RADIANCE_HEADER);
+    let (mut line, mut is_last) = (Vec::new(), false);
+    while header.read_until(b'\n', &mut line).map_err(failed)? > 0 && !is_last {
+        // One more line follows the empty one: the size.
+        is_last = line == b"\n";
+        line.clear();
+    }
+    if header.limit() > 0 {
+        return Ok(());
+    }
+    let message = format!("its header is longer than {MAX_RADIANCE_HEADER} bytes");
+    Err(Error::new(ErrorKind::Limit, Problem::new(name(path), message)))
 }
 
 fn limits(max_bytes: u64) -> Limits {
     let mut limits = Limits::default();
-    limits.max_alloc = Some(decoder_limit(max_bytes));
+    limits.max_alloc = Some(max_bytes);
     limits
 }
 

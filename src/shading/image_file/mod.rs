@@ -21,6 +21,7 @@ mod header;
 mod jpeg_rows;
 mod jpeg_segments;
 mod memory;
+mod png_image;
 mod png_rows;
 mod pnm;
 #[cfg(test)]
@@ -157,13 +158,13 @@ fn read_by_rows(
     format: ImageFormat,
     header: Box<dyn ImageDecoder>,
 ) -> Result<Option<DecodedImage>> {
-    let ImageRequest { path, max_bytes, .. } = request;
+    let path = request.path;
     let (size, bytes) = (header.dimensions(), header.total_bytes());
     let had_alpha = header.color_type().has_alpha();
     drop(header);
     let Some(tiles) = Tiles::new(size, 3) else { return Ok(None) };
     let (tiles, stamp) = if format == ImageFormat::Png {
-        png_rows::read(path, tiles, max_bytes)?
+        png_rows::read(path, tiles)?
     } else {
         check_jpeg_end(path)?;
         let Some(pixels) = FilePages::new(bytes) else { return Ok(None) };

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use image::ImageError;
-use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
-use png::{ColorType, DecodingError as PngError};
+use png::ColorType;
 
-use super::header::{decoder_limit, explain, name, open};
+use super::header::{explain, name, open};
+use super::png_image::image_error;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::Stamp;
+use crate::output::png_read;
 use crate::shading::tiles::{TileWriter, Tiles};
 
 /// Reads an image of 8 bits a channel, without interlacing, into `tiles`. The errors are those of
@@ -16,13 +16,11 @@ use crate::shading::tiles::{TileWriter, Tiles};
 ///
 /// # Errors
 /// Damaged files; errors of the disk.
-pub fn read(path: &Path, tiles: Tiles, max_bytes: u64) -> Result<(Tiles, Option<Stamp>)> {
+pub fn read(path: &Path, tiles: Tiles) -> Result<(Tiles, Option<Stamp>)> {
     let failed = |error| explain(path, image_error(error));
     let (file, stamp) = open(path)?;
-    let bytes = usize::try_from(decoder_limit(max_bytes)).unwrap_or(usize::MAX);
-    let mut decoder = png::Decoder::new_with_limits(file, png::Limits { bytes });
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(failed)?;
+    let bytes = file.get_ref().metadata().map_err(|e| Error::io(path, "read the texture", &e))?;
+    let mut reader = png_read::header(file, bytes.len()).map_err(failed)?;
     let (width, height) = reader.info().size();
     let (color, depth) = reader.output_color_type();
     if (width, height) != tiles.size() || depth != png::BitDepth::Eight {
@@ -42,20 +40,4 @@ pub fn read(path: &Path, tiles: Tiles, max_bytes: u64) -> Result<(Tiles, Option<
         writer.push(&rgb)?;
     }
     Ok((writer.finish()?, stamp))
-}
-
-/// Converts an error as the crate `image` does.
-fn image_error(error: PngError) -> ImageError {
-    match error {
-        PngError::IoError(error) => ImageError::IoError(error),
-        error @ PngError::Format(_) => {
-            ImageError::Decoding(DecodingError::new(image::ImageFormat::Png.into(), error))
-        }
-        error @ PngError::Parameter(_) => ImageError::Parameter(ParameterError::from_kind(
-            ParameterErrorKind::Generic(error.to_string()),
-        )),
-        PngError::LimitsExceeded => {
-            ImageError::Limits(LimitError::from_kind(LimitErrorKind::InsufficientMemory))
-        }
-    }
 }

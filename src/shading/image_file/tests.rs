@@ -212,6 +212,10 @@ fn a_radiance_file_may_begin_with_its_other_name() {
     assert_eq!(nearest(&t, 0.4, 0.6), Vec3::new(4.0, 0.25, 0.0));
     let cut = error("cut.hdr", &renamed[..renamed.len() - 3]).to_string();
     assert!(cut.contains("ends too early"), "{cut}");
+    let (name, rest) = whole.split_at(b"#?RADIANCE\n".len());
+    let long = [name, &b"a=\n".repeat(1 << 17), rest].concat();
+    let long = error("long.hdr", &long);
+    assert_eq!(long.kind, ErrorKind::Limit, "{long}");
 }
 
 #[test]

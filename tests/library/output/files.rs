@@ -434,3 +434,11 @@ fn special_files() {
     let error = PartFile::create(Path::new("/dev/null")).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_device_is_no_prefix() {
+    let error = Outputs::create(Path::new("/dev/null")).unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    assert!(error.to_string().contains("/dev/null: is a device or a pipe"), "{error}");
+}

@@ -80,6 +80,27 @@ fn render_never_overwrites_a_texture_that_a_mesh_names() {
     assert_eq!(done.code(), 0, "{}", done.stderr());
 }
 
+/// Scanners write images beside a mesh without naming them in it.
+#[test]
+fn render_never_overwrites_images_beside_a_scan() {
+    for (name, more) in [("m.png", &[][..]), ("m.albedo.png", &["--png-layer", "albedo"])] {
+        let scratch = Scratch::new();
+        let texture = image(&scratch, name);
+        scratch.write("m.ply", PYRAMID);
+        let args = [&["m.ply", "--aov", "albedo"], more].concat();
+        let done = render(&scratch, &args);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        let said = done.stderr();
+        assert!(said.contains(name) && said.contains("its .exr is missing"), "{said}");
+        assert!(scratch.read(name) == texture);
+        // An earlier render may be replaced.
+        fs::remove_file(scratch.path(name)).unwrap();
+        for _ in 0..2 {
+            assert_eq!(render(&scratch, &args).code(), 0);
+        }
+    }
+}
+
 #[test]
 fn render_never_overwrites_the_texture_of_a_mesh_from_a_pipe() {
     let scratch = Scratch::new();

@@ -141,6 +141,10 @@ fn short_commands_leave_no_file_either() {
     let args = ["compare", "x.exr", "x.exr", "--out", "out/map.png", "--html", "out/page.html"];
     waits(&scratch, &args, &path, None, || names_in(&scratch.path("out")).len() == 2);
 
+    scratch.pipe("stats");
+    let args = ["render", "slow.json", "-o", "out/x", "--stats", "stats"];
+    waits(&scratch, &args, &path, None, || names_in(&scratch.path("out")).len() == 2);
+
     fs::write(scratch.path("a.ply"), program::PYRAMID).unwrap();
     // Long enough to be hit.
     fs::create_dir(scratch.path("many")).unwrap();

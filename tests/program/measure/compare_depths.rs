@@ -32,6 +32,7 @@ fn misses_of_both_files_are_left_out() {
     assert!([(1, 0), (0, 1), (1, 1)].iter().all(|&(x, y)| map.get_pixel(x, y).0 == [0, 0, 4]));
     let done = scratch.run(&["compare", "a.exr", "b.exr", "--fail-above", "rmse=0.08"]);
     assert!(done.stdout().contains("2 misses of both files left out"), "{}", done.stdout());
+    assert!(done.stdout().contains("all pixels and channels but depths of misses"));
     assert_eq!(done.code(), 0, "{}", done.stderr());
 }
 
