@@ -1,6 +1,7 @@
 //! Collects every problem of a scene, so that a user can fix all of them at once.
 
 use std::io;
+use std::path::Path;
 
 use crate::error::Problem;
 
@@ -41,10 +42,10 @@ impl<'a> Problems<'a> {
         self.errors.push((place.order(), problem));
     }
 
-    /// Adds what the operating system said to the last error.
-    pub fn cause(&mut self, cause: io::ErrorKind) {
+    /// Adds what the operating system said about a file to the last error.
+    pub fn cause_of(&mut self, file: &Path, cause: io::ErrorKind) {
         if let Some((_, problem)) = self.errors.last_mut() {
-            problem.cause = Some(cause);
+            *problem = problem.clone().cause_of(file, cause);
         }
     }
 

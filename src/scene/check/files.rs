@@ -56,7 +56,7 @@ impl Check<'_, '_> {
             }
         };
         self.problems.error(pointer, message, near_file(&path));
-        self.problems.cause(cause);
+        self.problems.cause_of(&path, cause);
         path
     }
 }
