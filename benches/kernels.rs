@@ -54,7 +54,7 @@ kernel!(Light<'a>(
 kernel!(Pow<'a>(x: &'a [f32; LANES]) -> [f32; LANES] {
     let mut y = [0.0; LANES];
     for i in 0..LANES {
-        y[i] = pow(x[i], 50.0);
+        y[i] = pow(x[i].into(), 50.0);
     }
     y
 });
