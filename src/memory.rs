@@ -8,7 +8,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::accel::MemoryFootprint;
-use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::error::{Error, ErrorKind, Failures, Problem, Result};
 use crate::film::Window;
 use crate::geometry::PrimitiveCounts;
 use crate::layers::LayerPlan;
@@ -142,7 +142,7 @@ pub fn film_bytes(window: Window, words: usize) -> u64 {
 /// Headers that cannot be read.
 pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Prediction> {
     let mut sum = Prediction { film_bytes: film_bytes(window, words), ..Prediction::default() };
-    let mut problems = Vec::new();
+    let mut failures = Failures::default();
     // For each shape, its primitives and the bytes of its mesh: instances come after their mesh.
     let mut meshes: Vec<(PrimitiveCounts, u64)> = Vec::with_capacity(scene.shapes.len());
     for (shape, times) in scene.shapes.iter().zip(scene.accelerators()) {
@@ -152,10 +152,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let textured = scene.materials[shape.material].texture.is_some();
                 let options = ReadOptions::default().color(color_request(mesh, textured));
                 let options = options.points(mesh.points.is_some());
-                let declared = declared_sizes(&mesh.path, &options).unwrap_or_else(|error| {
-                    problems.extend(error.problems);
-                    Default::default()
-                });
+                let declared = failures.keep(declared_sizes(&mesh.path, &options));
+                let declared = declared.unwrap_or_default();
                 if !textured && mesh.color.is_none() && mesh.points.is_none() {
                     own_textures(&mesh.path, &mut sum);
                 }
@@ -185,7 +183,7 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
         sum.primitives = sum.primitives.saturating_add(counts.primitives);
         sum.accelerated = sum.accelerated.plus(counts.times(times.into()));
     }
-    Error::check(ErrorKind::Invalid, problems)?;
+    failures.check()?;
     textures(scene, &mut sum);
     Ok(sum.with_peak())
 }

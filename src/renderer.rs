@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use self::ray_query::{closest_of_packet, occlusion_of_packet};
+use self::ray_query::{ShapeNumber, closest_of_packet, occlusion_of_packet};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm, Window};
@@ -57,6 +57,8 @@ pub struct LoadedScene {
     loaded: Loaded,
     world: World,
     plan: LayerPlan,
+    /// How hits name the shapes of `scene`.
+    numbers: Vec<ShapeNumber>,
     warnings: Vec<Problem>,
     /// [`fingerprint`] of scene and files, once a picture was written. `None` for meshes from
     /// memory, whose contents it does not cover.
@@ -292,7 +294,8 @@ impl LoadedScene {
         warnings.extend(more);
         warnings.iter_mut().for_each(drop_nuls);
         let plan = LayerPlan::new(&loaded.scene);
-        Ok(Self { loaded, world, plan, warnings, hash: None })
+        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        Ok(Self { loaded, world, plan, numbers, warnings, hash: None })
     }
 
     /// The hash of the scene and its files, unless a mesh is from memory or a pipe, or a file has
@@ -413,9 +416,10 @@ impl Renderer<'_> {
     /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
     /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let (accelerator, world) = (self.accelerator.as_ref(), &self.loaded.world);
+        let LoadedScene { world, numbers, .. } = self.loaded;
+        let closest = |rays| closest_of_packet(self.accelerator.as_ref(), world, numbers, rays);
         let packets = rays.par_chunks(LANES);
-        packets.flat_map_iter(|rays| closest_of_packet(accelerator, world, rays)).collect()
+        packets.flat_map_iter(closest).collect()
     }
 
     /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that

@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::output::exr::Compression;
-use crate::scene::written::{Angles, MeshColorDescription, Name, Point, SmoothDescription};
+use crate::scene::written::{
+    Angles, MAX_COORDINATE, MIN_SIZE, MeshColorDescription, Name, Point, SmoothDescription,
+};
 use crate::studio::{Axis, LightsFollow, Quality, Studio, Turning};
 
 /// A lightpath batch: the inputs, how they are shown, and where the pictures go. Paths are relative
@@ -50,7 +52,7 @@ pub struct JobFile {
     pub color: Option<MeshColorDescription>,
     /// Draws every vertex of the meshes as a sphere of this radius, in the units of the file.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub points: Option<f64>,
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,

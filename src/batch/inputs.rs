@@ -14,7 +14,7 @@ use crate::{paths, picture, studio};
 ///
 /// # Errors
 /// A name that does not exist; a folder or pattern without a file; a folder that cannot be listed;
-/// a name with the ending of a mesh or scene that is no file, such as a link to nothing.
+/// a pipe; a name with the ending of a mesh or scene that is no file, such as a link to nothing.
 pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
     let path = folder.join(text);
     let nothing = |what: &str| Error::invalid(place, format!("found {text:?}, {what}"));
@@ -26,7 +26,7 @@ pub fn expand(place: &str, text: &str, folder: &Path) -> Result<Vec<PathBuf>> {
                 false => Ok(files),
             };
         }
-        Ok(_) => return Ok(vec![path]),
+        Ok(_) => return not_a_file(&path).map_or(Ok(vec![path]), Err),
         Err(_) if text.contains(['*', '?', '[']) => {}
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
             let what =
@@ -154,6 +154,16 @@ fn is_manifest(path: &Path) -> bool {
 
 fn is_named_scene(path: &Path) -> bool {
     path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"))
+}
+
+/// Returns the error of a pipe or a device. Does not open it: that would wait for a writer.
+pub fn not_a_file(path: &Path) -> Option<Error> {
+    let data = std::fs::metadata(path).ok()?;
+    (!data.is_file() && !data.is_dir()).then(|| {
+        let message = "found a pipe or a device, expected a file";
+        Error::invalid(path.display().to_string(), message)
+            .help("save it as a file: a batch reads its files more than once")
+    })
 }
 
 /// Returns the path if it is a file. Anything else would change the numbers of the frames if it

@@ -290,9 +290,9 @@ fn input(
         Written::Path(path) => (path, None, None, &none, &none),
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
     };
-    let mut overrides = common(file, &flags.places);
+    let mut overrides = common(file, &flags.places)?;
     let entry = format!("/inputs/{number}");
-    overrides.append(patches(camera, set, &entry, &flags.places));
+    overrides.append(patches(camera, set, &entry, &flags.places)?);
     let place = match flags.file {
         Some(_) => flags.places.at(&entry),
         None => "INPUT".to_string(),
@@ -332,7 +332,10 @@ pub fn without_mesh(place: &str) -> Error {
 }
 
 /// Returns the overrides that the job applies to every scene.
-fn common(file: &JobFile, places: &Places) -> Overrides {
+///
+/// # Errors
+/// Those of [`patches`].
+fn common(file: &JobFile, places: &Places) -> Result<Overrides> {
     let mut all = Overrides::default();
     if let Some([width, height]) = file.size {
         all.flag(places.at("/size"), "/camera/width", Some(width));
@@ -342,17 +345,29 @@ fn common(file: &JobFile, places: &Places) -> Overrides {
     let layers = layers.map(|names| names.iter().map(|n| n.0.clone()).collect::<Vec<String>>());
     all.flag(places.at("/layers"), "/output/layers", layers);
     all.flag(places.at("/cryptoranks"), "/output/cryptoranks", file.cryptoranks);
-    all.append(patches(&file.camera, &file.set, "", places));
-    all
+    all.append(patches(&file.camera, &file.set, "", places)?);
+    Ok(all)
 }
 
 /// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`.
+///
+/// # Errors
+/// `Invalid` for a `lookat` and a `target` in one object: it has no order, so none is the last.
 fn patches(
     camera: &BTreeMap<String, Value>,
     set: &BTreeMap<String, Value>,
     at: &str,
     places: &Places,
-) -> Overrides {
+) -> Result<Overrides> {
+    for (keys, object, prefix) in [(camera, "camera", ""), (set, "set", "/camera/")] {
+        let [lookat, target] = ["lookat", "target"].map(|key| format!("{prefix}{key}"));
+        if keys.contains_key(&lookat) && keys.contains_key(&target) {
+            let place = places.at(&format!("{at}/{object}/{}", escaped(&target)));
+            let message =
+                "found both `lookat` (a direction) and `target` (a point), expected exactly one";
+            return Err(Error::invalid(place, message).help("remove one of them"));
+        }
+    }
     let mut all = Overrides::default();
     for (key, value) in camera {
         let place = places.at(&format!("{at}/camera/{}", escaped(key)));
@@ -362,7 +377,7 @@ fn patches(
         let place = places.at(&format!("{at}/set/{}", escaped(pointer)));
         all.flag(place, pointer, Some(value.clone()));
     }
-    all
+    Ok(all)
 }
 
 fn turntable(keys: &TurntableKeys) -> Turntable {

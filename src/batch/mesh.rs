@@ -266,8 +266,8 @@ impl Run<'_> {
         if let Some(reason) = &frame.again {
             (self.tell)(Event::Again { reason });
         }
-        let files =
-            create(frame, &plan, self.job.storage).inspect_err(|error| self.end_if_retry(error))?;
+        let files = create(frame, &plan, self.job.storage)
+            .inspect_err(|error| self.end_if_shared(error))?;
         let film = match film {
             Some(film) if film.frame == world.frame => film,
             film => {
@@ -304,7 +304,7 @@ impl Run<'_> {
         let (counts, written) = written?;
         let (paths, oddities) = match written {
             Err(error) => {
-                self.end_if_retry(&error);
+                self.end_if_shared(&error);
                 return Err(error);
             }
             Ok(written) => written,
@@ -312,7 +312,7 @@ impl Run<'_> {
         let write_s = began.elapsed().as_secs_f64() - render_s;
         let warnings = self.warn(built.input.path, &picture::oddity_warnings(&oddities));
         let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
-        let xxh3 = xxh3.inspect_err(|error| self.end_if_retry(error))?;
+        let xxh3 = xxh3.inspect_err(|error| self.end_if_shared(error))?;
         self.finished(&counts);
         let (input, name) = self.named(built.input.task.input);
         let record = FrameRecord {

@@ -54,7 +54,7 @@ use journal::{Journal, now};
 ///
 /// # Errors
 /// Errors that concern all inputs: an invalid range, an output that would overwrite an input, a
-/// folder that cannot be written, a full disk.
+/// pipe among the files of an input, a folder that cannot be written, a full disk.
 pub fn run(
     job: &Job,
     options: &BatchOptions,
@@ -69,7 +69,7 @@ pub fn run(
     let loading = threads::pool(options.threads)?;
     let path = journal_path(job, options.range.as_ref());
     let inputs = loading.install(|| -> Result<_> {
-        let inputs = outputs::inputs(job);
+        let inputs = outputs::inputs(job)?;
         outputs::refuse(job, &tasks, &path, &inputs)?;
         Ok(inputs)
     })?;

@@ -270,9 +270,22 @@ pub fn distinct(
     let path = of(&one);
     let message =
         format!("{} and {shown} would both be written to {:?}", called(&one), path.display());
+    let in_folder = |input: u32| {
+        let path = inputs[input as usize];
+        (parent(path), paths::stem(path))
+    };
+    let number = if frames > 1 { ".{frame:04}" } else { "" };
     let help = match other {
-        Some((_, input, _)) if input == one.1 => "tell them apart: --name '{stem}/{frame:04}'",
-        _ => "tell them apart: --name '{parent}/{stem}', or '{input:03}-{stem}.{frame:04}'",
+        Some((_, input, _)) if input == one.1 => {
+            "tell them apart: --name '{stem}/{frame:04}'".to_string()
+        }
+        // Folders do not tell a file from itself, or from the same scan in another format.
+        Some((_, input, _)) if in_folder(input) == in_folder(one.1) => {
+            format!("tell them apart: --name '{{input:03}}-{{stem}}{number}'")
+        }
+        _ => format!(
+            "tell them apart: --name '{{parent}}/{{stem}}{number}', or '{{input:03}}-{{stem}}{number}'"
+        ),
     };
     Err(Error::invalid(place, message).help(help))
 }

@@ -1,4 +1,4 @@
-//! Checks that no output of a job is an input of the run.
+//! Checks that no output of a job is an input of the run, and that no input is a pipe.
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,7 @@ use crate::files::{self, FileSet};
 use crate::output::{Outputs, atomic};
 use crate::{picture, world};
 
+use super::inputs::not_a_file;
 use super::job::{Job, JobInput};
 use super::tasks::Task;
 use super::{scene, sheet};
@@ -17,10 +18,15 @@ use super::{scene, sheet};
 /// the files that these name.
 ///
 /// Reads scenes and mesh headers on the threads of the current rayon pool.
-pub fn inputs(job: &Job) -> FileSet {
+///
+/// # Errors
+/// A pipe or a device among the files of an input: they are read more than once.
+pub fn inputs(job: &Job) -> Result<FileSet> {
     let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
+    let read = named.par_iter().flatten().chain(&job.looks.texture);
+    read.find_map_first(|path| not_a_file(path)).map_or(Ok(()), Err)?;
     let own = job.job_file.iter().chain(&job.files);
-    own.chain(&job.looks.texture).chain(named.iter().flatten()).collect()
+    Ok(own.chain(&job.looks.texture).chain(named.iter().flatten()).collect())
 }
 
 /// Returns an input's path and the paths of the files that it names. If the scene is
@@ -55,7 +61,7 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
 /// Refuses a contact sheet that would overwrite an input.
 ///
 /// # Errors
-/// The first such file.
+/// The first such file; those of [`inputs`].
 pub fn refuse_sheet(job: &Job) -> Result<()> {
     refuse_files(job, sheet::paths(job))
 }
@@ -63,9 +69,9 @@ pub fn refuse_sheet(job: &Job) -> Result<()> {
 /// Refuses files beside the frames that would overwrite an input.
 ///
 /// # Errors
-/// The first such file.
+/// The first such file; those of [`inputs`].
 pub fn refuse_files(job: &Job, mut outputs: impl Iterator<Item = PathBuf>) -> Result<()> {
-    let inputs = inputs(job);
+    let inputs = inputs(job)?;
     outputs.try_for_each(|output| refuse_if_input(&output, &inputs))
 }
 

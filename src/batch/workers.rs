@@ -4,6 +4,7 @@
 //! its frames and drops it. There is one worker more than frames rendered at a time. So the next
 //! mesh is ready when the previous mesh is done. [`gate`](super::gate) keeps the order.
 
+use std::io;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -262,8 +263,8 @@ impl Run<'_> {
 
     /// Refuses outputs of this run that are files which an input has read.
     ///
-    /// Checks only files that were unknown at the start: a mesh from a pipe names its texture only
-    /// when the mesh is read.
+    /// Checks only files that were unknown at the start: those of an input that could not be read
+    /// then, or that has changed since.
     pub fn refuse_if_output(&self, read: &ReadFiles) -> Result<()> {
         let new: FileSet = read.paths().filter(|path| !self.inputs.has(path)).collect();
         match new.is_empty() {
@@ -324,9 +325,9 @@ impl Run<'_> {
         }
     }
 
-    /// Ends the batch if a disk is full or another resource is exhausted (`Retry`).
-    pub fn end_if_retry(&self, error: &Error) {
-        if error.kind == ErrorKind::Retry {
+    /// Ends the batch after an error of writing that later frames would have, too.
+    pub fn end_if_shared(&self, error: &Error) {
+        if is_shared(error) {
             self.end(error.clone());
         }
     }
@@ -353,6 +354,13 @@ impl Run<'_> {
     }
 }
 
+/// Returns true if an error of writing is not about one name: a disk is full or read-only, or another
+/// resource is exhausted (`Retry`).
+fn is_shared(error: &Error) -> bool {
+    let read_only = |problem: &Problem| problem.cause == Some(io::ErrorKind::ReadOnlyFilesystem);
+    error.kind == ErrorKind::Retry || error.problems.iter().any(read_only)
+}
+
 /// Runs `work`, and turns a panic into an error: a bug must not end the batch.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
@@ -360,4 +368,18 @@ pub fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
         let problem = Problem::new("", message).help("please report it with the file");
         Err(Error::new(ErrorKind::Unsupported, problem))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_that_is_full_or_read_only_ends_the_batch_and_one_bad_name_does_not() {
+        use io::ErrorKind as E;
+        let kinds = [E::StorageFull, E::ReadOnlyFilesystem, E::PermissionDenied, E::IsADirectory];
+        let shared =
+            kinds.map(|kind| is_shared(&Error::io("a.exr".as_ref(), "create", &kind.into())));
+        assert_eq!(shared, [true, true, false, false]);
+    }
 }

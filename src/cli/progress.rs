@@ -34,7 +34,7 @@ pub enum ProgressMode {
     Auto,
     /// A line every 3 seconds
     Plain,
-    /// One JSON object per line
+    /// One JSON object per line; add --quiet for no other lines than errors
     Json,
     /// Open Job Description, on stdout
     Openjd,
@@ -42,6 +42,13 @@ pub enum ProgressMode {
     Alf,
     /// Nothing
     Off,
+}
+
+impl ProgressMode {
+    /// Returns the mode that was asked for. Without one, a quiet run shows no progress.
+    pub fn of(asked: Option<Self>, quiet: bool) -> Self {
+        asked.unwrap_or(if quiet { Self::Off } else { Self::Auto })
+    }
 }
 
 /// A running progress display; it ends when it is dropped.
@@ -196,7 +203,8 @@ impl Reading {
     }
 
     fn json(&self) {
-        let _ = writeln!(std::io::stderr(), "{}", self.json);
+        // In one piece, so that no other message divides the line.
+        let _ = std::io::stderr().write_all(format!("{}\n", self.json).as_bytes());
     }
 
     /// Prints lines for render farms to stdout, each percentage once. Returns the last printed

@@ -181,8 +181,8 @@ pub struct Mesh {
     pub positions: Positions,
     /// Three vertex indices per triangle. Empty if the file was read as points.
     pub triangles: Vec<[u32; 3]>,
-    /// Candidates for stitches: triangles with zero area whose three corners are different points,
-    /// in file order. A scene keeps the ones that close T-junctions.
+    /// Stitches: triangles with zero area that close T-junctions, in file order. Their three
+    /// corners are different points.
     #[doc(hidden)]
     pub stitches: Vec<[u32; 3]>,
     /// Vertex normals as stored, of any length.
@@ -314,7 +314,7 @@ pub struct Notes {
     /// Number of lines `comment TextureFile NAME`; 1 if all triangles have the same `texnumber`.
     pub texture_files: usize,
     /// Number of triangles that repeat a vertex or have zero area. They are not in
-    /// [`Mesh::triangles`]. [`Mesh::stitches`] has those between three different points.
+    /// [`Mesh::triangles`]. [`Mesh::stitches`] has those that close T-junctions.
     pub degenerate_dropped: u64,
     /// Number of triangles with the same three vertices, in any order, as an earlier one. They were
     /// dropped.

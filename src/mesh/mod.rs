@@ -4,6 +4,7 @@ mod arrays;
 mod creases;
 mod normals;
 mod ply;
+mod stitches;
 mod vertex_faces;
 
 pub use arrays::*;
@@ -14,6 +15,7 @@ pub use ply::{
     TriangleCount, inspect as inspect_ply, inspect_with as inspect_ply_with, read as read_ply,
     read_bytes as read_ply_bytes,
 };
+pub use stitches::kept_stitches;
 
 use std::path::Path;
 

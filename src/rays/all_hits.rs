@@ -135,7 +135,12 @@ impl RayScene {
     }
 
     /// Appends the crossings of a packet, whose first ray has the index `first`, to `found`.
-    fn collect_crossings(&self, first: usize, crossings: &[Crossing], found: &mut Vec<FoundHit>) {
+    pub(super) fn collect_crossings(
+        &self,
+        first: usize,
+        crossings: &[Crossing],
+        found: &mut Vec<FoundHit>,
+    ) {
         found.extend(crossings.iter().map(|crossing| {
             let (mesh, face) = self.geometry().place(crossing.primitive);
             self.prefetch_face(mesh, face);

@@ -219,8 +219,8 @@ impl MeshArrays for Mesh {
         }
     }
 
-    /// The triangles, then those without area that close T-junctions: without them rays would leak
-    /// there, and the mesh would be open.
+    /// The triangles, then the stitches: without them rays would leak at T-junctions, and the mesh
+    /// would be open.
     fn faces(&self) -> Faces<'_> {
         match &self.stitches[..] {
             [] => Faces::U32(&self.triangles),

@@ -76,7 +76,7 @@ impl RayScene {
             });
             if !left.is_empty() {
                 self.search_on(&*accelerator, &rounding, left, |hits, refined, i| {
-                    answers.store_hit(range.start, &hits[i], refined, i);
+                    answers.store_nearer(range.start, &hits[i], refined, i);
                 })?;
             }
             output.fill(answers);
@@ -200,6 +200,16 @@ impl Answers {
             } else {
                 left.push(Unanswered { ray: hit.ray, last: Some(hit.t) });
             }
+        }
+    }
+
+    /// Stores hit `i` of those whose values were computed, if it comes before the answer so far.
+    fn store_nearer(&mut self, first: usize, hit: &FoundHit, refined: &Refined, i: usize) {
+        let at = hit.ray - first;
+        let (place, best) =
+            ((hit.mesh as i32, hit.face.into()), (self.mesh[at], self.primitive[at]));
+        if refined.t[i] < self.t[at] || (refined.t[i] == self.t[at] && place < best) {
+            self.store_hit(first, hit, refined, i);
         }
     }
 

@@ -1,15 +1,17 @@
-//! Searches on behind hits that lie outside of a ray's own limits.
+//! Searches on where the first hit lies outside of a ray's own limits.
 //!
 //! The tree traces a segment that is a little longer than that from `tnear` to `tfar`, because its
-//! rays and triangles are rounded. The t of a hit in f64 tells whether the hit counts. If not, the
-//! search goes on behind it.
-
-use std::mem::take;
+//! rays and triangles are rounded. The t of a hit in f64 tells whether the hit counts. If not,
+//! other hits may count that are as near but for the rounding. So all of these are computed. If
+//! none counts, the search goes on behind them.
+//!
+//! Embree does not tell all hits. There the search goes on directly behind the hit.
 
 use super::refine::{FoundHit, Refined};
 use super::rounded::{Rounded, Rounding};
 use super::scene::RayScene;
 use crate::accel::Accelerator;
+use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::ray::{LANES, Mask};
 
@@ -18,13 +20,15 @@ use crate::ray::{LANES, Mask};
 pub(super) struct Unanswered {
     /// Index of the ray.
     pub ray: usize,
-    /// The rounded ray's parameter of the last hit, which does not count; `None` before the first.
+    /// The rounded ray's parameter of the last hit, which does not count. There is no hit before
+    /// it that counts. `None` before the first hit.
     pub last: Option<f32>,
 }
 
 impl RayScene {
     /// Finds the first hits that count, of rays in ascending order. Calls `store` with hits, their
-    /// values and the index of a hit among them that counts.
+    /// values and the index of a hit among them that counts. Of several hits of a ray, the nearest
+    /// is its first.
     ///
     /// # Errors
     /// The errors of [`Rounding::round`].
@@ -35,18 +39,23 @@ impl RayScene {
         mut left: Vec<Unanswered>,
         mut store: impl FnMut(&[FoundHit], &Refined, usize),
     ) -> Result<()> {
+        let bvh = self.bvh().ok();
+        let reach = if bvh.is_some() { 2.0 * self.rounding_slack() as f32 } else { 0.0 };
         let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
         while !left.is_empty() {
+            if let Some(bvh) = &bvh {
+                self.search_around(bvh, rounding, reach, &mut left, &mut store)?;
+            }
             found.clear();
-            for packet in left.chunk_by(|a, b| a.ray / LANES == b.ray / LANES) {
+            for packet in packets(&left) {
                 let first = packet[0].ray / LANES * LANES;
                 rounding.round(first, &mut rounded)?;
-                rounded.go_on(first, packet);
+                rounded.narrow(first, packet, |last| (behind(last, reach), f32::INFINITY));
                 let Rounded { active, packet, coherence, .. } = &mut rounded;
                 accelerator.closest(active, packet, *coherence);
                 self.collect_hits(first, &rounded, &mut found);
             }
-            take(&mut left);
+            left.clear();
             self.refine(rounding.rays(), &found, |hits, refined| {
                 for (i, hit) in hits.iter().enumerate() {
                     if refined.counts[i] {
@@ -59,21 +68,71 @@ impl RayScene {
         }
         Ok(())
     }
+
+    /// Computes all hits from the last one to `reach` behind it; without a last one, all hits of
+    /// the ray. Calls `store` for those that count. Removes rays that need no further search.
+    fn search_around(
+        &self,
+        bvh: &Bvh,
+        rounding: &Rounding,
+        reach: f32,
+        left: &mut Vec<Unanswered>,
+        store: &mut impl FnMut(&[FoundHit], &Refined, usize),
+    ) -> Result<()> {
+        let (mut rounded, mut touches, mut found) = (Rounded::EMPTY, Vec::new(), Vec::new());
+        for packet in packets(left) {
+            let first = packet[0].ray / LANES * LANES;
+            rounding.round(first, &mut rounded)?;
+            // Ends do not belong to a segment.
+            rounded.narrow(first, packet, |last| (below(last), above(behind(last, reach))));
+            touches.clear();
+            bvh.touches(&rounded.active, &rounded.packet.rays, &mut touches);
+            self.collect_crossings(first, &touches, &mut found);
+        }
+        let mut answered = Vec::new();
+        self.refine(rounding.rays(), &found, |hits, refined| {
+            for (i, hit) in hits.iter().enumerate().filter(|(i, _)| refined.counts[*i]) {
+                store(hits, refined, i);
+                answered.push(hit.ray);
+            }
+        });
+        left.retain(|ray| ray.last.is_some() && answered.binary_search(&ray.ray).is_err());
+        Ok(())
+    }
+}
+
+/// The rays of each packet.
+fn packets(rays: &[Unanswered]) -> impl Iterator<Item = &[Unanswered]> {
+    rays.chunk_by(|a, b| a.ray / LANES == b.ray / LANES)
+}
+
+/// Where the search goes on behind a hit at `last`.
+fn behind(last: f32, reach: f32) -> f32 {
+    (last + reach).max(above(last))
+}
+
+/// The next smaller number of one that is not negative; 0 for 0.
+fn below(t: f32) -> f32 {
+    f32::from_bits(t.abs().to_bits().saturating_sub(1))
+}
+
+/// The next larger number of one that is not negative.
+fn above(t: f32) -> f32 {
+    f32::from_bits(t.abs().to_bits() + 1)
 }
 
 impl Rounded {
-    /// Keeps only these rays of the packet, whose first ray has the index `first`. They start
-    /// behind their last hits.
-    fn go_on(&mut self, first: usize, left: &[Unanswered]) {
+    /// Keeps only these rays of the packet, whose first ray has the index `first`. `limits` returns
+    /// both ends of their segments from their last hits.
+    fn narrow(&mut self, first: usize, left: &[Unanswered], limits: impl Fn(f32) -> (f32, f32)) {
         let mut kept = Mask::NONE;
         for &Unanswered { ray, last } in left {
             let lane = ray - first;
             kept.0[lane] = self.active.0[lane];
-            if let Some(last) = last {
-                // The next larger number: `last` is not negative.
-                let behind = f32::from_bits(last.abs().to_bits() + 1);
-                let start = &mut self.packet.rays.tnear[lane];
-                *start = start.max(behind);
+            if let Some((start, end)) = last.map(&limits) {
+                let (tnear, tfar) =
+                    (&mut self.packet.rays.tnear[lane], &mut self.packet.rays.tfar[lane]);
+                (*tnear, *tfar) = (tnear.max(start), tfar.min(end));
             }
         }
         self.active = self.packet.rays.possible(&kept);

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use crate::accel::Accelerator;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, lane};
+use crate::scene::{CheckedShape, ShapeKind};
 use crate::shading::Owner;
 use crate::world::World;
 
@@ -56,8 +57,12 @@ pub struct Hit {
     pub point: [f64; 3],
     /// Geometric unit normal, on the side that the ray comes from. It is not interpolated.
     pub normal: [f64; 3],
-    /// Index of the shape: the shapes of the scene in their order, then the meshes from memory.
+    /// Index of the shape: the shapes of the scene in their order, then the meshes from memory. All
+    /// copies of a mesh with `instances` have the index of its shape. The layer `objectid` numbers
+    /// them apart.
     pub shape: usize,
+    /// Index of the copy in the shape's `instances`; 0 for a shape without.
+    pub instance: usize,
     /// Index of the triangle in the shape's mesh. For a mesh drawn as points, the index of the
     /// point if the scene has no other sphere, else 0. For other shapes 0.
     pub primitive: usize,
@@ -81,6 +86,34 @@ impl Hit {
     }
 }
 
+/// How hits name a shape of a [`crate::scene::Scene`], where copies follow all shapes of the file.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ShapeNumber {
+    /// As [`Hit::shape`].
+    shape: usize,
+    /// As [`Hit::instance`].
+    instance: usize,
+}
+
+impl ShapeNumber {
+    /// Numbers all shapes of a scene, those of meshes from memory included.
+    pub(super) fn of_all(shapes: &[CheckedShape]) -> Vec<Self> {
+        // For each shape that is no copy, the number of its copies so far.
+        let mut copies = Vec::new();
+        let numbers = shapes.iter().map(|shape| match shape.kind {
+            ShapeKind::Instance { of, .. } => {
+                copies[of] += 1;
+                Self { shape: of, instance: copies[of] }
+            }
+            _ => {
+                copies.push(0);
+                Self { shape: copies.len() - 1, instance: 0 }
+            }
+        });
+        numbers.collect()
+    }
+}
+
 /// Traces at most 16 rays and returns for each whether it hits anything; false after the last.
 pub(super) fn occlusion_of_packet(
     accelerator: &dyn Accelerator,
@@ -92,10 +125,11 @@ pub(super) fn occlusion_of_packet(
     std::array::from_fn(|i| active.0[i] != 0 && packet.rays.tfar[i] == f32::NEG_INFINITY)
 }
 
-/// Traces at most 16 rays and returns the closest hit of each.
+/// Traces at most 16 rays and returns the closest hit of each. `numbers` are those of the shapes.
 pub(super) fn closest_of_packet(
     accelerator: &dyn Accelerator,
     world: &World,
+    numbers: &[ShapeNumber],
     rays: &[Ray],
 ) -> Vec<Option<Hit>> {
     let geometry = &world.geometry;
@@ -105,24 +139,34 @@ pub(super) fn closest_of_packet(
     geometry.replace_stitch_hits(&hit, &mut packet);
     let mut surfaces = Surfaces::EMPTY;
     refine(geometry, &hit, &packet, &mut surfaces);
-    let hits =
-        (0..rays.len()).map(|i| (hit.0[i] != 0).then(|| hit_of_lane(world, &packet, &surfaces, i)));
+    let hits = (0..rays.len()).map(|i| {
+        let hits = hit.0[i] != 0;
+        hits.then(|| hit_of_lane(world, numbers, &packet, &surfaces, i))
+    });
     hits.collect()
 }
 
 /// Returns the hit of lane `i`, which must have a hit.
-fn hit_of_lane(world: &World, packet: &RayPacket, surfaces: &Surfaces, i: usize) -> Hit {
+fn hit_of_lane(
+    world: &World,
+    numbers: &[ShapeNumber],
+    packet: &RayPacket,
+    surfaces: &Surfaces,
+    i: usize,
+) -> Hit {
     let origin = world.geometry.origin;
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
     let primitive = match world.shapes.owners[geom as usize] {
         Owner::One(_) | Owner::Instance { .. } => prim as usize,
         Owner::Each(_) => 0,
     };
+    let ShapeNumber { shape, instance } = numbers[world.shapes.shape(geom, prim) as usize];
     Hit {
         t: surfaces.t[i].into(),
         point: in_world(lane(&surfaces.position, i).to_array(), origin),
         normal: lane(&surfaces.ng, i).as_dvec3().to_array(),
-        shape: world.shapes.shape(geom, prim) as usize,
+        shape,
+        instance,
         primitive,
         barycentric: [surfaces.u[i], surfaces.v[i]],
         outside: lane(&surfaces.outside, i).to_array(),
@@ -218,5 +262,57 @@ mod tests {
         assert_eq!(renderer.occluded(&wrong), [false; 4]);
         assert!(renderer.closest(&wrong).iter().all(Option::is_none));
         assert_eq!(renderer.occluded(&[ray, Ray { t_min: -1.0, ..ray }]), [true; 2]);
+    }
+
+    /// Copies of a mesh stand behind all shapes of the file in the scene, but not in hits.
+    #[test]
+    fn copies_have_the_index_of_their_shape() {
+        let folder = tempfile::tempdir().unwrap();
+        let ply = folder.path().join("t.ply");
+        std::fs::write(
+            &ply,
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+             end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+        )
+        .unwrap();
+        let at = |x: i32| format!("[[1,0,0,{x}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]");
+        for backend in ["bvh", "brute", "coursework"] {
+            let text = format!(
+                r#"{{ "camera": {{ "type": "pinhole", "width": 1, "height": 1, "fov": 40,
+                  "position": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0] }},
+                "scene": {{ "accelerator": "{backend}", "materials": {{ "clay": {{}} }}, "shapes": [
+                  {{ "type": "trimesh", "path": {ply:?}, "material": "clay",
+                     "instances": [{}, {}, {}] }},
+                  {{ "type": "sphere", "center": [30, 0, 0], "radius": 1, "material": "clay" }},
+                  {{ "type": "trimesh", "path": {ply:?}, "material": "clay",
+                     "instances": [{}, {}] }}] }} }}"#,
+                at(0),
+                at(4),
+                at(8),
+                at(40),
+                at(44)
+            );
+            let moved = |x: f64| vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
+            let mesh = |x| Mesh::new(Positions::F64(moved(x)), vec![[0, 1, 2]]).unwrap();
+            let meshes = vec![("a", "clay", mesh(50.0)), ("b", "clay", mesh(60.0))];
+            let scene = LoadedScene::with_meshes(&text, &[], meshes).unwrap();
+            let renderer = scene.renderer().unwrap();
+            let expected = [
+                (0.0, [0, 0]),
+                (4.0, [0, 1]),
+                (8.0, [0, 2]),
+                (30.0, [1, 0]),
+                (40.0, [2, 0]),
+                (44.0, [2, 1]),
+                (50.0, [3, 0]),
+                (60.0, [4, 0]),
+            ];
+            for (x, numbers) in expected {
+                let ray = Ray::new([x + 0.25, 0.25, 5.0], [0.0, 0.0, -1.0]);
+                let hit = renderer.closest(&[ray])[0].expect("a shape at each of these places");
+                assert_eq!([hit.shape, hit.instance], numbers, "{backend}, x = {x}");
+            }
+        }
     }
 }

@@ -107,7 +107,9 @@ fn range(schema: &Value) -> String {
 
 fn show(bound: &Value) -> String {
     match bound.as_f64() {
-        Some(f) if bound.is_f64() && f.abs() >= 1e6 => format!("{f:e}"),
+        Some(f) if bound.is_f64() && (f.abs() >= 1e6 || (f != 0.0 && f.abs() < 1e-3)) => {
+            format!("{f:e}")
+        }
         Some(f) if bound.is_f64() => f.to_string(),
         _ => bound.to_string(),
     }

@@ -160,13 +160,14 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     let mut problems = problems::Problems::new(&document);
     let broken = structure::check(schema(), &mut problems);
     let checked = check::check(&mut problems, broken, folder);
+    let kind = if bad_overrides.is_empty() { problems.kind() } else { ErrorKind::Invalid };
     let (mut errors, warnings) = problems.finish();
     errors.extend(bad_overrides);
     match checked {
         Some((description, scene)) if errors.is_empty() => {
             Ok(Loaded { scene, hash: description.hash(), description, warnings })
         }
-        _ => Err(Error { kind: ErrorKind::Invalid, problems: errors }),
+        _ => Err(Error { kind, problems: errors }),
     }
 }
 

@@ -11,8 +11,8 @@ use super::parse::{self, MAX_DEPTH};
 
 impl Document {
     /// Applies one `/json/pointer=VALUE`. VALUE is JSON; a text that is not JSON is taken as a
-    /// string. Missing object members are created. An array index must exist; `-` appends an item.
-    /// A `target` replaces a `lookat` that no override set, and the reverse.
+    /// string. Missing object members are created. An array index must exist; `-` appends an item,
+    /// also to a missing array. A `target` of the camera replaces its `lookat`, and the reverse.
     ///
     /// # Errors
     /// - A text without `=`, or a pointer without a leading `/`.
@@ -44,8 +44,13 @@ impl Document {
         replace_places(&mut new, &place);
         let mut node = &mut self.root;
         let mut walked = String::new();
-        for step in &steps {
-            node = descend(node, step, &place, &walked).map_err(|problem| Problem {
+        for (i, step) in steps.iter().enumerate() {
+            let missing = match steps.get(i + 1).map(String::as_str) {
+                Some("-") => NodeKind::List(Vec::new()),
+                _ => NodeKind::Object(Vec::new()),
+            };
+            let missing = JsonNode { place: place.clone(), kind: missing };
+            node = descend(node, step, missing, &walked).map_err(|problem| Problem {
                 place: format!("--set {}", shown(assignment)),
                 ..problem
             })?;
@@ -53,19 +58,19 @@ impl Document {
         }
         *node = new;
         match pointer {
-            "/camera/target" => self.drop_unless_set("lookat"),
-            "/camera/lookat" => self.drop_unless_set("target"),
+            "/camera/target" => self.drop_of_camera("lookat"),
+            "/camera/lookat" => self.drop_of_camera("target"),
             _ => {}
         }
         Ok(())
     }
 
-    /// Removes a member of `/camera`, unless an override named it.
-    fn drop_unless_set(&mut self, key: &str) {
-        let Some(camera) = self.root.member_mut("camera") else { return };
-        if let NodeKind::Object(members) = &mut camera.kind {
-            let named = JsonPlace::Set(Arc::from(join("/camera", key)));
-            members.retain(|member| member.key != key || member.value.place == named);
+    /// Removes a member of `/camera`.
+    fn drop_of_camera(&mut self, key: &str) {
+        if let Some(NodeKind::Object(members)) =
+            self.root.member_mut("camera").map(|camera| &mut camera.kind)
+        {
+            members.retain(|member| member.key != key);
         }
     }
 }
@@ -84,24 +89,23 @@ fn replace_places(node: &mut JsonNode, place: &JsonPlace) {
     }
 }
 
-/// Follows one step of the pointer. Creates a missing member of an object. The step `-` appends an
-/// item to an array.
+/// Follows one step of the pointer. Adds `missing` if the step leads to a member that the object
+/// lacks, or is `-`, which appends to an array.
 fn descend<'a>(
     node: &'a mut JsonNode,
     step: &str,
-    place: &JsonPlace,
+    missing: JsonNode,
     walked: &str,
 ) -> std::result::Result<&'a mut JsonNode, Problem> {
-    let empty = JsonNode { place: place.clone(), kind: NodeKind::Object(Vec::new()) };
     match &mut node.kind {
         NodeKind::Object(members) => {
             let at = match members.iter().rposition(|m| m.key == step) {
                 Some(at) => at,
                 None => {
                     members.push(Member {
-                        place: place.clone(),
+                        place: missing.place.clone(),
                         key: step.to_string(),
-                        value: empty,
+                        value: missing,
                     });
                     members.len() - 1
                 }
@@ -113,7 +117,7 @@ fn descend<'a>(
             let at = match list_index(step) {
                 Some(index) if index < count => index,
                 _ if step == "-" => {
-                    items.push(empty);
+                    items.push(missing);
                     count
                 }
                 _ => {

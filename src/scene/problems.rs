@@ -3,7 +3,7 @@
 use std::io;
 use std::path::Path;
 
-use crate::error::Problem;
+use crate::error::{Error, ErrorKind, Problem};
 
 use super::document::Document;
 use super::node::JsonPlace;
@@ -15,12 +15,14 @@ pub struct Problems<'a> {
     pub document: &'a Document,
     errors: Vec<((u32, u32), Problem)>,
     warnings: Vec<((u32, u32), Problem)>,
+    /// Number of errors that a retry may cure.
+    passing: usize,
 }
 
 impl<'a> Problems<'a> {
     /// Makes an empty collection.
     pub fn new(document: &'a Document) -> Self {
-        Self { document, errors: Vec::new(), warnings: Vec::new() }
+        Self { document, errors: Vec::new(), warnings: Vec::new(), passing: 0 }
     }
 
     /// Adds an error about the value at `pointer`.
@@ -42,10 +44,20 @@ impl<'a> Problems<'a> {
         self.errors.push((place.order(), problem));
     }
 
-    /// Adds what the operating system said about a file to the last error.
-    pub fn cause_of(&mut self, file: &Path, cause: io::ErrorKind) {
+    /// Adds what the operating system said about the file `path` to the last error.
+    pub fn failed_file(&mut self, path: &Path, error: &io::Error) {
         if let Some((_, problem)) = self.errors.last_mut() {
-            *problem = problem.clone().cause_of(file, cause);
+            *problem = problem.clone().cause_of(path, error.kind());
+        }
+        let kind = Error::io(path, "read", error).kind;
+        self.passing += usize::from(kind == ErrorKind::Retry);
+    }
+
+    /// Returns the class of all errors together.
+    pub fn kind(&self) -> ErrorKind {
+        match self.passing > 0 && self.passing == self.errors.len() {
+            true => ErrorKind::Retry,
+            false => ErrorKind::Invalid,
         }
     }
 
@@ -77,4 +89,23 @@ impl<'a> Problems<'a> {
 fn sorted(mut problems: Vec<((u32, u32), Problem)>) -> Vec<Problem> {
     problems.sort_by_key(|(order, _)| *order);
     problems.into_iter().map(|(_, problem)| problem).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_retry_helps_only_if_it_may_cure_every_error() {
+        let document = Document::parse("s.json", b"{}").unwrap();
+        let mut problems = Problems::new(&document);
+        assert_eq!(problems.kind(), ErrorKind::Invalid);
+        problems.error("", "cannot look at a.ply", None);
+        // ESTALE.
+        problems.failed_file("a.ply".as_ref(), &io::Error::from_raw_os_error(116));
+        assert_eq!(problems.kind(), ErrorKind::Retry);
+        problems.error("", "cannot look at b.ply", None);
+        problems.failed_file("b.ply".as_ref(), &io::ErrorKind::NotFound.into());
+        assert_eq!(problems.kind(), ErrorKind::Invalid);
+    }
 }

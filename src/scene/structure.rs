@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use serde_json::Value;
 
-use crate::nearest::{did_you_mean, list};
+use crate::nearest::{did_you_mean, list, nearest};
 
 use super::document::join;
 use super::expected::{expected, found, quoted, words};
@@ -112,7 +112,10 @@ impl<'a> Walk<'a, '_> {
         let message = format!("found {}, expected {}", found(kind), list(tags));
         self.problems.error_at(&kind.place, &join(pointer, "type"), message, help);
         self.broken.push(pointer.to_string());
-        self.shared(branches, members, pointer);
+        match text.and_then(|text| meant(text, branches, members)) {
+            Some(branch) => self.object(branch, branches, node, members, pointer),
+            None => self.shared(branches, members, pointer),
+        }
     }
 
     /// Checks an object with an unknown `type`: only the members that every type has.
@@ -150,6 +153,8 @@ impl<'a> Walk<'a, '_> {
             }
             match properties.get(key) {
                 Some(_) if key == "comment" => {}
+                // The type that selects one of several variants has been checked.
+                Some(_) if key == "type" && !variants.is_empty() => {}
                 Some(of_key) => self.node(of_key, &member.value, &below),
                 None if open.is_object() => self.node(open, &member.value, &below),
                 None => self.unknown(schema, variants, member, &below),
@@ -219,6 +224,22 @@ impl<'a> Walk<'a, '_> {
             }
         }
     }
+}
+
+/// Returns the variant that an object with the misspelt type `text` means. It is the only one with
+/// a similar name, and has all keys of the object that any variant has: else an error about a key
+/// could be wrong.
+fn meant<'a>(text: &str, branches: &[&'a Value], members: &[Member]) -> Option<&'a Value> {
+    let tags = || branches.iter().filter_map(|branch| tag(branch));
+    let near = nearest(text, tags())?;
+    if nearest(text, tags().filter(|tag| *tag != near)).is_some() {
+        return None;
+    }
+    let branch = *branches.iter().find(|branch| tag(branch) == Some(near))?;
+    let has = |branch: &Value, key: &str| branch["properties"].get(key).is_some();
+    let is_its_own =
+        |key: &str| has(branch, key) || !branches.iter().any(|branch| has(branch, key));
+    members.iter().all(|member| is_its_own(&member.key)).then_some(branch)
 }
 
 /// Returns true if a number is within the bounds of the schema. Absent bounds always hold.

@@ -221,15 +221,17 @@ fn overrides_apply_in_order_and_create() {
         "/scene/materials/red~1blue/diffusecolor=[1,0,0]",
         r#"/scene/shapes/-={"type":"sphere","center":[0,9,0],"radius":1,"material":"red/blue"}"#,
         "/scene/shapes/0/radius=2",
-        "/output/layers=[]",
         "/output/layers/-=Z",
+        "/output/layers/-=N",
+        r#"/scene/lightsources/-={"type":"pointlight","position":[0,0,3],"id":[1,1,1]}"#,
         "/comment=ignored",
     ];
     let loaded = load_value(&minimal(), &set).unwrap();
     assert_eq!(loaded.scene.camera.perspective().unwrap().0, 31.0);
     assert_eq!(loaded.scene.tonemap.exposure, 1.0);
     assert!(matches!(loaded.scene.shapes[0].kind, ShapeKind::Sphere { radius: 2.0, .. }));
-    assert_eq!(loaded.scene.layers, [Layer::Depth]);
+    assert_eq!(loaded.scene.layers, [Layer::Depth, Layer::Normal]);
+    assert_eq!(loaded.scene.lights.len(), 1);
 }
 
 #[test]
@@ -242,12 +244,18 @@ fn an_override_aims_the_camera_in_either_way() {
     camera.remove("lookat");
     camera.insert("target".into(), json!([0, 9, 0]));
     assert_eq!(lookat(&aimed, &["/camera/lookat=[1,0,0]"]).normalize(), glam::DVec3::X);
-    // Overrides that contradict each other are refused, in either order.
-    for [a, b] in [["lookat", "target"], ["target", "lookat"]] {
-        let set = [a, b].map(|key| format!("/camera/{key}=[0,1,1]"));
-        let error = load_value(&minimal(), &[&set[0], &set[1]]).unwrap_err();
-        assert!(error.to_string().contains("found both `lookat`"), "{error}");
+    // Of several overrides the last one holds.
+    let (at, to) = ("/camera/lookat=[1,0,0]", "/camera/target=[0,-9,0]");
+    for scene in [&minimal(), &aimed] {
+        assert_eq!(lookat(scene, &[to, at]).normalize(), glam::DVec3::X);
+        assert_eq!(lookat(scene, &[at, to]), lookat(scene, &[to]));
+        assert_eq!(lookat(scene, &[to, at, to]), lookat(scene, &[to]));
     }
+    // One override with both keys is refused, as a file with both is.
+    let mut both = minimal()["camera"].clone();
+    both["target"] = json!([0, -9, 0]);
+    let error = load_value(&minimal(), &[&format!("/camera={both}")]).unwrap_err();
+    assert!(error.to_string().contains("found both `lookat`"), "{error}");
 }
 
 #[test]

@@ -271,7 +271,8 @@ fn texture_note(
         }
         (Some(name), None) if mesh.uvs.is_none() => {
             let message = format!(
-                "found the texture {name:?}, which is not used: the mesh has no texture coordinates"
+                "found the texture \"{name}\", which is not used: the mesh has no texture \
+                 coordinates"
             );
             Some(Problem::new(place(), message))
         }

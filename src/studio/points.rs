@@ -45,10 +45,10 @@ impl<'m> UsedVertices<'m> {
         Self { mesh, used: mesh.used_vertices() }
     }
 
-    /// Returns the number of vertices that no triangle and none of `stitches` uses.
-    pub fn unused(&self, stitches: &[[u32; 3]]) -> u64 {
-        let only_there: HashSet<u32> =
-            stitches.iter().flatten().copied().filter(|&v| !self.used[v as usize]).collect();
+    /// Returns the number of vertices that no triangle and no stitch uses.
+    pub fn unused(&self) -> u64 {
+        let stitches = self.mesh.stitches.iter().flatten().copied();
+        let only_there: HashSet<u32> = stitches.filter(|&v| !self.used[v as usize]).collect();
         (self.used.iter().filter(|used| !**used).count() - only_there.len()) as u64
     }
 

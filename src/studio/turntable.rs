@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::SceneDescription;
-use crate::scene::written::{Axes, CameraDescription, LightDescription, Matrix};
+use crate::scene::written::{Axes, CameraDescription, LightDescription, MAX_TURN, Matrix};
 
 use super::axes::main_axis;
 
@@ -104,7 +104,9 @@ impl Turntable {
                     LightDescription::Environment(light) => {
                         if main_axis(up) == 1 && light.image.is_some() {
                             // An azimuth goes clockwise as seen from +y.
-                            light.rotation -= degrees * up.y.signum();
+                            let turned = light.rotation - degrees * up.y.signum();
+                            let fits = turned.abs() <= MAX_TURN;
+                            light.rotation = if fits { turned } else { turned % 360.0 };
                         }
                     }
                     LightDescription::Directional(light) => light.sky.turn(turn),
@@ -260,6 +262,12 @@ mod tests {
         assert_eq!(rotations(object, &scene), [-60.0, 30.0]);
         set_up(&mut scene, [0.0, 0.0, 1.0]);
         assert_eq!(rotations(object, &scene), [30.0, 30.0]);
+        // The largest angle of a scene stays within the bounds: 1000090 is 2778 turns and 10.
+        set_up(&mut scene, [0.0, 1.0, 0.0]);
+        if let LightDescription::Environment(light) = &mut scene.scene.lightsources[0] {
+            light.rotation = MAX_TURN;
+        }
+        assert_eq!(rotations(object, &scene), [10.0, 30.0]);
     }
 
     #[test]

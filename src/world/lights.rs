@@ -1,7 +1,8 @@
 //! Converts the lights of a scene to those of its world.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
+use super::bounds::Bounds;
 use super::maps::Maps;
 use super::origin::Origin;
 use crate::error::Problem;
@@ -57,6 +58,34 @@ pub(super) fn occlusion_warning(scene: &Scene, origin: &Origin) -> Option<Proble
     (distance < shortest).then(|| Problem::new("/output/aodistance", message))
 }
 
+/// Returns a warning for each one-sided area light that has all boxes of shapes behind it.
+pub(super) fn facing_warnings<'s>(
+    scene: &'s Scene,
+    boxes: &'s [Bounds],
+) -> impl Iterator<Item = Problem> + 's {
+    let corners = || boxes.iter().flat_map(|bounds| bounds.corners()).filter(|c| c.is_finite());
+    scene.lights.iter().enumerate().filter_map(move |(number, light)| {
+        let LightKind::Area { corner, edge, height, lambertian: true, .. } = light.kind else {
+            return None;
+        };
+        let normal = edge.cross(height).normalize();
+        // A shape in the light's plane receives nothing either, however its corners are rounded.
+        let behind = |point: DVec3| normal.dot(point - corner) <= ROUNDED * point.distance(corner);
+        if corners().next().is_none() || !corners().all(behind) {
+            return None;
+        }
+        let message = "emits away from every shape: nothing receives its light";
+        let place = format!("/scene/lightsources/{number}");
+        Some(
+            Problem::new(place, message)
+                .help("a lambertian light has one side: swap `v1` and `v2`"),
+        )
+    })
+}
+
+/// Largest sine of an angle to a plane that may come from the rounding of decimals in a file.
+const ROUNDED: f64 = 1e-7;
+
 fn turned(spec: &MapUse, maps: &Maps) -> Option<TurnedMap> {
     Some(TurnedMap::new(maps.get(&spec.path)?, spec.rotation_deg))
 }
@@ -94,4 +123,28 @@ pub(super) fn recentre(light: &scene::CheckedLight, geometry: &Geometry, maps: &
         }
     };
     Light { diffuse: light.diffuse, specular: light.specular, emitter }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn short_occlusion_rays_are_limited_by_the_rounding_of_positions() {
+        let position = DVec3::ZERO;
+        let middle = Origin {
+            position,
+            at_camera: false,
+            extent: 1e6,
+            nearest: 3.0,
+            rounding: 0.0,
+            pixels: 0.0,
+        };
+        assert!((0.9..1.0).contains(&shortest_occlusion(&middle)));
+        let camera = Origin { at_camera: true, ..middle };
+        assert!((2.8e-6..3e-6).contains(&shortest_occlusion(&camera)));
+        assert_eq!(shortest_occlusion(&Origin { nearest: f64::INFINITY, ..camera }), 0.0);
+    }
 }

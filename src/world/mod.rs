@@ -31,7 +31,7 @@ use crate::shading::{Light, LightTree, Shapes};
 
 use self::gather::gather;
 use self::lights::{occlusion, recentre, visible_environments};
-use self::place::{MAX_COORDINATE, PlacedMesh};
+use self::place::PlacedMesh;
 use self::sources::LoadLog;
 use self::textures::{MeshMaterial, TextureLimits};
 
@@ -185,6 +185,7 @@ impl World {
             textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;
         let (textures, materials) = looks;
         check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut log.warnings)?;
+        log.warnings.extend(lights::facing_warnings(scene, &bounds));
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
         let boxed: Vec<_> = shapes.zip(bounds).collect();
         let chosen = Origin::choose(&scene.camera, &boxed);
@@ -330,14 +331,18 @@ impl World {
     }
 }
 
+/// Upper bound of the extent of a scene. Its half bounds the coordinates relative to the middle:
+/// Embree silently drops primitives beyond that (its `FLT_LARGE`, whose square is a hundredth of
+/// the largest f32).
+const MAX_EXTENT: f64 = 2.0 * 1.844e18;
+
 /// Rejects a scene whose primitives Embree would silently drop. Warns if Embree's single-precision
 /// products may overflow or underflow. `tests/library/hits/properties.rs` finds correct hits from
 /// 1e-12 to 1e12.
 fn check_size(bounds: Bounds, warnings: &mut Vec<Problem>) -> Result<()> {
     let size = bounds.longest_side();
-    if size / 2.0 >= MAX_COORDINATE {
-        let message =
-            format!("found shapes {size:e} apart, expected less than {:e}", 2.0 * MAX_COORDINATE);
+    if size >= MAX_EXTENT {
+        let message = format!("found shapes {size:e} apart, expected less than {MAX_EXTENT:e}");
         return Err(Error::invalid("scene", message));
     }
     if size > 1e12 || (0.0..1e-12).contains(&size) {

@@ -17,13 +17,10 @@ use crate::geometry::{Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh, Positions, Uvs};
 use crate::output::legend::Legend;
 use crate::reserve::{self, MemoryLimit};
+use crate::scene::written::MAX_COORDINATE;
 use crate::scene::{Smooth, Trimesh};
 use crate::shading::{MeshColors, Shape, UvSource};
 use crate::units::counted;
-
-/// Upper bound of absolute coordinates. Embree silently drops primitives beyond it (its
-/// `FLT_LARGE`). Its square is a hundredth of the largest f32.
-pub(super) const MAX_COORDINATE: f64 = 1.844e18;
 
 /// Size in bytes of a point: its sphere and the index of its shape.
 const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
@@ -46,7 +43,7 @@ impl PlacedMesh {
     ///
     /// # Errors
     /// A texture without texture coordinates, a requested property that the mesh lacks, or a
-    /// coordinate that is not below `MAX_COORDINATE`.
+    /// coordinate above [`MAX_COORDINATE`].
     pub fn new(
         mut mesh: Mesh,
         spec: &Trimesh,
@@ -75,12 +72,12 @@ impl PlacedMesh {
             bounds = Bounds { min: bounds.min - radius, max: bounds.max + radius };
         }
         let furthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        // `!(a < b)` also refuses NaN.
-        if !(furthest < MAX_COORDINATE) {
+        // `!(a <= b)` also refuses NaN.
+        if !(furthest <= MAX_COORDINATE) {
             return Err(Error::invalid(
                 &spec.place,
                 format!(
-                    "a coordinate of {} is {furthest:e}, expected below {MAX_COORDINATE:e}",
+                    "a coordinate of {} is {furthest:e}, expected at most {MAX_COORDINATE:e}",
                     spec.path.display()
                 ),
             ));

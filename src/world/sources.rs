@@ -25,13 +25,18 @@ pub fn sources(scene: &Scene) -> Vec<PathBuf> {
 }
 
 /// Returns the images that a mesh file names; none if the file is a pipe or its header is invalid.
+/// An image that is missing counts under every path where it is looked for.
 pub fn mesh_sources(path: &Path) -> Vec<PathBuf> {
     if !std::fs::metadata(path).is_ok_and(|data: Metadata| data.is_file()) {
         return Vec::new();
     }
     // Errors of the header are reported when the mesh is read.
     let named = mesh::inspect_ply(path).map(|summary| summary.texture_files);
-    named.unwrap_or_default().iter().map(|name| beside(path, name)).collect()
+    let all = |name: &String| {
+        let image = beside(path, name);
+        if image.is_file() { vec![image] } else { candidates(path, name) }
+    };
+    named.unwrap_or_default().iter().flat_map(all).collect()
 }
 
 /// Returns the images that a render of the mesh at `path` decodes if its material has no texture. A
@@ -57,14 +62,37 @@ pub fn own_images(path: &Path) -> Vec<PathBuf> {
     images
 }
 
-/// Returns the path of the image that a mesh names, as a file beside `path`.
+/// Returns the path of the image that a mesh names: [`beside`] the file at `path`.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
     mesh.texture_file.as_ref().map(|name| beside(path, name))
 }
 
-/// Returns the path of a file that a mesh names relative to the mesh's folder.
+/// Returns the path of the image `name` of the mesh at `mesh`: the first of its [`candidates`] that
+/// exists, else the first.
 pub(super) fn beside(mesh: &Path, name: &str) -> PathBuf {
-    mesh.parent().unwrap_or(Path::new("")).join(name)
+    let mut paths = candidates(mesh, name);
+    let found = paths.iter().position(|image| image.is_file());
+    paths.swap_remove(found.unwrap_or(0))
+}
+
+/// Returns the paths where the image `name` of a mesh is looked for, all relative to the mesh's
+/// folder: the name as it is, with `/` in place of the `\` of Windows, and without folders, because
+/// those of another computer are not here.
+fn candidates(mesh: &Path, name: &str) -> Vec<PathBuf> {
+    let folder = mesh.parent().unwrap_or(Path::new(""));
+    let slashes = name.replace('\\', "/");
+    let base = slashes.rsplit('/').next().unwrap_or_default();
+    let mut paths = vec![folder.join(name)];
+    // The header has this character for bytes that are not UTF-8: such a name is not used.
+    if !name.contains(char::REPLACEMENT_CHARACTER) {
+        for other in [&slashes, base] {
+            let path = folder.join(other);
+            if !other.is_empty() && !paths.contains(&path) {
+                paths.push(path);
+            }
+        }
+    }
+    paths
 }
 
 /// Files that were read, with their stamps at that time. Pipes have no stamp.

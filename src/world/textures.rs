@@ -134,7 +134,7 @@ pub struct MeshMaterial {
 /// Returns a warning if a mesh names several images and only one of them is used.
 pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     let (count, shown) = (mesh.notes.texture_files, mesh.texture_file.as_ref()?);
-    let message = format!("found {count} texture files; only {shown:?} is used");
+    let message = format!("found {count} texture files; only \"{shown}\" is used");
     let only_one = count > 1 && mesh.textures.is_none();
     only_one.then(|| Problem::new(path.display().to_string(), message))
 }
@@ -161,7 +161,7 @@ pub fn mesh_images(
             true => format!("there is no file {}", image.display()),
             false => "its name is not UTF-8".to_string(),
         };
-        let message = format!("the texture {name:?} is not used: {reason}");
+        let message = format!("the texture \"{name}\" is not used: {reason}");
         warnings.push(Problem::new(place, message));
         None
     };

@@ -79,11 +79,14 @@ mod ply {
 
 /// Rays and points on arrays, without a scene.
 mod rays {
+    mod limits;
     mod queries;
+    mod stitches;
 }
 
 mod scene {
     mod errors;
     mod fingerprint;
+    mod warnings;
     mod watched;
 }

@@ -80,7 +80,6 @@ fn usage_errors_exit_2_with_a_reason() {
         (&["render", "s.json", "--exact"], "unexpected argument '--exact'"),
         (&["render", "s.json", "--template", "s.json"], "--template"),
         (&["render", "s.json", "--up", "z"], "--up"),
-        (&["render", "s.json", "--quiet", "--progress", "json"], "cannot be used with"),
         (&["render", "s.json", "-o", "missing/x"], "no such folder"),
         (&["render", "s.json", "-o", "file/x"], "expected a folder"),
         (&["render", "s.json", "-o", "/proc/x"], "/proc"),

@@ -39,8 +39,19 @@ impl Bvh<'_> {
     /// Appends all crossings of the active rays within (`tnear`, `tfar`) to `found`, lane by lane,
     /// in no particular order within a lane. Spheres and `leaving` are ignored.
     pub fn crossings(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
-        let bvh = self;
-        with_tier!(self.isa, tier => tier.run(AllCrossings { tier, bvh, active, rays, found }));
+        let (bvh, touches) = (self, false);
+        with_tier!(self.isa, tier => {
+            tier.run(AllCrossings { tier, bvh, active, rays, touches, found })
+        });
+    }
+
+    /// As [`Bvh::crossings`], but edges and vertices belong to all their triangles, as in closest
+    /// hits.
+    pub fn touches(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
+        let (bvh, touches) = (self, true);
+        with_tier!(self.isa, tier => {
+            tier.run(AllCrossings { tier, bvh, active, rays, touches, found })
+        });
     }
 }
 
@@ -49,6 +60,7 @@ struct AllCrossings<'a, T> {
     bvh: &'a Bvh<'a>,
     active: &'a Mask,
     rays: &'a Rays,
+    touches: bool,
     found: &'a mut Vec<Crossing>,
 }
 
@@ -56,10 +68,10 @@ impl<T: Tier> Kernel for AllCrossings<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tier, bvh, active, rays, found } = self;
+        let Self { tier, bvh, active, rays, touches, found } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
         let first = found.len();
-        let mut crossings = Crossings { found };
+        let mut crossings = Crossings { touches, found };
         Interleaved::new(tier, bvh, &query, rays).visit(tier.bits(active), &mut crossings);
         found[first..].sort_unstable_by_key(|crossing| crossing.lane);
     }
@@ -67,6 +79,8 @@ impl<T: Tier> Kernel for AllCrossings<'_, T> {
 
 /// Collects the crossings of rays.
 struct Crossings<'a> {
+    /// Whether triangles that are only touched are collected, too.
+    touches: bool,
     found: &'a mut Vec<Crossing>,
 }
 
@@ -74,7 +88,7 @@ impl LeafVisitor for Crossings<'_> {
     #[inline(always)]
     fn visit<T: Tier>(&mut self, ray: &Single<T>, leaf: Child) -> bool {
         if let ChildKind::Triangles(block) = leaf.kind() {
-            ray.crossings_in_block(block, self.found);
+            ray.crossings_in_block(block, self.touches, self.found);
         }
         false
     }
@@ -83,7 +97,7 @@ impl LeafVisitor for Crossings<'_> {
 impl<T: Tier> Single<'_, T> {
     /// Adds the crossings with the triangles of a leaf.
     #[inline(always)]
-    fn crossings_in_block(&self, index: usize, found: &mut Vec<Crossing>) {
+    fn crossings_in_block(&self, index: usize, touches: bool, found: &mut Vec<Crossing>) {
         let block = &self.tree.blocks[index];
         let candidates =
             self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
@@ -92,10 +106,14 @@ impl<T: Tier> Single<'_, T> {
             let i = left.trailing_zeros();
             left &= left - 1;
             let slot = i as usize % WIDTH;
-            if (candidates.sure >> i) & 1 == 0 && !is_crossed(&self.lane, block, slot) {
+            let sure = (candidates.sure >> i) & 1 != 0;
+            if !sure && !touches && !is_crossed(&self.lane, block, slot) {
                 continue;
             }
             let (seen, ray) = (ShearedTriangle::new(&self.lane, block, slot), self.ray());
+            if !sure && touches && !seen.inside() {
+                continue;
+            }
             let t = seen.t(&ray, block.triangle(slot));
             if self.is_within(&seen, &ray, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;

@@ -26,8 +26,11 @@ pub struct SheetEntry {
     pub frames: BTreeMap<u32, Option<FrameRecord>>,
     /// Number of frames of each input.
     pub of: u32,
-    /// Record of reading and building, if a journal has one.
+    /// Record of reading and building by the latest run that did, if a journal has one. A run
+    /// reads an input once for each origin of coordinates: times are sums, bytes are the most.
     pub mesh: Option<MeshRecord>,
+    /// Number of that run, counted from 1.
+    mesh_run: usize,
     /// Text of the last failure, by frame. A failure of the input is one of all its frames. It is
     /// removed if a later run renders or keeps the frame.
     pub failures: BTreeMap<u32, Arc<str>>,
@@ -61,10 +64,10 @@ impl SheetEntry {
         for entry in &all {
             paths.entry(entry.input.clone()).or_default().push(entry.number);
         }
-        let mut run = 0..u64::MAX;
+        let mut run = (0, 0..u64::MAX);
         for record in records {
             if let JournalRecord::Start { range: [first, end], .. } = record {
-                run = *first..*end;
+                run = (run.0 + 1, *first..*end);
             }
             let Some((path, identity)) = record.input() else { continue };
             let own = identity.and_then(|identity| identities.get(identity)).map(slice::from_ref);
@@ -87,11 +90,19 @@ impl SheetEntry {
         self.frames = frames.collect::<Vec<_>>().into_iter().collect();
     }
 
-    /// Adds a record of a run. `run` is the run's range of tasks: the frames of all inputs, counted
-    /// through.
-    fn add(&mut self, record: &JournalRecord, run: &Range<u64>) {
+    /// Adds a record of a run, given with its number and its range of tasks: the frames of all
+    /// inputs, counted through.
+    fn add(&mut self, record: &JournalRecord, (number, range): &(usize, Range<u64>)) {
         match record {
-            JournalRecord::Mesh(mesh) => self.mesh = Some(mesh.clone()),
+            JournalRecord::Mesh(mesh) => {
+                let mut mesh = mesh.clone();
+                if let Some(before) = self.mesh.take().filter(|_| self.mesh_run == *number) {
+                    mesh.load_s += before.load_s;
+                    mesh.build_s += before.build_s;
+                    mesh.bytes = mesh.bytes.max(before.bytes);
+                }
+                (self.mesh, self.mesh_run) = (Some(mesh), *number);
+            }
             JournalRecord::Frame(frame) => {
                 self.failures.remove(&frame.frame);
                 self.frames.insert(frame.frame, Some(frame.clone()));
@@ -105,7 +116,7 @@ impl SheetEntry {
             JournalRecord::Failed { frame, message, .. } => {
                 let message: Arc<str> = message.as_str().into();
                 let failed = frame
-                    .map_or_else(|| self.frames_in(run), |frame| frame..frame.saturating_add(1));
+                    .map_or_else(|| self.frames_in(range), |frame| frame..frame.saturating_add(1));
                 self.failures.extend(failed.map(|frame| (frame, Arc::clone(&message))));
             }
             JournalRecord::Start { .. } | JournalRecord::End { .. } => {}
@@ -155,5 +166,28 @@ impl SheetEntry {
 
     fn records(&self) -> impl Iterator<Item = &FrameRecord> {
         self.frames.values().flatten()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run reads an input again for each origin of coordinates.
+    #[test]
+    fn times_of_reading_and_building_are_sums_over_one_run() {
+        let mut entry = SheetEntry::default();
+        let mut add = |run: usize, load_s: f64, bytes: u64| {
+            let mesh = serde_json::json!({
+                "event": "mesh", "input": "a.ply", "name": "a", "triangles": 6, "load_s": load_s,
+                "build_s": 1.0, "bytes": bytes, "camera": {}, "warnings": [],
+            });
+            entry.add(&serde_json::from_value(mesh).unwrap(), &(run, 0..1));
+            let mesh = entry.mesh.clone().unwrap();
+            (mesh.load_s, mesh.build_s, mesh.bytes)
+        };
+        assert_eq!(add(1, 5.0, 100), (5.0, 1.0, 100));
+        assert_eq!(add(1, 3.0, 40), (8.0, 2.0, 100));
+        assert_eq!(add(2, 2.0, 40), (2.0, 1.0, 40));
     }
 }

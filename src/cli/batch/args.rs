@@ -45,8 +45,8 @@ pub struct BatchArgs {
     #[command(flatten)]
     pub machine: MachineArgs,
 
-    /// Only errors on stderr
-    #[arg(long, conflicts_with = "progress", help_heading = "Messages")]
+    /// Only errors on stderr, and what --progress asks for
+    #[arg(long, help_heading = "Messages")]
     pub quiet: bool,
 
     /// Progress of all frames together; auto is a bar on a terminal, else plain

@@ -52,10 +52,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
     let monitor = Arc::new(Monitor::default());
     let status = Arc::new(Status::default());
     signals::watch(&monitor)?;
-    let mode = match args.quiet {
-        true => ProgressMode::Off,
-        false => args.progress.unwrap_or(ProgressMode::Auto),
-    };
+    let mode = ProgressMode::of(args.progress, args.quiet);
     let progress = Progress::start(mode, progress::meter(&status));
     let say = |text: String| {
         if !args.quiet {

@@ -21,7 +21,6 @@ use serde_json::{Map, Value, json};
 use crate::accel::memory_footprint;
 use crate::error::{Error, Failures, Problem, Result};
 use crate::film::Window;
-use crate::geometry::kept_stitches;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
 use crate::output::exr::text::decode;
@@ -146,11 +145,10 @@ fn ply(path: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     }
     let triangles = mesh.triangles.len() as u64;
     facts.add("triangles", json!(triangles), units::plural(mesh.triangles.len(), "triangle"));
-    let stitches = stitches(&mesh);
-    notes(&mesh.notes, stitches.len() as u64, facts);
+    notes(&mesh.notes, mesh.stitches.len() as u64, facts);
     let points = UsedVertices::new(&mesh);
     let what = ["vertex that no triangle uses", "vertices that no triangle uses"];
-    facts.add_count("vertices_unused", points.unused(&stitches), what);
+    facts.add_count("vertices_unused", points.unused(), what);
     let Bounds { min: low, max: high } = points.bounds(|p| p);
     let size = high - low;
     let line = format!("bounds of the triangles: {low} to {high}, size {size}");
@@ -221,14 +219,6 @@ fn prediction(path: &Path, args: &InfoArgs, cloud: bool) -> Option<Prediction> {
         Ok(footprint) => prediction.with(&footprint),
         Err(_) => prediction,
     })
-}
-
-/// Returns the triangles without area that a scene keeps as stitches.
-fn stitches(mesh: &mesh::Mesh) -> Vec<[u32; 3]> {
-    let position = |v: u32| mesh.positions.get(v as usize);
-    let vertices = mesh.positions.len();
-    let kept = kept_stitches(&mesh.stitches, &mesh.triangles, vertices, position);
-    kept.into_iter().map(|(stitch, _)| stitch).collect()
 }
 
 fn notes(notes: &mesh::Notes, stitches: u64, facts: &mut Facts) {

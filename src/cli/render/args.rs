@@ -185,8 +185,8 @@ pub struct ReportArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Only errors on stderr
-    #[arg(long, conflicts_with = "progress")]
+    /// Only errors on stderr, and what --progress asks for
+    #[arg(long)]
     pub quiet: bool,
 
     /// Progress on stderr; auto is a bar on a terminal, else plain

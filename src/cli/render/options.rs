@@ -135,10 +135,7 @@ impl RenderOptions {
             no_mmap: args.mesh.reading.no_mmap,
             write_scene: args.mesh.write_scene.clone(),
             stats: report.stats.clone(),
-            progress: match report.quiet {
-                true => ProgressMode::Off,
-                false => report.progress.unwrap_or(ProgressMode::Auto),
-            },
+            progress: ProgressMode::of(report.progress, report.quiet),
             quiet: report.quiet,
         })
     }

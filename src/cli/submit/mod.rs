@@ -100,11 +100,13 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     signals::end_at_once()?;
     let (job, limits) = load(args)?;
     batch::check_settings(&job)?;
-    let slurm = plan(args, &job, &limits, &self::program(program)?)?;
+    let program = self::program(program)?;
     let folder = job.folder.join("slurm");
     let scripts = [("frames.sh", farm::FRAMES_SCRIPT), ("sheet.sh", farm::SHEET_SCRIPT)]
         .map(|(name, text)| (folder.join(name), text));
+    // Before any mesh is opened: opening a pipe waits for its writer.
     batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
+    let slurm = plan(args, &job, &limits, &program)?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
     for (path, text) in &scripts {
@@ -197,8 +199,7 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
             return Err(Error::invalid(flag, "found a line break or another control character"));
         }
     }
-    // A word without dashes would be the script that sbatch submits.
-    if let Some(word) = args.sbatch.iter().find(|option| !option.starts_with('-')) {
+    if let Some(word) = script_among(&args.sbatch) {
         let message = format!("found {word:?}, expected an option of sbatch");
         return Err(
             Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu")
@@ -231,6 +232,18 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
         memory_mib: memory(args, limits, needs.memory())?.div_ceil(1 << 20),
         time: args.time.clone(),
         options: args.sbatch.clone(),
+    })
+}
+
+/// Returns the word that sbatch would take for the script to submit: one without dashes that is not
+/// the value of the option before it.
+fn script_among(words: &[String]) -> Option<&String> {
+    let mut takes_value = false;
+    words.iter().find(|word| {
+        let is_option = word.starts_with('-');
+        let is_script = !is_option && !takes_value;
+        takes_value = is_option && !word.contains('=');
+        is_script
     })
 }
 

@@ -17,11 +17,11 @@ pub(super) enum ColorType {
     F32,
 }
 
-/// Names of the channels of a colour, with the name of its alpha.
-const COLOR_NAMES: [([&str; 3], &str); 3] = [
-    (["red", "green", "blue"], "alpha"),
-    (["r", "g", "b"], "a"),
-    (["diffuse_red", "diffuse_green", "diffuse_blue"], "diffuse_alpha"),
+/// Names of the channels of a colour, with the names that its alpha may have, the usual one first.
+const COLOR_NAMES: [([&str; 3], &[&str]); 3] = [
+    (["red", "green", "blue"], &["alpha", "a"]),
+    (["r", "g", "b"], &["a", "alpha"]),
+    (["diffuse_red", "diffuse_green", "diffuse_blue"], &["diffuse_alpha", "alpha", "a"]),
 ];
 
 /// The properties of an element that form a colour, as indices. All have the same type.
@@ -99,12 +99,12 @@ fn element(header: &Header, which: MeshElement) -> Option<&Element> {
     }
 }
 
-/// Returns the first complete colour of an element: three properties of the same type. Alpha is
-/// used only if it has that type, too.
+/// Returns the first complete colour of an element: three properties of the same type. Its alpha is
+/// the first of its names with that type, too.
 fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
     let element = element(header, which)?;
     let shape = |at: usize| element.properties[at].shape;
-    COLOR_NAMES.iter().find_map(|(names, alpha)| {
+    COLOR_NAMES.iter().find_map(|(names, alphas)| {
         let [r, g, b] = names.map(|name| single(element, name));
         let rgb = [r?, g?, b?];
         if rgb.iter().any(|&at| shape(at) != shape(rgb[0])) {
@@ -116,7 +116,10 @@ fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
             PropertyType::Single(Scalar::F32 | Scalar::F64) => ColorType::F32,
             _ => return None,
         };
-        let alpha = single(element, alpha).filter(|&at| shape(at) == shape(rgb[0]));
+        let alpha = alphas
+            .iter()
+            .filter_map(|name| single(element, name))
+            .find(|&at| shape(at) == shape(rgb[0]));
         Some(ColorColumns { kind, rgb, alpha })
     })
 }

@@ -40,10 +40,10 @@ impl Check<'_, '_> {
     /// Checks that a file exists. Returns its path joined to the folder of the scene.
     pub(super) fn file(&mut self, pointer: &str, written: &str, what: &str) -> PathBuf {
         let path = self.folder.join(written);
-        let (message, cause) = match std::fs::metadata(&path) {
+        let (message, error) = match std::fs::metadata(&path) {
             Ok(data) if data.is_dir() => {
                 let message = format!("found {written:?}, which is a folder, expected {what}");
-                (message, ErrorKind::IsADirectory)
+                (message, ErrorKind::IsADirectory.into())
             }
             Ok(_) => return path,
             Err(error) => {
@@ -52,11 +52,11 @@ impl Check<'_, '_> {
                     ErrorKind::NotFound => format!("there is no file {file}"),
                     _ => format!("cannot look at {file}: {error}"),
                 };
-                (format!("found {written:?}, expected {what}: {reason}"), error.kind())
+                (format!("found {written:?}, expected {what}: {reason}"), error)
             }
         };
         self.problems.error(pointer, message, near_file(&path));
-        self.problems.cause_of(&path, cause);
+        self.problems.failed_file(&path, &error);
         path
     }
 }

@@ -20,8 +20,9 @@ pub enum QuadFault {
     NoArea,
     /// This corner equals the next one.
     Coincident(usize),
-    /// This corner is out of the plane by the given fraction of the longest edge.
-    OutOfPlane(usize, f64),
+    /// The corners are out of the mean plane by this fraction of the longest edge. All four have
+    /// the same distance: two are above the plane and two below. So none is the wrong one.
+    OutOfPlane(f64),
     /// The outline turns back at this corner.
     Concave(usize),
 }
@@ -48,10 +49,9 @@ pub fn quad_fault(corners: &[DVec3; 4]) -> Option<QuadFault> {
     let normal = normal.normalize();
     let centre = v0 + ((v1 - v0) + (v2 - v0) + (v3 - v0)) / 4.0;
     let off = corners.map(|v| (v - centre).dot(normal).abs() / longest);
-    if let Some(i) =
-        (0..4).max_by(|a, b| off[*a].total_cmp(&off[*b])).filter(|i| off[*i] > OUT_OF_PLANE)
-    {
-        return Some(QuadFault::OutOfPlane(i, off[i]));
+    let off = off.into_iter().fold(0.0, f64::max);
+    if off > OUT_OF_PLANE {
+        return Some(QuadFault::OutOfPlane(off));
     }
     let turn = |i: usize| edges[(i + 3) % 4].cross(edges[i]).dot(normal);
     (0..4).find(|i| turn(*i) < -STRAIGHT * longest * longest).map(QuadFault::Concave)

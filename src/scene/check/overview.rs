@@ -8,10 +8,13 @@ use crate::units::counted;
 
 use super::context::Check;
 
+/// Cosine between the view and -y above which the camera looks straight down.
+const LOOKS_DOWN: f64 = 0.99;
+
 impl Check<'_, '_> {
     /// Warns about a camera or a light inside a sphere, suns below the horizon, poles without a
-    /// texture, mirrors without bounces, at least as many draws as lights, and adaptive shadows
-    /// that cannot skip a ray.
+    /// texture, mirrors without bounces, at least as many draws as lights, adaptive shadows that
+    /// cannot skip a ray, and skies whose up is not the camera's.
     pub(super) fn warn_about_mistakes(&mut self, scene: &Scene) {
         let spheres: Vec<(usize, DVec3, f64)> = scene
             .shapes
@@ -86,6 +89,36 @@ impl Check<'_, '_> {
             );
             let help = "give lights more `samples`, or leave it out";
             self.problems.warn("/adaptiveshadows", message, Some(help.into()));
+        }
+        self.warn_about_another_up(scene);
+    }
+
+    /// Warns if another axis than y seems to point up, and lights count on y. The view straight
+    /// down has such an `up` in any scene.
+    fn warn_about_another_up(&mut self, scene: &Scene) {
+        let up = scene.camera.up.abs();
+        let looks_down = scene.camera.lookat.normalize().y < -LOOKS_DOWN;
+        // The `up` of a matrix is that of the picture.
+        let is_named = self.document.get("/camera/up").is_some();
+        if up.y >= up.x.max(up.z) || looks_down || !is_named {
+            return;
+        }
+        let axis = if up.x > up.z { "x" } else { "z" };
+        for (l, light) in scene.lights.iter().enumerate() {
+            let key = match light.kind {
+                LightKind::Sun { .. } => "elevation",
+                LightKind::Environment { map: Some(_), .. } => "image",
+                _ => continue,
+            };
+            let pointer = format!("/scene/lightsources/{l}/{key}");
+            if self.document.get(&pointer).is_some() {
+                let message = format!("y is up in the sky, but the camera's `up` is mainly {axis}");
+                let help = match key {
+                    "elevation" => "give the sun a `direction`, or turn the scene",
+                    _ => "turn the scene, for example meshes with \"rotate\": [-90, 0, 0]",
+                };
+                self.problems.warn(&pointer, message, Some(help.into()));
+            }
         }
     }
 }

@@ -146,11 +146,11 @@ impl Check<'_, '_> {
                     format!("found v{i} equal to v{next}, expected four different corners");
                 (format!("{pointer}/v{next}"), message, Some("use a `triangle`".to_string()))
             }
-            QuadFault::OutOfPlane(i, off) => {
+            QuadFault::OutOfPlane(off) => {
                 let message = format!(
-                    "found v{i} out of the quad's plane by {off:.2e} of the longest edge, expected at most 1e-4"
+                    "found corners out of the quad's plane by {off:.2e} of the longest edge, expected at most 1e-4"
                 );
-                (format!("{pointer}/v{i}"), message, Some("use two triangles".to_string()))
+                (pointer.to_string(), message, Some("use two triangles".to_string()))
             }
             QuadFault::Concave(i) => {
                 let message =

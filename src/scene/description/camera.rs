@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::values::{Direction, Interval, Matrix, Point};
+use super::values::{Direction, Interval, MAX_COORDINATE, MIN_SIZE, Matrix, Point};
 
 /// The camera that takes the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -65,7 +65,7 @@ pub struct Thinlens {
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: f64,
     /// Distance of the plane in focus, along the view direction, in world units.
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub focaldistance: f64,
 }
 
@@ -178,7 +178,7 @@ pub struct Orthographic {
     #[schemars(range(min = 1, max = 2147483647))]
     pub height: u32,
     /// Width of the view in world units. Pixels are square.
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub viewwidth: f64,
     /// Middle of the plane in which all rays start, in world units.
     pub position: Point,

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::values::{Color, Direction, Name, Point};
+use super::values::{Color, Direction, MAX_TURN, Name, Point};
 
 /// A light source of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -82,6 +82,7 @@ pub struct EnvironmentDescription {
     pub image: Option<Name>,
     /// Azimuth of the image's middle, in degrees from -z towards +x.
     #[serde(default)]
+    #[schemars(range(min = -MAX_TURN, max = MAX_TURN))]
     pub rotation: f64,
     /// Colour of the specular light; default: `radiance`.
     #[serde(rename = "is")]
@@ -165,6 +166,7 @@ pub struct Sky {
     /// Direction in which the light travels, of any length; or `azimuth` and `elevation`.
     pub direction: Option<Direction>,
     /// Degrees from -z, the north, towards +x, the east.
+    #[schemars(range(min = -MAX_TURN, max = MAX_TURN))]
     pub azimuth: Option<f64>,
     /// Degrees above the horizon; y is up.
     #[schemars(range(min = -90, max = 90))]

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::color::MeshColorDescription;
 use super::material::{ColorSpace, MaterialUse};
-use super::values::{Angles, Matrix, Name, Point};
+use super::values::{Angles, MAX_COORDINATE, MIN_SIZE, Matrix, Name, Point};
 use super::visible::Visible;
 
 /// A shape of the scene.
@@ -78,7 +78,7 @@ pub struct SphereDescription {
     /// World position of the centre.
     pub center: Point,
     /// Radius in world units.
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub radius: f64,
     /// Axis of the texture's poles.
     #[serde(default)]
@@ -141,14 +141,14 @@ pub struct TriMeshDescription {
     pub path: Name,
     /// Moves the centre of the mesh's bounding box to the origin and scales its longest side to
     /// this length.
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub fit: Option<f64>,
     /// Rotation in degrees about the x, then y, then z axis. [-90, 0, 0] turns a z-up scan upright.
     #[serde(default)]
     pub rotate: Angles,
     /// Scale factor: a vertex p becomes `center + size * p`.
     #[serde(default = "one")]
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub size: f64,
     /// Offset: a vertex p becomes `center + size * p`.
     #[serde(default)]
@@ -173,7 +173,7 @@ pub struct TriMeshDescription {
     /// Draws every vertex of the file as a sphere of this radius, in the units of the file, in
     /// place of its faces.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(max = 1e18), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = MIN_SIZE, max = MAX_COORDINATE))]
     pub points: Option<f64>,
     /// Places copies of the mesh that share its memory: for each, the rows of a 4 x 4 matrix that
     /// is applied after `fit`, `rotate`, `size` and `center`.

@@ -9,6 +9,11 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum absolute value of a coordinate in world units. Its square still fits f32.
 pub const MAX_COORDINATE: f64 = 1e18;
+/// Minimum of radii, sizes and distances in world units. Embree finds no sphere of a denormal
+/// radius, and f32 is denormal below 1.2e-38.
+pub const MIN_SIZE: f64 = 1e-37;
+/// Maximum absolute value of an angle of any number of turns, in degrees.
+pub const MAX_TURN: f64 = 1e6;
 /// Maximum absolute value of a colour component.
 pub const MAX_COLOR: f64 = 1e18;
 
@@ -100,7 +105,7 @@ macro_rules! inline_schema {
 inline_schema!(Color, three(Some(MAX_COLOR), "Linear RGB, may exceed 1."));
 inline_schema!(Point, three(Some(MAX_COORDINATE), "A point in world units."));
 inline_schema!(Direction, three(None, "A direction of any length."));
-inline_schema!(Angles, three(Some(1e6), "Degrees about the x, then y, then z axis."));
+inline_schema!(Angles, three(Some(MAX_TURN), "Degrees about the x, then y, then z axis."));
 inline_schema!(Interval, numbers(2, Some(360.0), "Two angles in degrees, the lower one first."));
 inline_schema!(
     Matrix,

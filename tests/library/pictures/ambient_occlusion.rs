@@ -43,6 +43,8 @@ fn ambient_occlusion_has_its_closed_forms() {
     let far = 4000.0;
     let corner = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, 3.0, far], [1.0, 3.0, -far]]);
     let wall = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, far, far], [1.0, far, -far]]);
+    let vast = 4e6;
+    let vast = quad([[1.0, 0.0, -vast], [1.0, 0.0, vast], [1.0, vast, vast], [1.0, vast, -vast]]);
     let ball = json!({ "type": "sphere", "center": [0, 1.25, 0], "radius": 0.5, "material": {} });
     let around = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 4, "material": {} });
     // Rays of length d hit the wall if the projection of their direction is in a segment of the
@@ -53,7 +55,8 @@ fn ambient_occlusion_has_its_closed_forms() {
         (&wall, Some(1.5), 1.0 - segment(1.0 / 1.5)),
         (&wall, Some(4.0), 1.0 - segment(0.25)),
         (&wall, Some(0.9), 1.0),
-        // Too short for the rounding of positions, with a warning.
+        // The camera is the origin of coordinates, so positions near it are precise.
+        (&vast, Some(1.5), 1.0 - segment(1.0 / 1.5)),
         (&wall, Some(1e-7), 1.0),
         (&ball, None, 1.0 - 0.16),
         (&ball, Some(0.7), 1.0),

@@ -157,6 +157,37 @@ fn alpha_is_stored_only_where_it_matters() {
 }
 
 #[test]
+fn each_triple_of_colours_takes_alpha_by_several_names() {
+    let diffuse = ["diffuse_red", "diffuse_green", "diffuse_blue"];
+    // `diffuse_alpha` belongs to its own colours only.
+    for (rgb, alphas) in [
+        (["red", "green", "blue"], ["alpha", "a", "diffuse_alpha"]),
+        (["r", "g", "b"], ["a", "alpha", "diffuse_alpha"]),
+        (diffuse, ["diffuse_alpha", "alpha", "a"]),
+    ] {
+        let read = |alphas: &[&str]| {
+            let typed = rgb.iter().map(|name| format!("uchar {name}"));
+            let typed = typed.chain(alphas.iter().map(|alpha| format!("uchar {alpha}")));
+            let typed: Vec<String> = typed.collect();
+            let more: Vec<&str> = typed.iter().map(String::as_str).collect();
+            read_all(&vertices(3, &more, |_, k| 10.0 * k as f64).faces(&[&[0, 1, 2]]))
+        };
+        for alpha in alphas {
+            let mesh = read(&[alpha]);
+            let ignored = alpha == "diffuse_alpha" && rgb != diffuse;
+            assert_eq!(mesh.alpha.is_none(), ignored, "{rgb:?} {alpha}");
+            assert_eq!(mesh.notes.ignored.is_empty(), !ignored, "{rgb:?} {alpha}");
+        }
+        // The usual name comes first, wherever it stands.
+        let [usual, other, _] = alphas;
+        for (pair, value) in [([usual, other], 30), ([other, usual], 40)] {
+            let Some(Scalars::U8(all)) = read(&pair).alpha else { panic!("alpha") };
+            assert_eq!(all, [value; 3], "{rgb:?} {pair:?}");
+        }
+    }
+}
+
+#[test]
 fn scalars_of_every_type_keep_their_values() {
     let kinds = [
         ("char", -7.0),

@@ -317,3 +317,56 @@ fn the_texture_of_the_file_is_used_where_the_material_has_none() {
     let info = scratch.run(&["info", "b.json"]);
     assert!(info.stderr().contains("its name is not UTF-8"), "{}", info.stderr());
 }
+
+/// Names from Windows, and with folders of another computer.
+#[test]
+fn a_texture_is_found_by_slashes_and_without_its_folders() {
+    let scratch = program::Scratch::new();
+    let properties = ["float x", "float y", "float z", "float s", "float t"];
+    let rows = numbers(&[[-9., -9., 0., 0., 0.], [9., -9., 0., 1., 0.], [0., 9., 0., 0., 1.]]);
+    fs::create_dir(scratch.path("sub dir")).unwrap();
+    let save = |place: &str, color: [u8; 3]| {
+        image::RgbImage::from_pixel(2, 2, image::Rgb(color)).save(scratch.path(place)).unwrap();
+    };
+    save("sub dir/c.png", [255, 0, 0]);
+    save("d.png", [0, 255, 0]);
+    save("c.png", [0, 0, 255]);
+    scratch.write(
+        "s.json",
+        r#"{ "camera": { "type": "pinhole", "width": 4, "height": 4, "fov": 20,
+              "position": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0] },
+              "scene": { "shapes": [{ "type": "trimesh", "path": "m.ply", "material": {} }] } }"#,
+    );
+    for (name, color) in [
+        (r"sub dir\c.png", [1, 0, 0]),
+        (r"C:\scans\d.png", [0, 1, 0]),
+        ("/no such folder/d.png", [0, 1, 0]),
+        ("moved/d.png", [0, 1, 0]),
+        (r"other\e.png", [0, 0, 0]),
+    ] {
+        let comment = format!("comment TextureFile {name}");
+        let ply = Ply::new().comment(comment.as_bytes());
+        let ply = ply.element("vertex", &properties, rows.clone()).faces(&[&[0, 1, 2]]);
+        fs::write(scratch.path("m.ply"), ply.write(Encoding::Little)).unwrap();
+        for input in ["s.json", "m.ply"] {
+            let flags = ["--aov", "albedo", "--size", "4x4", "-o", "o"];
+            let done = scratch.run(&[&["render", input], &flags[..]].concat()).good();
+            let said = done.stderr();
+            let warns = said.contains(&format!("the texture \"{name}\" is not used"));
+            assert_eq!(warns, color == [0; 3], "{input}, {name}: {said}");
+            if warns {
+                continue;
+            }
+            let channels = scratch.channels("o.exr");
+            // The pixel of a mesh alone shows a little of the ground, too.
+            let half = 0x3800;
+            for (k, value) in ["albedo.R", "albedo.G", "albedo.B"].into_iter().zip(color) {
+                let found = &channels.iter().find(|(name, _)| name == k).unwrap().1;
+                assert_eq!(found[2 * 4 + 2] > half, value == 1, "{input}, {name}, {k}");
+            }
+        }
+    }
+    // A picture at a path where the image is looked for would be the texture of the next render.
+    let done = scratch.run(&["render", "s.json", "-o", "e"]);
+    assert!(done.code() == 2 && done.stderr().contains("e.png: would"), "{}", done.stderr());
+}

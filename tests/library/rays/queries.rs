@@ -12,7 +12,7 @@ use lightpath::{
 use rayon::prelude::*;
 
 /// A bumpy ball: a cube whose faces are grids of `n` squares, moved to a sphere of radii 0.7 to 1.
-fn ball(n: i32, middle: [f64; 3]) -> Mesh {
+pub(super) fn ball(n: i32, middle: [f64; 3]) -> Mesh {
     let (mut positions, mut triangles) = (Vec::<[f64; 3]>::new(), Vec::new());
     let mut index = std::collections::BTreeMap::new();
     let mut vertex = |p: [i32; 3]| {
@@ -46,12 +46,12 @@ fn ball(n: i32, middle: [f64; 3]) -> Mesh {
     Mesh::new(Positions::F64(positions), triangles).expect("a mesh")
 }
 
-fn scene(mesh: Mesh) -> RayScene {
+pub(super) fn scene(mesh: Mesh) -> RayScene {
     RayScene::new(vec![Box::new(mesh)], &Monitor::default()).expect("a scene")
 }
 
 /// Points on a spiral around the origin, at a distance.
-fn around(count: usize, distance: f64) -> Vec<[f64; 3]> {
+pub(super) fn around(count: usize, distance: f64) -> Vec<[f64; 3]> {
     let at = |i: usize| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
         let (r, angle) = ((1.0 - z * z).sqrt(), i as f64 * 2.399_963);
@@ -60,7 +60,7 @@ fn around(count: usize, distance: f64) -> Vec<[f64; 3]> {
     (0..count).map(at).collect()
 }
 
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 

@@ -102,6 +102,11 @@ fn images_that_a_mesh_names_and_names_of_mattes_count() {
     let hash = here.hash(&[]);
     fs::rename(here.path().join("own.ppm"), here.path().join("other.ppm")).unwrap();
     assert_ne!(hash, here.hash(&[]), "the same image, the other name");
+    let far = "format ascii 1.0\ncomment TextureFile C:\\scans\\other.ppm";
+    here.write("a.ply", &PYRAMID.replace("format ascii 1.0", far));
+    let hash = here.hash(&[]);
+    here.write("other.ppm", "P3 1 1 255 9 9 9\n");
+    assert_ne!(hash, here.hash(&[]), "an image without the folders of its name");
     here.write("a.ply", &PYRAMID.replace("format ascii 1.0", comment));
     here.write("own.ppm", "P3 1 1 255 1 2 3\n");
 

@@ -439,6 +439,10 @@ fn invalid_jobs_are_refused_before_rendering() {
     refused(&["nosuch.ply"], "INPUT: found \"nosuch.ply\": there is no such file");
     refused(&["scans", "--name", "index.html/{stem}"], "the contact sheet would both be written");
     refused(&["scans", "other"], "would both be written to");
+    refused(&["scans", "other"], "--name '{parent}/{stem}', or '{input:03}-{stem}'\n");
+    refused(&["scans/a.ply", "scans/a.ply"], "apart: --name '{input:03}-{stem}'\n");
+    let turning = ["scans", "other", "--turntable", "2"];
+    refused(&turning, "--name '{parent}/{stem}.{frame:04}', or '{input:03}-{stem}.{frame:04}'\n");
     refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
     refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
     refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
@@ -470,6 +474,12 @@ fn invalid_jobs_are_refused_before_rendering() {
         ("size", "[0, 48]", "32 (/size)"),
         ("camera", r#"{ "fov": 0 }"#, "43 (/camera/fov)"),
         ("set", r#"{ "/nope/x": 3 }"#, "44 (/set/~1nope~1x)"),
+        ("camera", r#"{ "lookat": [1, 0, 0], "target": [0, 0, 9] }"#, "67 (/camera/target)"),
+        (
+            "set",
+            r#"{ "/camera/lookat": [1, 0, 0], "/camera/target": [0, 0, 9] }"#,
+            "80 (/set/~1camera~1target)",
+        ),
         ("output", r#"{ "fps": "fast" }"#, "43 (/output/fps)"),
         ("output", r#"{ "pngbits": 9 }"#, "47 (/output/pngbits)"),
         ("output", r#"{ "name": "{nope}" }"#, "44 (/output/name)"),
@@ -510,9 +520,9 @@ fn invalid_jobs_are_refused_before_rendering() {
 #[test]
 fn progress_for_farms() {
     let scratch = scans();
-    let run = |mode: &str| {
+    let run = |mode: &str, more: &[&str]| {
         let args = ["scans", "-o", mode, "--turntable", "4", "--no-sheet", "--progress", mode];
-        let done = batch(&scratch, &args);
+        let done = batch(&scratch, &[&args[..], more].concat());
         assert_eq!(done.code(), 0, "{}", done.stderr());
         (done.stdout(), done.stderr())
     };
@@ -520,15 +530,17 @@ fn progress_for_farms() {
         let lines = text.lines().filter_map(|line| line.strip_prefix(start)?.strip_suffix(end));
         lines.map(|number| number.parse().unwrap()).collect()
     };
-    let openjd = run("openjd").0;
+    let openjd = run("openjd", &[]).0;
     let said = percents(&openjd, "openjd_progress: ", "");
     assert!(said.is_sorted() && said.last() == Some(&100), "{openjd}");
     assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
-    let said = percents(&run("alf").0, "ALF_PROGRESS ", "%");
+    let said = percents(&run("alf", &[]).0, "ALF_PROGRESS ", "%");
     assert!(said.is_sorted() && said.last() == Some(&100));
-    let said = run("json").1;
-    let lines = said.lines().filter(|line| line.starts_with('{'));
-    let lines: Vec<Value> = lines.map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(run("json", &[]).1.contains("framed "));
+    // Beside `--quiet`, a program reads nothing but JSON.
+    let said = run("json", &["--quiet"]).1;
+    let lines = said.lines().map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
     assert!(lines.iter().all(|line| line["total"] == 12), "{said}");
     assert_eq!(lines.last().unwrap()["rendered"], 12, "{said}");
 }

@@ -6,6 +6,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
+use serde_json::json;
+
 use crate::support::program::{Done, PYRAMID, SMALL, Scratch};
 
 const SCENE: &str = r#"{
@@ -84,6 +86,56 @@ fn names_of_inputs_that_are_no_files_are_refused() {
     fs::remove_dir(path("b.ply.gz")).unwrap();
     assert!(Command::new("mkfifo").arg(path("b.ply")).status().unwrap().success());
     refused(&["scans/b.ply: found a pipe or a device, expected a file"]);
+}
+
+/// A batch reads its files more than once, and opening a pipe would wait for a writer.
+#[test]
+fn pipes_are_refused_before_anything_is_rendered() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    for name in ["pipe.ply", "pipe.png"] {
+        scratch.pipe(name);
+    }
+    let scene = |mesh: &str, material: serde_json::Value| {
+        let shape = json!({ "type": "trimesh", "path": mesh, "material": material });
+        json!({ "scene": { "shapes": [shape] } }).to_string()
+    };
+    scratch.write("mesh.json", &scene("pipe.ply", json!({})));
+    scratch.write("image.json", &scene("a.ply", json!({ "tPath": "pipe.png" })));
+    scratch.write("job.json", r#"{ "inputs": ["a.ply", "mesh.json"] }"#);
+    let refused = |args: &[&str], pipe: &str| {
+        let done = scratch.run(args);
+        assert_eq!((done.code(), done.stdout()), (2, String::new()), "{args:?}: {}", done.stderr());
+        let message = format!("{pipe}: found a pipe or a device, expected a file");
+        assert!(done.stderr().contains(&message), "{args:?}: {}", done.stderr());
+        assert!(!scratch.path("out").exists(), "{args:?}");
+    };
+    refused(&["batch", "pipe.ply", "--dry-run"], "pipe.ply");
+    refused(&["batch", "a.ply", "pipe.ply"], "pipe.ply");
+    refused(&["batch", "a.ply", "mesh.json"], "pipe.ply");
+    refused(&["batch", "a.ply", "image.json"], "pipe.png");
+    refused(&["batch", "a.ply", "--texture", "pipe.png"], "pipe.png");
+    refused(&["batch", "job.json", "--sheet-only"], "pipe.ply");
+    refused(&["submit", "slurm", "job.json", "--dry-run"], "pipe.ply");
+}
+
+/// The first page of this file is not mapped, so that reading it is an error of the device.
+#[cfg(target_os = "linux")]
+#[test]
+fn another_try_may_cure_an_error_of_the_device() {
+    let scratch = Scratch::new();
+    std::os::unix::fs::symlink("/proc/self/mem", scratch.path("a.ply")).unwrap();
+    let shape = json!({ "type": "trimesh", "path": "a.ply", "material": {} });
+    scratch.write("s.json", &json!({ "scene": { "shapes": [shape] } }).to_string());
+    for input in ["a.ply", "s.json"] {
+        let done = scratch.run(&["batch", input, "--no-sheet"]);
+        assert_eq!(done.code(), 3, "{input}: {}", done.stderr());
+        assert!(done.stderr().contains("a.ply: cannot read: "), "{}", done.stderr());
+    }
+    // A missing face needs another file.
+    scratch.write("bad.ply", &PYRAMID.replace("3 3 0 4", "3 3 0 9"));
+    let done = scratch.run(&["batch", "a.ply", "bad.ply", "--no-sheet"]);
+    assert_eq!(done.code(), 1, "{}", done.stderr());
 }
 
 #[test]

@@ -171,7 +171,6 @@ fn flags() {
         ("override of nothing", "good.json", &["--set", "/camera/fvo=3"]),
         ("crop outside of the frame", "good.json", &["--crop", "0", "0", "9", "6"]),
         ("empty crop", "good.json", &["--crop", "3", "3", "3", "6"]),
-        ("`--quiet` with `--progress`", "good.json", &["--quiet", "--progress", "plain"]),
         (
             "`--fast` with a backend that has no fast mode",
             "good.json",

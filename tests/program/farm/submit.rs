@@ -312,6 +312,14 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
         assert_eq!(done.code(), 2, "{}", done.stderr());
         assert!(done.stderr().contains("expected an option of sbatch"), "{}", done.stderr());
     }
+    // A word may be the value of the option before it, if that has none.
+    let run = |words: &[&str]| submit(&scratch, words);
+    let said = run(&["--sbatch=-p", "--sbatch=cpu"]).good().stdout();
+    assert!(commands(&said).iter().all(|command| command.contains(" -p cpu ")), "{said}");
+    for words in [["--sbatch=--partition=cpu", "--sbatch=x"], ["--sbatch=x", "--sbatch=-p"]] {
+        assert_eq!(run(&words).code(), 2, "{words:?}");
+    }
+    assert_eq!(run(&["--sbatch=-p", "--sbatch=cpu", "--sbatch=x"]).code(), 2);
 }
 
 #[test]
