@@ -10,6 +10,7 @@ pub use printable::{is_hidden, printable, printable_lines};
 
 use std::fmt;
 use std::io;
+use std::path::{Path, PathBuf};
 
 /// A `Result` whose error is [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
@@ -44,13 +45,15 @@ pub struct Problem {
     pub help: Option<String>,
     /// What the operating system said, if that is the problem: a missing file, a lack of memory.
     pub cause: Option<io::ErrorKind>,
+    /// The file or folder that `cause` is about.
+    pub file: Option<PathBuf>,
 }
 
 impl Problem {
     /// Makes a problem at `place` without help.
     #[doc(hidden)]
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { place: place.into(), message: message.into(), help: None, cause: None }
+        Self { place: place.into(), message: message.into(), help: None, cause: None, file: None }
     }
 
     /// Adds a next step to the problem.
@@ -65,6 +68,12 @@ impl Problem {
     pub fn cause(mut self, cause: io::ErrorKind) -> Self {
         self.cause = Some(cause);
         self
+    }
+
+    /// Adds what the operating system said, or would say, about a file.
+    #[doc(hidden)]
+    pub fn cause_of(self, file: &Path, cause: io::ErrorKind) -> Self {
+        Self { file: Some(file.to_owned()), ..self.cause(cause) }
     }
 }
 
@@ -133,7 +142,7 @@ impl Error {
     /// [`ErrorKind::Invalid`]. A file beyond a size limit is [`ErrorKind::Limit`]. All other errors
     /// (disk full, device error) are [`ErrorKind::Retry`].
     #[doc(hidden)]
-    pub fn io(path: &std::path::Path, what: &str, error: &io::Error) -> Self {
+    pub fn io(path: &Path, what: &str, error: &io::Error) -> Self {
         use io::ErrorKind as E;
         let kind = match error.kind() {
             E::NotFound
@@ -153,7 +162,15 @@ impl Error {
         };
         let place = path.display().to_string();
         let problem = Problem::new(place, format!("cannot {what}: {error}"));
-        Self::new(kind, problem.cause(error.kind()))
+        Self::new(kind, problem.cause_of(path, error.kind()))
+    }
+
+    /// Makes an error about a file or folder that is not of the kind that is needed. `cause` is
+    /// what the operating system would say.
+    #[doc(hidden)]
+    pub fn of_file(path: &Path, cause: io::ErrorKind, message: impl Into<String>) -> Self {
+        let problem = Problem::new(path.display().to_string(), message);
+        Self::new(ErrorKind::Invalid, problem.cause_of(path, cause))
     }
 
     /// Sets the next step of the last problem.

@@ -7,6 +7,7 @@ pub use ray_query::{Hit, Ray};
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
@@ -21,11 +22,9 @@ use crate::output::Outputs;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render::{RenderContext, render_layers};
-use crate::scene::{
-    self, CheckedShape, Loaded, Overrides, Scene, ShapeKind, Smooth, Source, Trimesh,
-};
+use crate::scene::{self, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh};
 use crate::studio::{self, Studio, Subject, Template};
-use crate::world::{LoadOptions, World};
+use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 
 /// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
 ///
@@ -55,12 +54,15 @@ use crate::world::{LoadOptions, World};
 /// ```
 #[derive(Debug)]
 pub struct LoadedScene {
-    scene: Scene,
+    loaded: Loaded,
     world: World,
     plan: LayerPlan,
     /// How hits name the shapes of `scene`.
     numbers: Vec<ShapeNumber>,
     warnings: Vec<Problem>,
+    /// [`fingerprint`] of scene and files, once a picture was written. `None` for meshes from
+    /// memory, whose contents it does not cover.
+    hash: Option<OnceLock<Option<String>>>,
 }
 
 impl LoadedScene {
@@ -188,7 +190,24 @@ impl LoadedScene {
         overrides.iter().for_each(|set| user.set(set));
         let template = Template::studio(Studio::default());
         let shown = studio::show_mesh(&subject, mesh, &template, user, None).map_err(readable)?;
-        Self::with_ready(shown.loaded.scene, vec![shown.mesh], shown.warnings, monitor)
+        let loaded = Loaded { warnings: shown.warnings, ..shown.loaded };
+        Self::with_ready(loaded, vec![shown.mesh], monitor)
+    }
+
+    /// Reads a mesh file and shows it as [`LoadedScene::in_studio`] does.
+    ///
+    /// # Errors
+    /// As [`LoadedScene::in_studio`]; a file that cannot be read; `Interrupted` if the monitor was
+    /// stopped.
+    #[doc(hidden)]
+    pub fn read_in_studio_watched(
+        path: &Path,
+        overrides: &[&str],
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let mesh = Mesh::read_watched(path, monitor)?;
+        let shown = Self::in_studio_watched(mesh, path, overrides, monitor)?;
+        Ok(Self { hash: Some(OnceLock::new()), ..shown })
     }
 
     /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
@@ -221,7 +240,7 @@ impl LoadedScene {
     pub fn renderer_watched(&self, monitor: &Monitor) -> Result<Renderer<'_>> {
         let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         let geometry = &self.world.geometry;
-        let accelerator = accel::build(geometry, self.scene.backend, &options, monitor)?;
+        let accelerator = accel::build(geometry, self.loaded.scene.backend, &options, monitor)?;
         Ok(Renderer { loaded: self, accelerator })
     }
 
@@ -232,7 +251,8 @@ impl LoadedScene {
         monitor: &Monitor,
     ) -> Result<Self> {
         let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
-        let Loaded { mut scene, mut warnings, .. } = scene::load(source, &overrides)?;
+        let mut loaded = scene::load(source, &overrides)?;
+        let Loaded { scene, warnings, .. } = &mut loaded;
         let mut ready = Vec::new();
         for (name, material, mesh) in meshes {
             let of_name = |m: &scene::CheckedMaterial| m.name.as_deref() == Some(material);
@@ -258,23 +278,35 @@ impl LoadedScene {
             });
             ready.push((path, mesh));
         }
-        Self::with_ready(scene, ready, warnings, monitor)
+        let hash = ready.is_empty().then(OnceLock::new);
+        Ok(Self { hash, ..Self::with_ready(loaded, ready, monitor)? })
     }
 
     /// Loads the files of a scene, except the meshes in `ready`, by the path in the scene.
     fn with_ready(
-        scene: Scene,
+        mut loaded: Loaded,
         ready: Vec<(PathBuf, Mesh)>,
-        mut warnings: Vec<Problem>,
         monitor: &Monitor,
     ) -> Result<Self> {
         let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (world, more) = World::load(&scene, options, monitor).map_err(readable)?;
+        let (world, more) = World::load(&loaded.scene, options, monitor).map_err(readable)?;
+        let mut warnings = std::mem::take(&mut loaded.warnings);
         warnings.extend(more);
         warnings.iter_mut().for_each(drop_nuls);
-        let plan = LayerPlan::new(&scene);
-        let numbers = ShapeNumber::of_all(&scene.shapes);
-        Ok(Self { scene, world, plan, numbers, warnings })
+        let plan = LayerPlan::new(&loaded.scene);
+        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        Ok(Self { loaded, world, plan, numbers, warnings, hash: None })
+    }
+
+    /// The hash of the scene and its files, unless a mesh is from memory or a pipe, or a file has
+    /// changed since it was read.
+    fn hash(&self) -> Option<&str> {
+        let hash = self.hash.as_ref()?.get_or_init(|| {
+            let mut contents = ContentHashes::default();
+            let hash = fingerprint(&self.loaded, false, &mut contents).ok()??;
+            contents.check(&self.world.read).ok().map(|()| hash)
+        });
+        hash.as_deref()
     }
 }
 
@@ -370,7 +402,7 @@ impl Renderer<'_> {
     /// # Errors
     /// No memory for the film; `Interrupted` if the monitor was stopped.
     pub fn render_watched(&self, monitor: &Monitor) -> Result<Film> {
-        let LoadedScene { scene, world, plan, .. } = self.loaded;
+        let LoadedScene { loaded: Loaded { scene, .. }, world, plan, .. } = self.loaded;
         let [width, height] = world.frame;
         let window = Window::full(width, height);
         let channels = plan.layout.channels.clone();
@@ -400,8 +432,8 @@ impl Renderer<'_> {
     }
 
     /// Writes a film to `PREFIX.exr` and `PREFIX.png` and returns these paths. Neither file ever
-    /// appears incomplete. The EXR's header is the header of `lightpath render`, without
-    /// `lightpath:sceneHash`: that hash covers the files of a scene.
+    /// appears incomplete. The EXR's header is the header of `lightpath render`. It has no
+    /// `lightpath:sceneHash` if a mesh is from memory, or if a file of the scene has changed.
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
@@ -432,9 +464,10 @@ impl PictureWriter {
         film: &Film,
         prefix: impl AsRef<Path>,
     ) -> Result<[PathBuf; 2]> {
-        let LoadedScene { scene, plan, .. } = loaded;
+        let LoadedScene { loaded: Loaded { scene, .. }, plan, .. } = loaded;
         let header = PictureHeader {
             backend_version: &self.info.version,
+            scene_hash: loaded.hash(),
             legend: loaded.world.legend.as_ref(),
             ..PictureHeader::default()
         };

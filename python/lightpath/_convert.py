@@ -99,6 +99,45 @@ def open3d_arrays(source):
     raise wrong_type("mesh", source, "a triangle mesh of Open3D")
 
 
+def _vertex_colors(source):
+    """Return the colours of vertices of a mesh of trimesh or Open3D, or None."""
+    if getattr(getattr(source, "visual", None), "kind", None) == "vertex":
+        return source.visual.vertex_colors
+    if len(getattr(source, "vertex_colors", ())) > 0:
+        return source.vertex_colors
+    if "colors" in getattr(source, "vertex", ()):
+        return source.vertex.colors.numpy()
+    return None
+
+
+def colors(source, count):
+    """Return the colours of a mesh of trimesh or Open3D: (count, 4) uint8 or uint16, or None.
+
+    They are sRGB-encoded, in fractions of the dtype's maximum. The last column is alpha.
+    """
+    found = _vertex_colors(source)
+    if found is None:
+        return None
+    found = np.asarray(found)
+    if found.dtype.kind == "f":
+        found = np.round(np.clip(np.nan_to_num(found), 0.0, 1.0) * 65535).astype(np.uint16)
+    if found.dtype not in (np.uint8, np.uint16) or found.shape not in ((count, 3), (count, 4)):
+        expected = f"({count}, 3) or ({count}, 4) of uint8, uint16 or floats"
+        raise ValueError(f"colors: found {found.shape} of {found.dtype}, expected {expected}")
+    opaque = np.full((count, 4 - found.shape[1]), np.iinfo(found.dtype).max, dtype=found.dtype)
+    return np.ascontiguousarray(np.concatenate([found, opaque], axis=1))
+
+
+def left_out(source):
+    """Return warnings about what a picture of a mesh of trimesh or Open3D does not show."""
+    kind = getattr(getattr(source, "visual", None), "kind", None)
+    lost = {"face": "the colours of faces", "texture": "texture and material"}.get(kind)
+    in_triangles = {"colors", "texture_uvs"} & set(getattr(source, "triangle", ()))
+    if len(getattr(source, "triangle_uvs", ())) > 0 or in_triangles:
+        lost = "colours of triangles and textures"
+    return [f"mesh: {lost} are not shown; help: write it to PLY"] if lost else []
+
+
 def array(value):
     """Return the numpy array of a tensor; any other value as it is."""
     return value.numpy() if hasattr(value, "numpy") else value

@@ -1,5 +1,6 @@
 """Pictures of scenes, meshes and files."""
 
+import errno
 import json
 import os
 import tempfile
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from . import _convert, _lightpath
-from ._errors import MissingFileError
+from ._errors import cannot_write
 
 
 class Picture(dict):
@@ -17,6 +18,9 @@ class Picture(dict):
     ``picture["RGBA"]`` is (height, width, 4) float32: linear BT.709 radiance, premultiplied by
     alpha. Other layers that the scene selects are (height, width) or (height, width, channels), of
     float32 or uint32. A notebook displays the PNG.
+
+    The arrays are read-only: files hold the picture as it was rendered. Copy an array to change it.
+    A pickle holds the arrays and the warnings. The picture of a pickle writes no files.
 
     Attributes
     ----------
@@ -30,9 +34,13 @@ class Picture(dict):
         height, width = picture.size
         super().__init__(RGBA=picture.pixels().reshape(height, width, 4))
         channels = picture.channels
-        if not channels:
-            return
-        words = picture.words().reshape(height, width, len(channels))
+        if channels:
+            self._split(picture.words().reshape(height, width, len(channels)), channels)
+        for array in self.values():
+            array.flags.writeable = False
+
+    def _split(self, words, channels):
+        """Add the layers, whose channels are interleaved in `words`."""
         groups = {}
         for index, (name, is_integer) in enumerate(channels):
             layer = name.rpartition(".")[0] or name
@@ -42,11 +50,23 @@ class Picture(dict):
             plane = plane if is_integer else plane.view(np.float32)
             self[layer] = plane[:, :, 0] if len(indices) == 1 else plane
 
+    def __copy__(self):
+        return _restored(dict(self), self.warnings, self._picture)
+
+    def __deepcopy__(self, memo):
+        return self.__copy__()  # the arrays are read-only
+
+    def __reduce__(self):
+        return _restored, (dict(self), self.warnings)
+
     def write(self, prefix):
         """Write PREFIX.exr and PREFIX.png, and return their paths.
 
         An ending .exr or .png of the prefix is dropped.
         """
+        if self._picture is None:
+            raise ValueError("found the picture of a pickle, which has only arrays: write its files "
+                             "where it was rendered")
         prefix = os.fspath(prefix)
         if not os.path.basename(prefix) or os.path.isdir(prefix):
             raise ValueError(f"prefix: found the folder {prefix!r}, expected a name of files")
@@ -73,13 +93,27 @@ class Picture(dict):
         if path.suffix.lower() != ending:
             raise ValueError(f"path: found {str(path)!r}, expected a name with the ending {ending}")
         if not path.parent.is_dir():
-            raise MissingFileError(f"path: found {str(path)!r}: there is no folder {path.parent}")
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
-            os.replace(self.write(Path(folder) / "picture")[which], path)
+            raise cannot_write(path, errno.ENOENT, f"there is no folder {path.parent}")
+        try:
+            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
+                os.replace(self.write(Path(folder) / "picture")[which], path)
+        except OSError as error:  # its message names the hidden folder
+            reason = os.strerror(error.errno) if error.errno else error
+            raise cannot_write(path, error.errno, reason) from None
 
     def _repr_png_(self):
+        if self._picture is None:
+            return None
         with tempfile.TemporaryDirectory() as folder:
             return self.write(Path(folder) / "picture")[1].read_bytes()
+
+
+def _restored(layers, warnings, picture=None):
+    """Return a picture of arrays. Without a picture of the native module it writes no files."""
+    restored = Picture.__new__(Picture)
+    restored.update(layers)
+    restored.warnings, restored._picture = warnings, picture
+    return restored
 
 
 def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=None, settings=None,
@@ -91,6 +125,8 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     scene : str, path-like, dict, RayScene, (vertices, faces), or a mesh of trimesh or Open3D
         A scene: a file (.json), or a dict with the members of the scene format. Or a mesh or mesh
         file (.ply), which is shown in the built-in studio. Faces that repeat a vertex are left out.
+        Colours of vertices of trimesh and Open3D are shown; a RayScene has none. `warnings` tells of
+        other colours and textures, which are left out, as are normals: write such a mesh to PLY.
     meshes : dict, optional
         Meshes in world space for a scene as a dict: name -> (material, vertices, faces).
     camera : dict, optional
@@ -145,7 +181,9 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     overrides = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
     subject = _subject(scene, meshes)
     threads = _convert.threads(threads)
-    return Picture(_lightpath.render(subject, overrides, threads, progress))
+    picture = Picture(_lightpath.render(subject, overrides, threads, progress))
+    picture.warnings += _convert.left_out(scene)
+    return picture
 
 
 def render_views(scene, cameras, **options):
@@ -182,7 +220,10 @@ def thumbnail(scene):
 
 
 def _subject(scene, meshes):
-    """Return the subject of `_lightpath.render`: (text, meshes), (vertices, faces) or a path."""
+    """Return the subject of `_lightpath.render`.
+
+    That is (text, meshes), (vertices, faces, colors or None) or a path.
+    """
     if isinstance(scene, dict):
         ready = []
         for name, (material, vertices, faces) in (meshes or {}).items():
@@ -195,8 +236,9 @@ def _subject(scene, meshes):
     if isinstance(scene, tuple):
         if len(scene) != 2:
             raise ValueError(f"scene: found {len(scene)} values, expected (vertices, faces)")
-        return _convert.mesh(*scene)
-    return _convert.mesh(*_arrays(scene))
+        return (*_convert.mesh(*scene), None)
+    vertices, faces = _convert.mesh(*_arrays(scene))
+    return vertices, faces, _convert.colors(scene, len(vertices))
 
 
 def _arrays(scene):

@@ -256,7 +256,8 @@ class RayScene:
             or direction is used for all rays.
         tnear, tfar : float or (n,) array_like
             Only hits with ``tnear < t < tfar`` count. Both must be >= 0. t is compared in float64,
-            so ``tnear=hits.t`` excludes the hits of an earlier query. A tnear of 0 excludes no hit.
+            so ``tnear=hits.t`` excludes the hits of an earlier query. A tnear of 0 excludes no hit,
+            a tnear of inf excludes all.
         progress : callable, optional
             Called with (done, total) every 50 ms, and once at the end.
 
@@ -269,7 +270,7 @@ class RayScene:
         Raises
         ------
         ValueError, TypeError
-            Wrong shapes or dtypes; numbers that are not finite (tfar may be inf); an origin beyond
+            Wrong shapes or dtypes; numbers that are not finite (limits may be inf); an origin beyond
             1e18; a direction of length 0; a negative tnear or tfar; 2**32 rays or more.
 
         Examples
@@ -390,8 +391,9 @@ class RayScene:
         """Return the winding number of each point in all meshes together.
 
         It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
-        an open mesh, it is between 0 and 1. The error of a mesh is at most some 0.02, its mean
-        0.002. Parameters and exceptions are those of `contains`.
+        an open mesh, it is between 0 and 1. The error is at most some 0.02 for compact meshes, in
+        the mean 0.002. Within bundles and coils of thin pipes it reaches 0.1. Parameters and
+        exceptions are those of `contains`.
 
         Returns
         -------
@@ -453,10 +455,11 @@ class RayScene:
         array([-0.125,  2.   ])
         """
         points = _convert.points("points", points)
-        distance = self._scene.closest_point(points, progress)[1]
-        if signed:
-            inside = self._scene.contains(points, progress)
-            distance[inside] *= -1.0
+        if not signed:
+            return self._scene.closest_point(points, progress)[1]
+        distance = self._scene.closest_point(points, _half(progress, 0))[1]
+        inside = self._scene.contains(points, _half(progress, 1))
+        distance[inside] *= -1.0
         return distance
 
     def visible(self, points, from_, *, progress=None):
@@ -492,6 +495,11 @@ class RayScene:
         """
         points, from_ = _convert.points("points", points), _convert.points("from_", from_)
         return self._scene.visible(points, from_, progress)
+
+
+def _half(progress, index):
+    """Return the callback of the first or the second of two parts of equal size."""
+    return progress and (lambda done, total: progress(index * total + done, 2 * total))
 
 
 def _unpickle(meshes, threads, backend="bvh"):

@@ -81,8 +81,22 @@ class RaycastingScene:
             raise ValueError(f"query_points: found shape {points.shape}, expected (..., 3)")
         return points.shape[:-1], points.reshape(-1, 3)
 
-    def _ids(self, indices):
-        return np.where(indices < 0, self.INVALID_ID, indices).astype(np.uint32)
+    @staticmethod
+    def _ids(indices):
+        """Return indices as uint32: -1 becomes `INVALID_ID`."""
+        return indices.astype(np.uint32)
+
+    @staticmethod
+    def create_rays_pinhole(*args, **kwargs):
+        """Return the rays of a camera, (height_px, width_px, 6) float32.
+
+        The parameters are (intrinsic_matrix, extrinsic_matrix, width_px, height_px), with the 4x4
+        matrix from world to camera, or (fov_deg, center, eye, up, width_px, height_px), with the
+        horizontal field of view in degrees. As in Open3D, a direction is 1 long along the camera's
+        axis, and `up` points to the last row.
+        """
+        by_matrices = len(args) + len(kwargs) <= 4
+        return (_rays_by_matrices if by_matrices else _rays_by_view)(*args, **kwargs)
 
     def cast_rays(self, rays, nthreads=0):
         """Find the closest hit of each ray.
@@ -119,9 +133,9 @@ class RaycastingScene:
         """
         scene, _, query = self._rays(rays)
         hits = scene.all_hits(*query)
-        ray_ids = np.repeat(np.arange(len(query[0])), np.diff(hits.offsets))
+        ray_ids = np.repeat(np.arange(len(query[0]), dtype=np.uint32), np.diff(hits.offsets))
         return {
-            "ray_splits": hits.offsets,
+            "ray_splits": hits.offsets.astype(np.uint32),
             "ray_ids": ray_ids,
             "t_hit": hits.t.astype(np.float32),
             "geometry_ids": self._ids(hits.mesh),
@@ -130,14 +144,28 @@ class RaycastingScene:
         }
 
     def compute_closest_points(self, query_points, nthreads=0):
-        """Return the nearest points: a dict of points, geometry_ids and primitive_ids."""
+        """Return the nearest points.
+
+        Returns a dict of points, geometry_ids, primitive_ids, primitive_uvs and primitive_normals.
+        """
         shape, points = self._points(query_points)
         nearest = self.scene.closest_point(points)
+        uvs, normals = _place(self._corners(nearest.mesh, nearest.primitive), nearest.point)
         return {
             "points": nearest.point.astype(np.float32).reshape(*shape, 3),
             "geometry_ids": self._ids(nearest.mesh).reshape(shape),
             "primitive_ids": self._ids(nearest.primitive).reshape(shape),
+            "primitive_uvs": uvs.astype(np.float32).reshape(*shape, 2),
+            "primitive_normals": normals.astype(np.float32).reshape(*shape, 3),
         }
+
+    def _corners(self, meshes, primitives):
+        """Return the corners of faces, (3, n, 3) float64."""
+        corners = np.empty((3, len(meshes), 3))
+        for index, (vertices, faces) in enumerate(self._meshes):
+            of_mesh = meshes == index
+            corners[:, of_mesh] = np.moveaxis(vertices[faces[primitives[of_mesh]]], 1, 0)
+        return corners
 
     def compute_distance(self, query_points, nthreads=0):
         """Return the distance of each point from the meshes."""
@@ -153,3 +181,69 @@ class RaycastingScene:
         """Return 1 for points inside, else 0: see `RayScene.contains`."""
         shape, points = self._points(query_points)
         return self.scene.contains(points).astype(np.float32).reshape(shape)
+
+
+def _rays_by_matrices(intrinsic_matrix, extrinsic_matrix, width_px, height_px):
+    intrinsic = np.asarray(_convert.array(intrinsic_matrix), dtype=np.float64)
+    extrinsic = np.asarray(_convert.array(extrinsic_matrix), dtype=np.float64)
+    for name, matrix, size in [("intrinsic", intrinsic, 3), ("extrinsic", extrinsic, 4)]:
+        if matrix.shape != (size, size):
+            expected = f"expected ({size}, {size})"
+            raise ValueError(f"{name}_matrix: found shape {matrix.shape}, {expected}")
+    rotation = extrinsic[:3, :3].T
+    y, x = np.mgrid[:height_px, :width_px] + 0.5
+    rays = np.empty((height_px, width_px, 6), dtype=np.float32)
+    rays[..., :3] = -rotation @ extrinsic[:3, 3]
+    pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+    rays[..., 3:] = pixels @ (rotation @ np.linalg.inv(intrinsic)).T
+    return rays
+
+
+def _rays_by_view(fov_deg, center, eye, up, width_px, height_px):
+    vectors = zip(("center", "eye", "up"), (center, eye, up))
+    center, eye, up = (_vector(name, value) for name, value in vectors)
+    ahead = _unit(center - eye)
+    right = _unit(np.cross(up, ahead))
+    extrinsic = np.eye(4)
+    extrinsic[:3, :3] = right, np.cross(ahead, right), ahead
+    extrinsic[:3, 3] = -extrinsic[:3, :3] @ eye
+    focal = 0.5 * width_px / np.tan(np.radians(0.5 * fov_deg))
+    intrinsic = [[focal, 0.0, 0.5 * width_px], [0.0, focal, 0.5 * height_px], [0.0, 0.0, 1.0]]
+    return _rays_by_matrices(intrinsic, extrinsic, width_px, height_px)
+
+
+def _vector(name, value):
+    vector = np.asarray(_convert.array(value), dtype=np.float64)
+    if vector.shape != (3,):
+        raise ValueError(f"{name}: found shape {vector.shape}, expected (3,)")
+    return vector
+
+
+def _unit(vector):
+    length = np.linalg.norm(vector)
+    if not length > 0.0:
+        raise ValueError("up: found a view without direction, expected eye, center and up not in line")
+    return vector / length
+
+
+def _place(corners, points):
+    """Return barycentrics (n, 2) of points on triangles, and unit normals of the triangles.
+
+    The corners are (3, n, 3). A normal is nan for a triangle without area.
+    """
+    first = corners[0]
+    sides, to = corners[1:] - first, points - first
+    normals = np.cross(sides[0], sides[1])
+    squared = (normals**2).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (np.cross(to, sides[1]) * normals).sum(axis=1) / squared
+        v = (np.cross(sides[0], to) * normals).sum(axis=1) / squared
+        normals = normals / np.sqrt(squared)[:, np.newaxis]
+        # The point on a triangle without area lies on one of the two sides.
+        along = (to * sides).sum(axis=2) / (sides**2).sum(axis=2)
+    along = np.nan_to_num(along)
+    on_first = (along[0] > 0.0) & (along[0] <= 1.0)
+    flat = squared == 0.0
+    u = np.where(flat, np.where(on_first, along[0], 0.0), u)
+    v = np.where(flat, np.where(on_first, 0.0, along[1]), v)
+    return np.clip(np.stack([u, v], axis=1), 0.0, 1.0), normals

@@ -4,7 +4,7 @@ use std::io;
 
 use lightpath::{ErrorKind, Problem};
 use pyo3::create_exception;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
 create_exception!(
@@ -14,9 +14,9 @@ create_exception!(
     "Invalid input. The attribute `problems` lists all problems as tuples (place, message, help)."
 );
 
-/// Converts an error. `Interrupted` becomes `KeyboardInterrupt`. `Retry` becomes `MemoryError` if
-/// memory is lacking, else `OSError`. All others become `lightpath.Error`, a `ValueError`; if
-/// all problems are those of files, one of its classes that are also `OSError`s.
+/// Converts an error. `Interrupted` becomes `KeyboardInterrupt`, a `Retry` for lack of memory
+/// `MemoryError`. All others become `lightpath.Error`, a `ValueError`; a `Retry`, or if all problems
+/// are those of files, one of its classes that are also `OSError`s.
 pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
     error.problems = error.problems.into_iter().map(translated).collect();
     let lines: Vec<String> = error.problems.iter().map(|problem| problem.to_string()).collect();
@@ -27,14 +27,14 @@ pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
         ErrorKind::Retry if causes.contains(&Some(io::ErrorKind::OutOfMemory)) => {
             PyMemoryError::new_err(text)
         }
-        ErrorKind::Retry => PyOSError::new_err(text),
         _ => {
             let all =
                 |is: fn(io::ErrorKind) -> bool| causes.iter().all(|cause| cause.is_some_and(is));
+            let first = &error.problems[0];
             let exception = if all(|cause| cause == io::ErrorKind::NotFound) {
-                of_file(py, "MissingFileError", text)
-            } else if all(|_| true) {
-                of_file(py, "FileError", text)
+                of_file(py, "MissingFileError", text, first)
+            } else if error.kind == ErrorKind::Retry || all(|_| true) {
+                of_file(py, "FileError", text, first)
             } else {
                 Error::new_err(text)
             };
@@ -58,11 +58,30 @@ pub fn translated(mut problem: Problem) -> Problem {
     problem
 }
 
-/// Makes an exception of a class in `lightpath._errors`: a native class has only one base.
-fn of_file(py: Python<'_>, class: &str, text: String) -> PyErr {
+/// Makes an exception of a class in `lightpath._errors`: a native class has only one base. Its
+/// `errno` and `filename` are those of a problem.
+fn of_file(py: Python<'_>, class: &str, text: String, problem: &Problem) -> PyErr {
     let class = py.import("lightpath._errors").and_then(|module| module.getattr(class));
-    match class.and_then(|class| class.call1((text,))) {
+    let number = problem.cause.and_then(number);
+    match class.and_then(|class| class.call1((text, number, problem.file.as_ref()))) {
         Ok(exception) => PyErr::from_value(exception),
         Err(error) => error,
     }
+}
+
+/// The number of an error on Linux, for those of files.
+fn number(cause: io::ErrorKind) -> Option<i32> {
+    use io::ErrorKind as E;
+    Some(match cause {
+        E::NotFound => 2,
+        E::PermissionDenied => 13,
+        E::AlreadyExists => 17,
+        E::NotADirectory => 20,
+        E::IsADirectory => 21,
+        E::InvalidInput => 22,
+        E::FileTooLarge => 27,
+        E::StorageFull => 28,
+        E::ReadOnlyFilesystem => 30,
+        _ => return None,
+    })
 }

@@ -1,6 +1,6 @@
 //! Meshes whose vertices and faces stay in the memory of numpy arrays.
 
-use lightpath::{Faces, Mesh, MeshArrays, Monitor, Positions, Vertices};
+use lightpath::{Colors, Faces, Mesh, MeshArrays, Monitor, Positions, Scalars, Vertices};
 use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
@@ -98,6 +98,46 @@ impl MeshArrays for NumpyMesh {
             FaceRows::I64(rows) => Faces::I64(rows.get()),
         }
     }
+}
+
+/// Colours of vertices.
+pub struct VertexColors {
+    pub colors: Colors,
+    /// `None` if all vertices are opaque, or none is visible: as in a PLY file.
+    pub alpha: Option<Scalars>,
+}
+
+impl VertexColors {
+    /// Copies an (n, 4) array of u8 or u16.
+    ///
+    /// # Errors
+    /// `TypeError` for another dtype.
+    pub fn new(array: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(array) = array.cast::<PyArray2<u8>>() {
+            let (colors, alpha) = split(array, u8::MAX)?;
+            return Ok(Self { colors: Colors::U8(colors), alpha: alpha.map(Scalars::U8) });
+        }
+        let array = array.cast::<PyArray2<u16>>()?;
+        let (colors, alpha) = split(array, u16::MAX)?;
+        Ok(Self { colors: Colors::U16(colors), alpha: alpha.map(Scalars::U16) })
+    }
+}
+
+/// Three columns of colours, and one of alpha.
+type Columns<T> = (Vec<[T; 3]>, Option<Vec<T>>);
+
+/// Splits the rows of an (n, 4) array into colours and alpha.
+fn split<T: Element + Copy + Default + PartialEq>(
+    array: &Bound<'_, PyArray2<T>>,
+    opaque: T,
+) -> PyResult<Columns<T>> {
+    let read = array.try_readonly()?;
+    let rows = read.as_slice()?.chunks_exact(4);
+    let colors = rows.clone().map(|row| [row[0], row[1], row[2]]).collect();
+    let alpha: Vec<T> = rows.map(|row| row[3]).collect();
+    let all = |value| alpha.iter().all(|&alpha| alpha == value);
+    let alpha = if all(opaque) || all(T::default()) { None } else { Some(alpha) };
+    Ok((colors, alpha))
 }
 
 /// Raises the exceptions that a scene of this mesh would raise.

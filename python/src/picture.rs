@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use lightpath::scene::IN_MEMORY;
-use lightpath::{ChannelKind, Film, LoadedScene, Mesh, MeshArrays, Monitor, PictureWriter};
+use lightpath::{ChannelKind, Film, LoadedScene, MeshArrays, Monitor, PictureWriter};
 use pyo3::prelude::*;
 
 use crate::arrays::column;
-use crate::mesh::NumpyMesh;
+use crate::mesh::{NumpyMesh, VertexColors};
 use crate::{errors, pools, watch};
 
 /// A rendered film, with the scene and the settings that are needed to write it to files.
@@ -24,8 +24,8 @@ pub struct Picture {
 pub enum Subject<'py> {
     /// A scene as JSON text, and meshes: name, material, vertices, faces.
     Text(String, Vec<(String, String, Bound<'py, PyAny>, Bound<'py, PyAny>)>),
-    /// Vertices and faces of a mesh, to show in the studio.
-    Mesh(Bound<'py, PyAny>, Bound<'py, PyAny>),
+    /// Vertices and faces of a mesh, to show in the studio, and colours of its vertices.
+    Mesh(Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>),
     /// A scene file (`.json`), or a mesh file to show in the studio.
     File(PathBuf),
 }
@@ -53,7 +53,7 @@ pub fn render(
 
 enum Source {
     Text(String, Vec<(String, String, NumpyMesh)>),
-    Studio(NumpyMesh),
+    Studio(NumpyMesh, Option<VertexColors>),
     File(PathBuf),
 }
 
@@ -61,7 +61,10 @@ impl Source {
     fn new(subject: Subject<'_>) -> PyResult<Self> {
         match subject {
             Subject::File(path) => Ok(Self::File(path)),
-            Subject::Mesh(vertices, faces) => Ok(Self::Studio(NumpyMesh::new(&vertices, &faces)?)),
+            Subject::Mesh(vertices, faces, colors) => {
+                let colors = colors.map(|colors| VertexColors::new(&colors)).transpose()?;
+                Ok(Self::Studio(NumpyMesh::new(&vertices, &faces)?, colors))
+            }
             Subject::Text(text, meshes) => {
                 let mut ready = Vec::new();
                 for (name, material, vertices, faces) in meshes {
@@ -81,8 +84,11 @@ impl Source {
                 }
                 LoadedScene::with_meshes_watched(&text, overrides, ready, monitor)
             }
-            Self::Studio(arrays) => {
-                let mesh = arrays.to_mesh("")?;
+            Self::Studio(arrays, colors) => {
+                let mut mesh = arrays.to_mesh("")?;
+                if let Some(VertexColors { colors, alpha }) = colors {
+                    (mesh.colors, mesh.alpha) = (Some(colors), alpha);
+                }
                 LoadedScene::in_studio_watched(mesh, IN_MEMORY, overrides, monitor)
             }
             Self::File(path) => {
@@ -90,8 +96,7 @@ impl Source {
                 if is_scene {
                     return LoadedScene::read_watched(path, overrides, monitor);
                 }
-                let mesh = Mesh::read_watched(&path, monitor)?;
-                LoadedScene::in_studio_watched(mesh, &path, overrides, monitor)
+                LoadedScene::read_in_studio_watched(&path, overrides, monitor)
             }
         }
     }

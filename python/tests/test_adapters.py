@@ -9,7 +9,7 @@ import pytest
 import lightpath
 from lightpath.open3d import RaycastingScene
 from lightpath.trimesh import RayMeshIntersector
-from shapes import cube
+from shapes import bumpy_sphere, cube
 
 
 def test_the_package_alone_has_them():
@@ -67,6 +67,64 @@ def test_open3d_methods():
     assert scene.compute_occupancy(points).tolist() == [1, 0]
     assert scene.compute_distance(points).tolist() == [1, 2]
     assert scene.compute_closest_points(points)["points"][1].tolist() == [0, 0, 1]
+
+
+def test_open3d_types():
+    scene = RaycastingScene()
+    scene.add_triangles(*cube())
+    rays, points = [[0.1, 0.2, 9, 0, 0, -1], [9, 9, 9, 0, 0, 1]], [[0.1, 0.2, 9], [3, 0, 0]]
+    results = {**scene.list_intersections(rays), **scene.cast_rays(rays), **scene.compute_closest_points(points)}
+    whole = {"ray_splits", "ray_ids", "geometry_ids", "primitive_ids"}
+    for name, array in results.items():
+        assert array.dtype == (np.uint32 if name in whole else np.float32), name
+
+
+def test_open3d_closest_points_have_places_on_their_faces():
+    scene, (vertices, faces) = RaycastingScene(), bumpy_sphere(1)
+    scene.add_triangles(vertices * 1e-4, faces)
+    # Faces without area: a corner twice, and a corner between the two others in each order.
+    line = np.array([[9.0, 0, 0], [9, 0, 1], [9, 0, 3]])
+    scene.add_triangles(line, [[0, 0, 2], [0, 2, 1], [1, 0, 2], [2, 1, 0], [0, 1, 1]])
+    points = np.random.default_rng(3).uniform(-1, 1, (400, 3))
+    points = np.concatenate([points, [[9.1, 0, z] for z in np.linspace(-1, 4, 50)]]).reshape(3, 150, 3)
+    found = scene.compute_closest_points(points)
+    u, v = np.moveaxis(found["primitive_uvs"], -1, 0)
+    assert u.shape == (3, 150) and (u >= 0).all() and (v >= 0).all() and (u + v < 1.00001).all()
+    has_area = 0
+    for index in np.ndindex(u.shape):
+        vertices, faces = scene.scene.meshes[found["geometry_ids"][index]]
+        a, b, c = vertices[faces[found["primitive_ids"][index]]]
+        point = a + u[index] * (b - a) + v[index] * (c - a)
+        assert np.allclose(point, found["points"][index], atol=1e-6)
+        normal = np.cross(b - a, c - a)
+        if normal.any():
+            has_area += 1
+            expected = normal / np.linalg.norm(normal)
+            assert np.allclose(expected, found["primitive_normals"][index], atol=1e-6)
+        else:
+            assert np.isnan(found["primitive_normals"][index]).all()
+    assert has_area == 400
+
+
+def test_open3d_cameras():
+    """The numbers are those of Open3D 0.20."""
+    make = RaycastingScene.create_rays_pinhole
+    rays = make(60, [0, 0, 0], [1, 2, 3], [0, 1, 0], 4, 3)
+    assert rays.shape == (3, 4, 6) and rays.dtype == np.float32
+    assert np.allclose(rays[0, 0], [1, 2, 3, 0.19232568, -0.7784975, -0.7923293])
+    assert np.allclose(rays[2, 1], [1, 2, 3, -0.17912562, -0.2905475, -0.99381226])
+    intrinsic = np.array([[100, 0, 50], [0, 100, 40], [0, 0, 1.0]])
+    extrinsic = np.eye(4)
+    extrinsic[2, 3] = 4
+    rays = make(Tensor(intrinsic), Tensor(extrinsic), width_px=4, height_px=3)
+    assert np.allclose(rays[1, 2], [0, 0, -4, -0.475, -0.385, 1])
+    for bad, message in [
+        ((intrinsic, intrinsic, 4, 3), r"extrinsic_matrix: found shape \(3, 3\), expected \(4, 4\)"),
+        ((60, [0, 0, 0], [0, 0], [0, 1, 0], 4, 3), r"eye: found shape \(2,\)"),
+        ((60, [0, 0, 0], [0, 5, 0], [0, 1, 0], 4, 3), "up: found a view without direction"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make(*bad)
 
 
 class Tensor:

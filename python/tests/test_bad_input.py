@@ -1,5 +1,8 @@
 """Bad input raises an exception that names the place. Nothing crashes."""
 
+import errno
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -59,8 +62,8 @@ RAYS = [
     ((np.zeros((7, 3)), changed(np.ones((7, 3)), 5, 0)), ValueError, r"directions\[5\]: found \[0.0, 0.0, 0.0\]"),
     ((RAY[0], [["a", "b", "c"]]), TypeError, "directions: found dtype"),
     ((RAY[0], [[1j, 0, 0]]), TypeError, "directions: found dtype complex128"),
-    ((*RAY, -1.0), ValueError, "tnear: found -1, expected a finite number >= 0"),
-    ((*RAY, np.inf), ValueError, "tnear: found inf"),
+    ((*RAY, -1.0), ValueError, "tnear: found -1, expected a number >= 0 or infinity"),
+    ((*RAY, np.nan), ValueError, "tnear: found NaN"),
     ((*RAY, 0.0, -2.0), ValueError, "tfar: found -2, expected a number >= 0 or infinity"),
     ((*RAY, 0.0, [np.nan]), ValueError, "tfar: found NaN"),
     ((np.zeros((3, 3)), [0, 0, 1], 0.0, [1, 1, -1]), ValueError, r"tfar\[2\]: found -1"),
@@ -139,6 +142,31 @@ def test_errors_of_files_are_errors_of_the_system(tmp_path):
         with pytest.raises(lightpath.Error) as caught:
             call()
         assert not isinstance(caught.value, OSError)
+    folder = tmp_path / "folder.exr"
+    folder.mkdir()
+    picture = lightpath.render((VERTICES, FACES), camera={"width": 4, "height": 4}, spp=1)
+    scene["scene"]["shapes"] = [{"type": "trimesh", "path": str(tmp_path / "no.ply"), "material": {}}]
+    scene["camera"] = {"type": "pinhole", "width": 4, "height": 4, "fov": 40, "position": [0, 0, 6],
+                       "target": [0, 0, 0], "up": [0, 1, 0]}
+    for call, number, name in [
+        (lambda: lightpath.RayScene.from_ply(tmp_path / "no.ply"), errno.ENOENT, "no.ply"),
+        (lambda: lightpath.RayScene.from_ply(tmp_path), errno.EISDIR, ""),
+        (lambda: lightpath.render(tmp_path / "scan.ply" / "a.ply"), errno.ENOTDIR, "scan.ply/a.ply"),
+        (lambda: lightpath.render(scene), errno.ENOENT, "no.ply"),
+        (lambda: picture.write(tmp_path / "no" / "x"), errno.ENOENT, "no/x.exr"),
+        (lambda: picture.write(tmp_path / "scan.ply" / "x"), errno.ENOTDIR, "scan.ply/x.exr"),
+        (lambda: picture.write_exr(tmp_path / "no" / "x.exr"), errno.ENOENT, "no/x.exr"),
+        (lambda: picture.write_exr("/proc/x.exr"), errno.ENOENT, "/proc/x.exr"),
+        (lambda: picture.write_exr(folder), errno.EISDIR, "folder.exr"),
+    ]:
+        with pytest.raises(lightpath.FileError) as caught:
+            call()
+        error = caught.value
+        assert (error.errno, error.filename) == (number, str(tmp_path / name)), str(error)
+        assert isinstance(error, FileNotFoundError) == (number == errno.ENOENT)
+        assert "/.lightpath-" not in str(error) and str(error).endswith(error.problems[-1][2] or "")
+        again = pickle.loads(pickle.dumps(error))
+        assert (str(again), again.errno, again.problems) == (str(error), error.errno, error.problems)
     assert issubclass(lightpath.FileError, OSError) and issubclass(lightpath.FileError, ValueError)
 
 

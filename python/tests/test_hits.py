@@ -62,6 +62,14 @@ def test_a_ray_in_the_plane_of_a_small_mesh_of_doubles():
         assert beyond.max() < 1e-6 and apart.max() < 1e-6
 
 
+@pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-308])
+def test_short_directions_from_far_away(length):
+    scene = lightpath.RayScene(*TETRAHEDRON)
+    ray = [0.25, 0.25, 50], [0, 0, -length]
+    assert scene.closest(*ray).t == np.finfo(float).max and scene.closest(*ray).primitive == 3
+    assert scene.occluded(*ray) and scene.count(*ray) == 2
+
+
 @pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-300, 1e300, 1e303, 1e308])
 def test_directions_of_extreme_length(length):
     scene = lightpath.RayScene(TETRAHEDRON[0] * 1000, TETRAHEDRON[1])
@@ -81,6 +89,19 @@ def box_rays(count, seed=3):
     rng = np.random.default_rng(seed)
     origins = rng.normal(size=(count, 3)) * 5
     return vertices + [0.1, 0.2, 0.3], faces, origins, rng.normal(size=(count, 3)) * 0.3 - origins
+
+
+def test_the_next_layer_of_hits_and_misses():
+    scene = lightpath.RayScene(*TETRAHEDRON)
+    rays = [[0.25, 0.25, 5], [3, 3, 3], [0.1, 0.1, 5]], [0, 0, -1]
+    hits = scene.closest(*rays)
+    assert np.isinf(hits.t).tolist() == [False, True, False]
+    layer = scene.closest(*rays, tnear=hits.t)
+    assert np.allclose(layer.t, [5, np.inf, 5]) and layer.primitive.tolist() == [0, -1, 0]
+    assert scene.occluded(*rays, tnear=hits.t).tolist() == [True, False, True]
+    assert scene.count(*rays, tnear=hits.t).tolist() == [1, 0, 1]
+    assert np.diff(scene.all_hits(*rays, tnear=hits.t).offsets).tolist() == [1, 0, 1]
+    assert scene.closest(*rays, tnear=np.inf).primitive.tolist() == [-1] * 3
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-12, 1e6])

@@ -306,6 +306,14 @@ def test_pickles_hold_the_arrays_not_the_tree(sphere):
     assert (again.count([0, 0, 0], vertices) == scene.count([0, 0, 0], vertices)).all()
 
 
+def test_the_progress_of_a_signed_distance_runs_once():
+    steps = []
+    scene = lightpath.RayScene(*bumpy_sphere(5))
+    points = np.random.default_rng(1).uniform(-5000, 5000, (50_000, 3))
+    scene.distance(points, signed=True, progress=lambda done, total: steps.append(done / total))
+    assert steps == sorted(steps) and steps[-1] == 1 and len(steps) >= 2
+
+
 def test_progress_reaches_the_end(sphere):
     _, _, scene = sphere
     steps = []

@@ -92,7 +92,8 @@ impl PartFile {
         match std::fs::metadata(target) {
             Ok(data) if data.is_dir() => {
                 let message = "cannot write a file here: it is a folder";
-                return Err(Error::invalid(place(), message).help("choose another output name"));
+                return Err(Error::of_file(target, std::io::ErrorKind::IsADirectory, message)
+                    .help("choose another output name"));
             }
             Ok(data) if !data.is_file() || files::open_file(target).is_some() => {
                 return Err(Error::invalid(place(), "found a device, expected a regular file"));
@@ -287,17 +288,25 @@ fn folder_of(path: &Path) -> &Path {
 fn folder_error(target: &Path, error: &std::io::Error) -> Error {
     let folder = folder_of(target);
     let what = format!("write {}", target.display());
+    let of_target = |folder: &Path, message: String, cause| {
+        let problem = Problem::new(folder.display().to_string(), message);
+        Error::new(ErrorKind::Invalid, problem.cause_of(target, cause))
+    };
     match std::fs::metadata(folder) {
         Err(missing) if missing.kind() == std::io::ErrorKind::NotFound => {
             let message = format!("cannot {what}: there is no such folder");
-            Error::invalid(folder.display().to_string(), message)
+            of_target(folder, message, std::io::ErrorKind::NotFound)
                 .help(farm::command_line("mkdir", &["-p".into(), folder.display().to_string()]))
         }
         Ok(data) if !data.is_dir() => {
             let message = format!("cannot {what}: found a file, expected a folder");
-            Error::invalid(folder.display().to_string(), message)
+            of_target(folder, message, std::io::ErrorKind::NotADirectory)
         }
-        _ => Error::io(folder, &what, error),
+        _ => {
+            let mut failed = Error::io(folder, &what, error);
+            failed.problems.iter_mut().for_each(|problem| problem.file = Some(target.to_owned()));
+            failed
+        }
     }
 }
 

@@ -7,9 +7,6 @@ use crate::ray::LANES;
 use crate::simd;
 use crate::units::plural;
 
-/// Largest `tnear`: it must be finite.
-pub(super) const MAX_TNEAR: f64 = f64::MAX;
-
 /// One value for all rays, or a value for each.
 #[derive(Debug, Clone, Copy)]
 pub enum Limits<'a> {
@@ -62,8 +59,9 @@ impl<'a> RayBatch<'a> {
         Ok(Self { origins, directions, tnear, tfar })
     }
 
-    /// The same rays with another segment. A ray with `tfar <= tnear` hits nothing. The t of a hit
-    /// is compared in f64; a `tnear` of 0 excludes no hit.
+    /// The same rays with another segment. A ray with `tfar <= tnear` hits nothing, nor does one
+    /// with an infinite `tnear`: so `tnear` may be the t of all hits of another query. The t of a
+    /// hit is compared in f64; a `tnear` of 0 excludes no hit.
     ///
     /// # Errors
     /// `Invalid` for a number of values other than that of the rays.
@@ -84,7 +82,7 @@ impl<'a> RayBatch<'a> {
     ///
     /// # Errors
     /// `Invalid` for an origin that is not finite or beyond 1e18, a direction that is not finite or
-    /// has length 0, a limit that is negative or NaN, or an infinite `tnear`.
+    /// has length 0, or a limit that is negative or NaN.
     #[cold]
     pub(super) fn check(&self) -> Result<()> {
         if let Some(i) = first(self.origins, |&v| !fits(v)) {
@@ -97,14 +95,10 @@ impl<'a> RayBatch<'a> {
             let message = format!("found {found:?}, expected finite numbers that are not all 0");
             return Err(Error::invalid(format!("directions[{i}]"), message));
         }
-        let limits = [
-            ("tnear", &self.tnear, MAX_TNEAR, "a finite number >= 0"),
-            ("tfar", &self.tfar, f64::INFINITY, "a number >= 0 or infinity"),
-        ];
-        for (name, limits, most, expected) in limits {
+        for (name, limits) in [("tnear", &self.tnear), ("tfar", &self.tfar)] {
             let values = limits.values();
-            if let Some(i) = first(values, |&x| !is_limit(x, most)) {
-                let message = format!("found {}, expected {expected}", values[i]);
+            if let Some(i) = first(values, |&x| !is_limit(x)) {
+                let message = format!("found {}, expected a number >= 0 or infinity", values[i]);
                 let place = match limits {
                     Limits::All(_) => name.to_owned(),
                     Limits::Each(_) => format!("{name}[{i}]"),
@@ -171,8 +165,8 @@ pub(super) fn is_direction([x, y, z]: [f64; 3]) -> bool {
     (x <= f64::MAX) & (y <= f64::MAX) & (z <= f64::MAX) & (x + y + z > 0.0)
 }
 
-/// Whether a limit is in [0, `most`].
+/// Whether a limit is a number >= 0 or infinity.
 #[inline(always)]
-pub(super) fn is_limit(x: f64, most: f64) -> bool {
-    (x >= 0.0) & (x <= most)
+pub(super) fn is_limit(x: f64) -> bool {
+    x >= 0.0
 }

@@ -39,7 +39,7 @@ impl RayScene {
     ///
     /// # Errors
     /// `Invalid` for a value of a ray: an origin that is not finite or beyond 1e18, a direction
-    /// that is not finite or has length 0, a limit that is negative or NaN, an infinite `tnear`.
+    /// that is not finite or has length 0, a limit that is negative or NaN.
     /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
     pub fn closest(&self, rays: &RayBatch, monitor: &Monitor) -> Result<FirstHits> {
         let count = rays.len();

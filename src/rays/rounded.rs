@@ -1,6 +1,6 @@
 //! Packets of a caller's rays, rounded for the tree.
 
-use super::batch::{MAX_TNEAR, RayBatch, fits, is_direction, is_limit};
+use super::batch::{RayBatch, fits, is_direction, is_limit};
 use super::scene::RayScene;
 use crate::error::Result;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
@@ -138,23 +138,24 @@ impl Kernel for Round<'_> {
         for i in 0..LANES {
             valid &= fits([from[0][i], from[1][i], from[2][i]])
                 & is_direction([direction[0][i], direction[1][i], direction[2][i]])
-                & is_limit(tnear[i], MAX_TNEAR)
-                & is_limit(tfar[i], f64::INFINITY);
+                & is_limit(tnear[i])
+                & is_limit(tfar[i]);
         }
         let (mut local, mut active, mut limited) = (Rays::EMPTY, Mask::NONE, Mask::NONE);
         let far = 4.0 * f64::from(size);
         for i in 0..LANES {
             let [dx, dy, dz] = [direction[0][i], direction[1][i], direction[2][i]];
-            let down = power_of_two(dx.abs().max(dy.abs()).max(dz.abs()));
+            let longest = dx.abs().max(dy.abs()).max(dz.abs());
+            let down = power_of_two(longest);
             let [dx, dy, dz] = [dx * down, dy * down, dz * down];
             let [fx, fy, fz] = [from[0][i], from[1][i], from[2][i]];
             let [x, y, z] = [middle[0] - fx, middle[1] - fy, middle[2] - fz];
             // From here the rest of the way to the middle is some 2 sizes.
             let along = (x * dx + y * dy + z * dz) / (dx * dx + dy * dy + dz * dz);
             let ahead = along - 2.0 * f64::from(size);
-            let is_far = x.abs().max(y.abs()).max(z.abs()) > far;
+            // A denormal direction stays short, so `ahead` would lead too far.
+            let is_far = (x.abs().max(y.abs()).max(z.abs()) > far) & (longest >= f64::MIN_POSITIVE);
             let ahead = if is_far & (ahead > 0.0) & (ahead < f64::INFINITY) { ahead } else { 0.0 };
-            let shift = ahead * down;
             local.org[0][i] = (fx - origin[0] + dx * ahead) as f32;
             local.org[1][i] = (fy - origin[1] + dy * ahead) as f32;
             local.org[2][i] = (fz - origin[2] + dz * ahead) as f32;
@@ -164,8 +165,8 @@ impl Kernel for Round<'_> {
             // Exact: a power of two.
             let up = 1.0 / down;
             let before = if tnear[i] > 0.0 { slack } else { 0.0 };
-            local.tnear[i] = ((tnear[i] - shift) * up - before).max(0.0) as f32;
-            local.tfar[i] = ((tfar[i] - shift) * up + slack) as f32;
+            local.tnear[i] = (tnear[i] * up - ahead - before).max(0.0) as f32;
+            local.tfar[i] = (tfar[i] * up - ahead + slack) as f32;
             limited.0[i] = -i32::from((tnear[i] > 0.0) | (tfar[i] < f64::INFINITY));
             active.0[i] = -i32::from((tnear[i] < tfar[i]) & (i < count));
         }

@@ -182,9 +182,8 @@ const OTHER_MESHES: [&str; 11] =
 /// longer than 256 MiB.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::IsADirectory => {
-            let name = path.display().to_string();
-            Error::invalid(name, "found a folder, expected a scene file")
+        cause @ std::io::ErrorKind::IsADirectory => {
+            Error::of_file(path, cause, "found a folder, expected a scene file")
                 .help("name the .json file in it")
         }
         _ => {

@@ -118,7 +118,8 @@ impl Opened {
         let io = |e: std::io::Error| Error::io(path, "read", &e);
         let meta = std::fs::metadata(path).map_err(io)?;
         if meta.is_dir() {
-            return Err(Error::invalid(name, "is a folder, not a PLY file")
+            let message = "is a folder, not a PLY file";
+            return Err(Error::of_file(path, std::io::ErrorKind::IsADirectory, message)
                 .help("name a .ply file inside it"));
         }
         let mut file = File::open(path).map_err(io)?;

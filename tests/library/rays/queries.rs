@@ -144,6 +144,29 @@ fn a_stopped_monitor_ends_every_query() {
 }
 
 #[test]
+fn tnear_may_be_the_t_of_another_query() {
+    let monitor = Monitor::default();
+    let scene = RayScene::new(vec![Box::new(ball(5, [0.0; 3]))], &monitor).expect("a scene");
+    // Half of the rays start inside.
+    let origins: Vec<_> = [around(500, 3.0), around(500, 0.1)].concat();
+    let directions: Vec<_> = around(1000, 1.0).into_iter().rev().collect();
+    let rays = RayBatch::new(&origins, &directions).expect("rays");
+    let t = scene.closest(&rays, &monitor).expect("hits").t;
+    let misses = t.iter().filter(|t| t.is_infinite()).count();
+    assert!(misses > 100 && misses < 600, "{misses}");
+    let next = rays.with_limits(Limits::Each(&t), Limits::All(f64::INFINITY)).expect("rays");
+    let count = |rays| scene.count(rays, &monitor).expect("counts");
+    let fewer: Vec<u32> = count(&rays).iter().map(|n| n.saturating_sub(1)).collect();
+    assert_eq!(count(&next), fewer);
+    let hit: Vec<bool> = fewer.iter().map(|&n| n > 0).collect();
+    assert_eq!(scene.occluded(&next, &monitor).expect("answers"), hit);
+    let found = scene.closest(&next, &monitor).expect("hits").t;
+    assert_eq!(found.iter().map(|t| t.is_finite()).collect::<Vec<_>>(), hit);
+    let never = rays.with_limits(Limits::All(f64::INFINITY), Limits::All(f64::INFINITY));
+    assert!(count(&never.expect("rays")).iter().all(|&n| n == 0));
+}
+
+#[test]
 fn wrong_rays_are_refused_with_their_place() {
     fn place<T>(result: lightpath::Result<T>) -> String {
         result.map(|_| ()).unwrap_err().problems[0].place.clone()
@@ -172,7 +195,7 @@ fn wrong_rays_are_refused_with_their_place() {
     wrong[1500][0] = f64::NAN;
     assert_eq!(refused(RayBatch::new(&wrong, &good).expect("rays")), "origins[1500]");
     let limited = |tnear, tfar| refused(rays.with_limits(tnear, tfar).expect("as many values"));
-    assert_eq!(limited(Limits::All(f64::INFINITY), Limits::All(1.0)), "tnear");
+    assert_eq!(limited(Limits::All(f64::NAN), Limits::All(1.0)), "tnear");
     let mut ends = [1.0; 2000];
     ends[1700] = -1.0;
     assert_eq!(limited(Limits::All(0.0), Limits::Each(&ends)), "tfar[1700]");

@@ -481,7 +481,7 @@ fn an_object_with_a_misspelt_type_is_checked_as_the_type_it_means() {
     );
     let camera = CAMERA.replace("pinhole", "pinhle").replace("\"fov\"", "\"fvo\"");
     assert_eq!(
-        errors(&camera, &sphere()),
+        errors(&camera, sphere()),
         [
             "/camera: missing key `fov`",
             "/camera/type: found \"pinhle\"",
