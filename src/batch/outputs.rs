@@ -61,7 +61,7 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
 /// Refuses a contact sheet that would overwrite an input.
 ///
 /// # Errors
-/// The first such file; those of [`inputs`].
+/// The first such file; those of `inputs`.
 pub fn refuse_sheet(job: &Job) -> Result<()> {
     refuse_files(job, sheet::paths(job))
 }
@@ -69,7 +69,7 @@ pub fn refuse_sheet(job: &Job) -> Result<()> {
 /// Refuses files beside the frames that would overwrite an input.
 ///
 /// # Errors
-/// The first such file; those of [`inputs`].
+/// The first such file; those of `inputs`.
 pub fn refuse_files(job: &Job, mut outputs: impl Iterator<Item = PathBuf>) -> Result<()> {
     let inputs = inputs(job)?;
     outputs.try_for_each(|output| refuse_if_input(&output, &inputs))

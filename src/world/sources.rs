@@ -62,7 +62,7 @@ pub fn own_images(path: &Path) -> Vec<PathBuf> {
     images
 }
 
-/// Returns the path of the image that a mesh names: [`beside`] the file at `path`.
+/// Returns the path of the image that a mesh names: beside the file at `path`.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Option<PathBuf> {
     mesh.texture_file.as_ref().map(|name| beside(path, name))
 }
