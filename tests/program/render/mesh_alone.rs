@@ -112,7 +112,8 @@ fn json_progress_ends_with_all_done() {
     let done = render(&scratch, "m.ply", &["--progress", "json", "--quiet"]).good();
     let said = done.stderr();
     let lines = said.lines().map(|line| serde_json::from_str(line).unwrap());
-    let last: Value = lines.last().unwrap();
+    let lines: Vec<Value> = lines.collect();
+    let last = lines.last().unwrap();
     assert_eq!((&last["phase"], &last["done"]), (&json!("write"), &json!(1)), "{said}");
 }
 
