@@ -354,8 +354,8 @@ impl Run<'_> {
     }
 }
 
-/// Returns true if an error of writing is not about one name: a disk is full or read-only, or another
-/// resource is exhausted (`Retry`).
+/// Returns true if an error of writing is not about one name: a disk is full or read-only, or
+/// another resource is exhausted (`Retry`).
 fn is_shared(error: &Error) -> bool {
     let read_only = |problem: &Problem| problem.cause == Some(io::ErrorKind::ReadOnlyFilesystem);
     error.kind == ErrorKind::Retry || error.problems.iter().any(read_only)

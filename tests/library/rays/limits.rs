@@ -5,10 +5,10 @@ use lightpath::{Limits, Mesh, Monitor, Positions, RayBatch, RayScene};
 
 use super::queries::{around, ball, difference, scene};
 
-/// Compares `closest` and `occluded` with all hits. Each neighbour at a vertex has a t of its own, up
-/// to rounding, and a ray that only touches a surface has no hits among all. So the closest hit may
-/// be nearer than the first of all, but not farther. Returns the number of rays whose t differs, and
-/// of those that are occluded without a closest hit.
+/// Compares `closest` and `occluded` with all hits. Each neighbour at a vertex has a t of its own,
+/// up to rounding, and a ray that only touches a surface has no hits among all. So the closest hit
+/// may be nearer than the first of all, but not farther. Returns the number of rays whose t
+/// differs, and of those that are occluded without a closest hit.
 fn disagreeing(scene: &RayScene, rays: &RayBatch) -> [usize; 2] {
     let monitor = Monitor::default();
     let closest = scene.closest(rays, &monitor).expect("hits");

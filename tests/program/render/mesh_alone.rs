@@ -111,8 +111,9 @@ fn json_progress_ends_with_all_done() {
     scratch.write("m.ply", &square(""));
     let done = render(&scratch, "m.ply", &["--progress", "json", "--quiet"]).good();
     let said = done.stderr();
-    let mut lines = said.lines().map(|line| serde_json::from_str(line).unwrap());
-    let last: Value = lines.next_back().unwrap();
+    let lines = said.lines().map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
+    let last = lines.last().unwrap();
     assert_eq!((&last["phase"], &last["done"]), (&json!("write"), &json!(1)), "{said}");
 }
 
