@@ -81,8 +81,8 @@ pub fn light_rays(
     active
 }
 
-/// Largest exponent for which N.H is computed in single precision. Near 1 its steps are 6e-8, so the
-/// relative error of the power is 6e-5.
+/// Largest exponent for which N.H is computed in single precision. Near 1 its steps are 6e-8, so
+/// the relative error of the power is 6e-5.
 const MAX_SINGLE: f32 = 1024.0;
 
 /// Multiplies the specular weights by max(0, N.H)^exponent; H is the unit half vector.

@@ -39,8 +39,8 @@ pub(super) fn occlusion(scene: &Scene, geometry: &Geometry, origin: &Origin) -> 
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
-/// Returns the shortest distance for ambient occlusion, in world units. Rounding would turn the rays
-/// of a shorter one below the surface. Coordinates are as large as the scene's box, or as the
+/// Returns the shortest distance for ambient occlusion, in world units. Rounding would turn the
+/// rays of a shorter one below the surface. Coordinates are as large as the scene's box, or as the
 /// distance from the camera if that is their origin.
 fn shortest_occlusion(origin: &Origin) -> f64 {
     let nearest = if origin.nearest.is_finite() { origin.nearest } else { 0.0 };
