@@ -194,12 +194,6 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
     };
     let own = args.inputs.first().filter(|_| document.is_some()).map(PathBuf::as_path);
     let looks = apply_flags(args, &mut file)?;
-    let replaced = [
-        ("/output/name", "--name", args.name.is_some()),
-        ("/turntable", "--turntable", args.frames.turntable.is_some()),
-    ];
-    let replaced = replaced.into_iter().filter(|(_, _, given)| *given);
-    let flags = replaced.map(|(key, flag, _)| (key, flag)).collect();
     let limits = file.limits.clone();
     let beside = Flags {
         overrides: overrides::from_flags(&args.scene, &args.machine)?,
@@ -209,7 +203,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         looks,
         turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
-        places: Places { document, flags },
+        places: Places { document, name_is_flag: args.name.is_some() },
     };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(own), beside)?;
@@ -231,7 +225,7 @@ pub fn load_job_file(path: &Path, output: Option<&Path>) -> Result<Option<(Job, 
     let Some((mut file, document)) = read_job_file(path)? else { return Ok(None) };
     set_output(&mut file, output)?;
     let limits = file.limits.clone();
-    let places = Places { document: Some(document), flags: Vec::new() };
+    let places = Places { document: Some(document), name_is_flag: false };
     let flags = Flags { file: Some(path.to_owned()), places, ..Flags::default() };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(Some(path)), flags)?;
