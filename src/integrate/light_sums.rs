@@ -3,7 +3,7 @@
 use super::adaptive_shadows::LightPoint;
 use super::record::Record;
 use super::sampled_light::SampledLight;
-use super::split::{LightPartSums, changed};
+use super::split::{LightPartSums, without_residue};
 use crate::ray::{LANES, Mask};
 use crate::shading::{Lanes3, Light, LightWeights, lane};
 
@@ -78,7 +78,7 @@ impl LightSums {
             return;
         }
         for (sum, part) in self.light.iter_mut().flatten().zip(part.light.iter().flatten()) {
-            *sum = changed(*sum, factor * part);
+            *sum = without_residue(*sum, factor * part);
         }
         if R::ON {
             self.split.add_part(&part.split, factor);

@@ -83,9 +83,9 @@ impl LightPartSums {
         for axis in 0..3 {
             for i in 0..LANES {
                 let sum = &mut self.diffuse[axis][i];
-                *sum = changed(*sum, factor * part.diffuse[axis][i]);
+                *sum = without_residue(*sum, factor * part.diffuse[axis][i]);
                 let sum = &mut self.specular[axis][i];
-                *sum = changed(*sum, factor * part.specular[axis][i]);
+                *sum = without_residue(*sum, factor * part.specular[axis][i]);
             }
         }
         // Not clamped: one result may be outside [0, n], because the draws follow the light.
@@ -109,10 +109,14 @@ impl LightPartSums {
     }
 }
 
+/// Largest light that rounding to single precision leaves where all is taken away, as a fraction of
+/// the light before. The terms are rounded by 2^-24 of them; 1e-8 of the sum was seen.
+const RESIDUE: f64 = 1e-6;
+
 /// Returns `sum + change`. Light that is taken away again, in single precision, leaves no light of
 /// the other sign: the result is 0 if only rounding tells it from 0.
 #[inline(always)]
-pub fn changed(sum: f64, change: f64) -> f64 {
+pub fn without_residue(sum: f64, change: f64) -> f64 {
     let whole = sum + change;
-    if whole * sum < 0.0 && whole.abs() <= 1e-6 * sum.abs() { 0.0 } else { whole }
+    if whole * sum < 0.0 && whole.abs() <= RESIDUE * sum.abs() { 0.0 } else { whole }
 }

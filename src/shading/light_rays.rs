@@ -83,12 +83,14 @@ pub fn light_rays(
 
 /// Largest exponent for which N.H is computed in single precision. Near 1 its steps are 6e-8, so
 /// the relative error of the power is 6e-5.
-const MAX_SINGLE: f32 = 1024.0;
+const MAX_SINGLE_EXPONENT: f32 = 1024.0;
 
 /// Multiplies the specular weights by max(0, N.H)^exponent; H is the unit half vector.
 #[inline(always)]
 fn specular(points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights) {
-    if points.exponent.iter().fold(0.0, |max: f32, exponent| max.max(*exponent)) > MAX_SINGLE {
+    if points.exponent.iter().fold(0.0, |max: f32, exponent| max.max(*exponent))
+        > MAX_SINGLE_EXPONENT
+    {
         return sharp_specular(points, q, weights);
     }
     for i in 0..LANES {
@@ -107,7 +109,7 @@ fn sharp_specular(points: &ShadowPoints, q: &Lanes3, weights: &mut LightWeights)
     for i in 0..LANES {
         let to_light = lane(q, i) - lane(&points.position, i);
         let (n, view, exponent) = (lane(&points.n, i), lane(&points.view, i), points.exponent[i]);
-        let cosine = if exponent > MAX_SINGLE {
+        let cosine = if exponent > MAX_SINGLE_EXPONENT {
             let unit = |v: Vec3| v.as_dvec3().normalize();
             unit(n).dot((unit(to_light) + unit(view)).normalize())
         } else {
@@ -160,7 +162,7 @@ mod tests {
                 let h = q.as_dvec3().normalize() + DVec3::new(0.6, 0.8, 0.0);
                 let exact = h.normalize().y.powf(f64::from(exponent));
                 let error = (f64::from(weights.specular[0]) - exact).abs();
-                let bound = if exponent > MAX_SINGLE { 1e-3 } else { 2e-4 };
+                let bound = if exponent > MAX_SINGLE_EXPONENT { 1e-3 } else { 2e-4 };
                 assert!(error <= bound, "{exponent} {angle}: {} {exact}", weights.specular[0]);
             }
         }
