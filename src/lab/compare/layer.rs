@@ -10,8 +10,8 @@ use crate::reserve;
 
 /// Largest number of bytes that the pixels of a file may take.
 pub const MAX_BYTES: u64 = 4 << 30;
-/// Estimated bytes that the comparison of a pixel of light takes, most of them for FLIP, as
-/// measured.
+/// Estimated bytes that the comparison of a pixel of light takes, most of them for FLIP: 230 were
+/// measured with both pictures (docs/notebook/measuring.md).
 pub const WORKING_BYTES: u64 = 200;
 
 named! {
