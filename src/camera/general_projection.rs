@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::axes::{sees_behind, unit};
 use crate::calibration::Inverse;
@@ -106,5 +106,22 @@ impl GeneralProjection {
                 (self.position, x * (sin * level) + y * up + z * (cos * level))
             }
         }
+    }
+
+    /// Changes of origin and unit direction from a raster position to one a pixel to the right and
+    /// to one a pixel below. Zero where the camera has no rays.
+    #[inline(never)]
+    pub fn changes(&self, at: [f64; 2]) -> [[DVec3; 2]; 2] {
+        let here = self.exact_ray(at);
+        let between = |step: DVec2| {
+            let (origin, direction) = self.exact_ray((DVec2::from(at) + step).to_array());
+            [origin - here.0, direction.normalize() - here.1.normalize()]
+        };
+        [DVec2::X, DVec2::Y].map(|step| {
+            // Beyond the last pixel of the frame and its overscan there may be no ray.
+            let [ahead, behind] = [between(step), between(-step).map(|change| -change)];
+            let known = |change: &[DVec3; 2]| change[0].is_finite() && change[1].is_finite();
+            [ahead, behind].into_iter().find(known).unwrap_or_default()
+        })
     }
 }

@@ -153,24 +153,12 @@ impl Camera {
         self.general_projection.as_ref().is_some_and(|projection| projection.sees_behind)
     }
 
-    /// Cone of the pixel in the middle of a frame of this size in pixels. Returns its width at the
-    /// ray's origin, in world units, and the growth of the width per unit of distance. Computed
-    /// from the rays of neighbouring pixels.
-    pub fn cone(&self, [width, height]: [u32; 2]) -> [f64; 2] {
-        let exact = |x: f64, y: f64| match &self.general_projection {
-            Some(projection) => projection.exact_ray([x, y]),
-            None => {
-                let direction = self.corner + self.right * x + self.down * y;
-                (self.position, direction.normalize())
-            }
-        };
-        let [x, y] = [f64::from(width) / 2.0, f64::from(height) / 2.0];
-        let (origin, direction) = exact(x, y);
-        let [right, down] = [exact(x + 1.0, y), exact(x, y + 1.0)];
-        let mean = |of: fn((DVec3, DVec3)) -> DVec3, middle: DVec3| {
-            ((of(right) - middle).length() * (of(down) - middle).length()).sqrt()
-        };
-        [mean(|ray| ray.0, origin), mean(|ray| ray.1.normalize(), direction.normalize())]
+    /// Changes per pixel, to the right and down, of the point that a ray has in the plane at distance
+    /// 1 along the unit direction of view, and this direction. For cameras without a general
+    /// projection; through a lens, of the ray from one point of the lens.
+    pub fn steps(&self) -> ([DVec3; 2], DVec3) {
+        let distance = self.corner.dot(self.forward);
+        ([self.right / distance, self.down / distance], self.forward)
     }
 
     /// Whether rays need lens samples, that is, whether the camera has a lens.

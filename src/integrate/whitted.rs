@@ -5,8 +5,8 @@ use glam::Vec3;
 
 use super::camera_packet::CameraPacket;
 use super::clear_squares::ClearSquares;
-use super::cones::Cones;
 use super::crevices::Crevices;
+use super::differentials::Differentials;
 use super::light_batch::LightBatch;
 use super::light_shafts::LightShafts;
 use super::plate::Plate;
@@ -57,8 +57,8 @@ pub struct WhittedIntegrator<'a> {
     pub(super) batch: LightBatch,
     /// Holdouts and shadow catchers; `None` in a scene without any.
     pub(super) plate: Option<Box<Plate>>,
-    /// Cones of the rays; `None` if no texture needs them.
-    cones: Option<Box<Cones>>,
+    /// Differentials of the rays; `None` if no texture needs them.
+    differentials: Option<Box<Differentials>>,
     pub(super) throughput: [f32; LANES],
     /// Radiance of the packet's lanes: the result of [`WhittedIntegrator::shade`].
     pub radiance: Lanes3,
@@ -95,7 +95,7 @@ impl<'a> WhittedIntegrator<'a> {
             gathered: ShadowPoints::EMPTY,
             batch: LightBatch::EMPTY,
             plate: world.shapes.has_roles.then(plate),
-            cones: world.shapes.has_areas.then(|| Box::new(Cones::new(world))),
+            differentials: world.shapes.has_areas.then(|| Box::new(Differentials::new(world))),
             throughput: [1.0; LANES],
             radiance: [[0.0; LANES]; 3],
         }
@@ -176,6 +176,9 @@ impl<'a> WhittedIntegrator<'a> {
         let rays = &mut camera_packet.packet.rays;
         let active = reflect(&self.points, &self.surfaces.outside, rays);
         if active.any() {
+            if let Some(differentials) = &mut self.differentials {
+                differentials.reflect(&self.points.at.n);
+            }
             for i in 0..LANES {
                 self.throughput[i] *= self.points.kr[i];
             }
@@ -371,8 +374,8 @@ impl<R: Record> Stage<CameraPacket, RayCounts, R> for WhittedIntegrator<'_> {
         if let Some(plate) = &mut self.plate {
             plate.clear();
         }
-        if let Some(cones) = &mut self.cones {
-            cones.start();
+        if let Some(differentials) = &mut self.differentials {
+            differentials.start(world, camera_packet);
         }
         for bounce in 0..=world.nbounces {
             if bounce > 0 {
@@ -399,15 +402,15 @@ impl<R: Record> Stage<CameraPacket, RayCounts, R> for WhittedIntegrator<'_> {
                 hit = self.split_off_holdouts(camera_packet, &hit);
             }
             let points = &mut self.points;
-            if let Some(cones) = &mut self.cones {
-                cones.advance(&camera_packet.packet.rays, &self.surfaces);
+            if let Some(differentials) = &mut self.differentials {
+                differentials.advance(&camera_packet.packet.rays, &self.surfaces);
             }
-            let widths = self.cones.as_ref().map(|cones| &cones.widths);
+            let areas = self.differentials.as_ref().map(|all| &all.positions);
             world.shapes.look(
                 &world.geometry,
                 &camera_packet.packet,
                 &self.surfaces,
-                widths,
+                areas,
                 points,
             );
             let catching = self.plate.as_ref().is_some_and(|plate| plate.catching);

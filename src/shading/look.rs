@@ -4,7 +4,7 @@ use glam::{DVec2, Vec3};
 
 use super::footprints::{Footprints, UvChanges};
 use super::mesh_colors::MeshColors;
-use super::points::{Lanes, Points, set_lane};
+use super::points::{Lanes3, Points, set_lane};
 use super::smooth::SmoothTriangles;
 use super::texture::Texture;
 use super::uv::UvSource;
@@ -135,14 +135,15 @@ pub struct Shapes {
 
 impl Shapes {
     /// Computes the shading points of 16 surface points: material, base colour and shading normal.
-    /// `cones` are the widths of the rays' cones there, if textures are averaged over them.
+    /// `areas` are the sides of the areas that the samples stand for, if textures are averaged over
+    /// them.
     #[inline(always)]
     pub fn look(
         &self,
         geometry: &Geometry,
         packet: &RayPacket,
         surfaces: &Surfaces,
-        cones: Option<&Lanes>,
+        areas: Option<&[Lanes3; 2]>,
         out: &mut Points,
     ) {
         out.at.position = surfaces.position;
@@ -166,8 +167,8 @@ impl Shapes {
             return;
         }
         // No closures here: they would be compiled for the portable tier and called.
-        let areas = match cones {
-            Some(widths) => self.areas(geometry, packet, surfaces, widths),
+        let areas = match areas {
+            Some(sides) => self.areas(geometry, packet, surfaces, sides),
             None => None,
         };
         let mut smooth = None;
@@ -330,14 +331,14 @@ impl Shapes {
         (shape, &self.materials[shape.material as usize])
     }
 
-    /// Returns the areas of textures that cones of these widths cover. `None` if no lane needs one.
+    /// Returns the areas of textures with these sides on the surfaces. `None` if no lane needs one.
     #[inline(always)]
     fn areas(
         &self,
         geometry: &Geometry,
         packet: &RayPacket,
         surfaces: &Surfaces,
-        widths: &Lanes,
+        sides: &[Lanes3; 2],
     ) -> Option<Footprints> {
         let mut changes = None;
         for i in 0..LANES {
@@ -359,7 +360,7 @@ impl Shapes {
             }
         }
         let changes = changes.as_mut()?;
-        Some(changes.footprints(&surfaces.ng, &packet.rays.dir, widths))
+        Some(changes.footprints(sides))
     }
 
     /// Computes texture and colours of one lane. `areas` are those of the textures, if they are

@@ -315,28 +315,27 @@ impl MipMap {
 
     /// Mean colour of `image` over an area around `uv`.
     ///
-    /// Points along the longer side of the area, each a trilinear lookup as wide as the shorter
-    /// side: McCormack et al. 1999, "Feline: Fast Elliptical Lines for Anisotropic Texture
-    /// Mapping", SIGGRAPH.
+    /// Points along the longer axis of the area, each a trilinear lookup as wide as the shorter
+    /// axis: McCormack et al. 1999, "Feline: Fast Elliptical Lines for Anisotropic Texture
+    /// Mapping", SIGGRAPH. The variance of the points' positions and that of a box as wide as a
+    /// lookup add to that of the area, so that a further point changes the mean by little.
     pub fn lookup(&self, image: &TexelImage, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
         let (width, height) = image.size();
         let size = DVec2::new(f64::from(width), f64::from(height));
-        let [mut long, mut short] = area.sides.map(|side| (side, (side * size).length_squared()));
-        if short.1 > long.1 {
-            std::mem::swap(&mut long, &mut short);
-        }
+        let (long, length, thickness) = axes(area.sides.map(|side| side * size));
         // An area within a texel is a point.
-        if !(long.1 > 1.0) {
+        if !(length > 1.0) {
             return image.bilinear(uv, wrap);
         }
-        let (length, thickness) = (long.1.sqrt(), short.1.sqrt());
-        let points = (length / thickness.max(1.0)).ceil().clamp(1.0, MAX_POINTS);
-        let width = (length / points).max(thickness);
-        let level = width.log2().max(0.0);
+        let width = thickness.max(length / MAX_POINTS).max(1.0);
+        let points = (length / width).ceil();
+        let others = (points * points - 1.0).max(1.0);
+        let step = long / size * (((length * length - width * width).max(0.0) / others).sqrt());
+        let level = width.log2();
         let mut sum = Vec3::ZERO;
         for point in 0..points as u32 {
-            let along = (f64::from(point) + 0.5) / points - 0.5;
-            sum += self.trilinear(image, uv + long.0 * along, level, wrap);
+            let along = f64::from(point) - 0.5 * (points - 1.0);
+            sum += self.trilinear(image, uv + step * along, level, wrap);
         }
         sum / points as f32
     }
@@ -360,8 +359,28 @@ impl MipMap {
     }
 }
 
+/// The axes of the ellipse through the ends of two conjugate half sides: the unit vector along the
+/// longer one, its length, and that of the shorter one.
+fn axes([a, b]: [DVec2; 2]) -> (DVec2, f64, f64) {
+    let (mean, half) = (
+        0.5 * (a.length_squared() + b.length_squared()),
+        0.5 * (a.length_squared() - b.length_squared()),
+    );
+    let mixed = a.dot(b);
+    let root = half.hypot(mixed);
+    let long = (mean + root).sqrt();
+    // Exact where the ellipse is a line: the area is the product of the axes.
+    let short = a.perp_dot(b).abs() / long;
+    // The angle at which a cos + b sin is longest, from twice the angle.
+    let cosine = if root > 0.0 { (0.5 * (1.0 + half / root)).max(0.0).sqrt() } else { 1.0 };
+    let sine = if root > 0.0 { (0.5 * (1.0 - half / root)).max(0.0).sqrt() } else { 0.0 };
+    ((a * cosine + b * sine.copysign(mixed)) / long, long, short)
+}
+
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const REPEAT: [Wrap; 2] = [Wrap::Repeat; 2];
@@ -459,5 +478,37 @@ mod tests {
         let black = map.lookup(&image, DVec2::new(2.0 / 64.0, 0.5), &area, REPEAT);
         let white = map.lookup(&image, DVec2::new(6.0 / 64.0, 0.5), &area, REPEAT);
         assert!(black.x < 0.01 && white.x > 0.99, "{black} {white}");
+    }
+
+    #[test]
+    fn axes_are_those_of_the_ellipse() {
+        for (turn, scale, mix) in
+            [(0.0, 0.3, 0.0), (0.4, 0.2, 1.1), (2.0, 1.0, 0.7), (1.2, 0.0, 2.5)]
+        {
+            // Any two conjugate half sides of an ellipse with these axes.
+            let (long, short) = (DVec2::from_angle(turn) * 3.0, DVec2::from_angle(turn).perp());
+            let at = |angle: f64| long * angle.cos() + short * (3.0 * scale * angle.sin());
+            let (direction, length, thickness) = axes([at(mix), at(mix + 0.5 * PI)]);
+            assert!((length - 3.0).abs() < 1e-12 && (thickness - 3.0 * scale).abs() < 1e-9);
+            let parallel = direction.dot(long).abs() / 3.0;
+            assert!(scale == 1.0 || (parallel - 1.0).abs() < 1e-9, "{parallel}");
+        }
+    }
+
+    /// More points than before change the mean by little: an area that is hardly longer than wide
+    /// is read as a square one.
+    #[test]
+    fn the_mean_changes_little_with_the_number_of_points() {
+        let image = floats(64, 64);
+        let map = MipMap::new(&image, u64::MAX, "test").unwrap();
+        let read = |length: f64, uv| {
+            let sides = [DVec2::X * (4.0 * length / 64.0), DVec2::Y * (4.0 / 64.0)];
+            map.lookup(&image, uv, &Footprint { sides }, REPEAT)
+        };
+        for i in 0..100 {
+            let uv = DVec2::new(0.013 * f64::from(i), 0.029 * f64::from(i));
+            let off = (read(1.000_001, uv) - read(1.0, uv)).abs().max_element();
+            assert!(off < 0.05, "{off}");
+        }
     }
 }

@@ -68,22 +68,33 @@ pub fn load_library() -> Result<Arc<Api>> {
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
     let library = unsafe { libloading::Library::new(file) };
-    let library = library.map_err(|error| match has_room() {
+    let library = library.map_err(|error| match has_room(LIBRARY_BYTES) {
         true => missing(&error),
         false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
 }
 
-/// Returns whether enough address space is left for Embree and TBB, whose files have 44 MB.
+/// Address space for the files of Embree and TBB, which have 44 MB.
+const LIBRARY_BYTES: usize = 128 << 20;
+
+/// Address space for a device, and for each of its threads. With less, TBB may abort the process or
+/// wait without end. With this much, of 133 renders and batches under limits of 300 to 740 MB none did.
+const DEVICE_BYTES: usize = 128 << 20;
+const THREAD_BYTES: usize = 32 << 20;
+
+/// Returns whether so much address space is left.
 ///
-/// The loader's error does not distinguish a lack of memory from other failures to map a segment.
-fn has_room() -> bool {
-    Vec::<u8>::new().try_reserve_exact(128 << 20).is_ok()
+/// The errors of the loader and of TBB do not distinguish a lack of memory from other failures.
+fn has_room(bytes: usize) -> bool {
+    Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
 }
 
 impl Raw {
     fn new(api: Arc<Api>, threads: usize) -> Result<Self> {
+        if !has_room(threads.saturating_mul(THREAD_BYTES).saturating_add(DEVICE_BYTES)) {
+            return Err(Error::no_memory("Embree", "cannot create a device: out of memory"));
+        }
         let config = CString::new(format!("threads={threads},set_affinity=0"))
             .map_err(|e| Error::invalid("Embree", e.to_string()))?;
         // SAFETY: a NUL-terminated string.

@@ -107,6 +107,97 @@ fn a_mirror_shows_what_is_behind_it_as_sharp_as_its_distance() {
     assert!(areas <= 0.5 * points, "{areas} {points}");
 }
 
+/// Linear RGB of all pixels of a picture with a camera of its own and one sample a pixel.
+fn seen_by(camera: &Value, shapes: &Value, more: &[&str]) -> Vec<f32> {
+    let scene = json!({ "camera": camera, "scene": { "ambient": [1, 1, 1], "shapes": shapes } });
+    let loaded = LoadedScene::from_json(&scene.to_string(), more).unwrap();
+    let film = loaded.renderer().unwrap().render().unwrap();
+    film.pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()
+}
+
+/// A wall in the plane z = 0 with the image, averaged over areas.
+fn wall(image: &std::path::Path) -> Value {
+    json!({ "type": "plane", "v0": [-1, -1, 0], "v1": [1, -1, 0], "v2": [1, 1, 0], "v3": [-1, 1, 0],
+            "material": { "kd": 0, "ka": 1, "tPath": image, "filter": "trilinear" } })
+}
+
+fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// On a wall that is parallel to the picture, every pixel covers the same area, whatever the angle
+/// of the lens, and whether a mirror is between.
+#[test]
+fn a_wall_is_as_sharp_at_the_edges_of_a_wide_picture() {
+    let folder = Scratch::new();
+    let image = folder.path("noise.png");
+    let hash = |x: u32, y: u32| (x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77)) >> 24;
+    // 4 x 4 texels a pixel.
+    let side = 4 * SIDE as u32;
+    RgbImage::from_fn(side, side, |x, y| Rgb([hash(x, y) as u8, (x * 37 + y * y) as u8, 9]))
+        .save(&image)
+        .unwrap();
+    let wall = wall(&image);
+    let shapes = json!([wall]);
+    let orthographic = json!({ "type": "orthographic", "width": SIDE, "height": SIDE,
+        "viewwidth": 2, "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] });
+    let expected = seen_by(&orthographic, &shapes, &[]);
+    let spread = largest_difference(&expected, &vec![0.2; expected.len()]);
+    assert!(spread > 0.1, "{spread}");
+    for fov in [20.0f64, 90.0, 140.0] {
+        let distance = 1.0 / (fov.to_radians() / 2.0).tan();
+        let mut pinhole = json!({ "type": "pinhole", "width": SIDE, "height": SIDE, "fov": fov,
+            "position": [0, 0, distance], "lookat": [0, 0, -1], "up": [0, 1, 0] });
+        let off = largest_difference(&seen_by(&pinhole, &shapes, &[]), &expected);
+        assert!(off < 1e-3, "{fov}: {off}");
+        // A mirror half way to the wall, which is behind the camera.
+        pinhole["position"] = json!([0, 0, 0.1 * distance]);
+        let z = 0.55 * distance;
+        let mirror = json!({ "type": "plane", "v0": [-9, -9, z], "v1": [9, -9, z],
+            "v2": [9, 9, z], "v3": [-9, 9, z], "material": { "kd": 0, "kr": 1 } });
+        pinhole["lookat"] = json!([0, 0, 1]);
+        let mirrored = seen_by(&pinhole, &json!([mirror, wall]), &["/nbounces=1"]);
+        // The camera looks the other way, so the picture is the other way round.
+        let rows = expected.chunks(3 * SIDE).flat_map(|row| row.chunks(3).rev().flatten().copied());
+        let off = largest_difference(&mirrored, &rows.collect::<Vec<_>>());
+        assert!(off < 1e-3, "mirror, {fov}: {off}");
+    }
+}
+
+/// A part of a panorama, and a tile that is made by moving the principal point, show what the whole
+/// picture shows there.
+#[test]
+fn tiles_of_a_picture_by_their_own_cameras_agree_with_it() {
+    let folder = Scratch::new();
+    let image = texture(&folder);
+    let shapes = json!([{ "type": "plane", "v0": [-8, -6, -5], "v1": [8, -6, -5], "v2": [8, 7, -3],
+        "v3": [-8, 7, -3],
+        "material": { "kd": 0, "ka": 1, "tPath": image, "filter": "trilinear" } }]);
+    let rows = |picture: &[f32], from: usize, to: usize, width: usize| {
+        picture[3 * from * width..3 * to * width].to_vec()
+    };
+    let panorama = |rows: usize, latitude: [f64; 2]| {
+        json!({ "type": "panorama", "width": 40, "height": rows, "longitude": [-20, 20],
+                "latitude": latitude, "position": [0, 0, 0], "lookat": [0, 0, -1], "up": [0, 1, 0] })
+    };
+    let whole = seen_by(&panorama(180, [-90.0, 90.0]), &shapes, &[]);
+    let strip = seen_by(&panorama(12, [42.0, 54.0]), &shapes, &[]);
+    assert!(strip.iter().sum::<f32>() > 9.0);
+    let off = largest_difference(&rows(&whole, 36, 48, 40), &strip);
+    assert!(off < 1e-3, "panorama: {off}");
+    let intrinsics = |height: usize, cy: f64| {
+        json!({ "type": "intrinsics", "width": SIDE, "height": height, "fx": 20, "fy": 20,
+                "cx": 23.5, "cy": cy, "axes": "opengl",
+                "camera_to_world": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] })
+    };
+    let whole = seen_by(&intrinsics(SIDE, 23.5), &shapes, &[]);
+    let tile = seen_by(&intrinsics(8, 19.5), &shapes, &[]);
+    assert!(tile.iter().sum::<f32>() > 9.0);
+    let off = largest_difference(&rows(&whole, 4, 12, SIDE), &tile);
+    assert!(off < 1e-3, "intrinsics: {off}");
+}
+
 #[test]
 fn every_backend_has_the_same_bytes() {
     let folder = Scratch::new();

@@ -58,6 +58,25 @@ fn zeros(start: &[u8], zeros: u64) -> Vec<u8> {
     bytes
 }
 
+/// The threads of Embree's library wait without end if they lack memory, so they are not started.
+#[test]
+#[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
+fn a_batch_with_embree_ends_at_any_limit() {
+    let scratch = Scratch::new();
+    let mut args =
+        vec!["batch", "--backend", "embree", "-o", "out", "--no-sheet", "--jobs", "2"];
+    let names = ["a.ply", "b.ply", "c.ply", "d.ply"];
+    for name in names {
+        scratch.write(name, PYRAMID);
+        args.push(name);
+    }
+    for mib in (390..800).step_by(30) {
+        let done = limited(&scratch, &format!("-v {}", mib << 10), &args);
+        ended(&done, &[0, 3], &format!("{mib} MiB"));
+        let _ = fs::remove_dir_all(scratch.path("out"));
+    }
+}
+
 /// A mesh that is too large at most of these limits, among others that are not. At the least of
 /// them, threads hardly start.
 #[test]
