@@ -185,6 +185,7 @@ impl LoadedScene {
         overrides: &[&str],
         monitor: &Monitor,
     ) -> Result<Self> {
+        mesh.check("mesh")?;
         let subject = Subject::new(path.as_ref());
         let mut user = Overrides::default();
         overrides.iter().for_each(|set| user.set(set));
@@ -261,6 +262,7 @@ impl LoadedScene {
                     format!("found the material {material:?}, which the scene does not have");
                 return Err(Error::invalid(name, message));
             };
+            mesh.check(name)?;
             warnings.retain(|warning| warning.message != scene::unused_material(material));
             // No file name contains a NUL, so this path cannot be the path of a file. Meshes of the
             // same name differ in their numbers of NULs.
@@ -457,7 +459,7 @@ impl PictureWriter {
     /// Writes a film of `loaded`: see [`Renderer::write`].
     ///
     /// # Errors
-    /// A folder that cannot be written to; a full disk.
+    /// A film of another scene's size, or with too few values; a folder that cannot be written to; a full disk.
     pub fn write(
         &self,
         loaded: &LoadedScene,
@@ -465,6 +467,13 @@ impl PictureWriter {
         prefix: impl AsRef<Path>,
     ) -> Result<[PathBuf; 2]> {
         let LoadedScene { loaded: Loaded { scene, .. }, plan, .. } = loaded;
+        film.check()?;
+        let frame = [scene.camera.width, scene.camera.height];
+        if film.frame != frame {
+            let [found, expected] = [film.frame, frame].map(|[w, h]| format!("{w} x {h}"));
+            let message = format!("found a film of {found} pixels, expected {expected}");
+            return Err(Error::invalid("film", message));
+        }
         let header = PictureHeader {
             backend_version: &self.info.version,
             scene_hash: loaded.hash(),

@@ -77,9 +77,42 @@ impl Film {
     /// lack of memory shows now, not in the middle of a render.
     ///
     /// # Errors
-    /// The same as [`ReservedFilm::new`].
+    /// `Invalid` for a window that is empty or not within the frame; `Retry` if memory is lacking.
     pub fn new(frame: [u32; 2], window: Window) -> Result<Self> {
+        Self::check_window(frame, window)?;
         Ok(ReservedFilm::new(frame, window, Vec::new())?.film())
+    }
+
+    /// Checks that the arrays, which a caller may have set, have the window's pixels.
+    ///
+    /// # Errors
+    /// `Invalid` for another number of values, or for a window that is empty or not within the
+    /// frame and its overscan.
+    pub(crate) fn check(&self) -> Result<()> {
+        let end = self.frame.map(|side| side.saturating_add(self.overscan.saturating_mul(2)));
+        Self::check_window(end, self.window)?;
+        let pixels = self.window.pixels();
+        let words = pixels * self.planes.channels.len() as u64;
+        for (name, found, expected) in [
+            ("pixels", self.pixels.len(), pixels),
+            ("planes.words", self.planes.words.len(), words),
+        ] {
+            if found as u64 != expected {
+                let message = format!("found {found} values in `{name}`, expected {expected}");
+                return Err(Error::invalid("film", message));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_window([width, height]: [u32; 2], window: Window) -> Result<()> {
+        let Window { x0, y0, x1, y1 } = window;
+        if x0 < x1 && x1 <= width && y0 < y1 && y1 <= height {
+            return Ok(());
+        }
+        let found = format!("found the window x {x0}..{x1}, y {y0}..{y1}");
+        let message = format!("{found}, expected pixels of a frame of {width} x {height}");
+        Err(Error::invalid("film", message))
     }
 }
 
@@ -132,4 +165,37 @@ const GRAIN: usize = 1 << 16;
 /// by one, this takes as long as tracing a ray for every pixel.
 fn touch<T: Copy + Send + Sync>(array: &mut Vec<T>, count: usize, value: T) {
     (0..count).into_par_iter().with_min_len(GRAIN).map(|_| value).collect_into_vec(array);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_outside_of_the_frame_is_refused() {
+        let window = |x0, y0, x1, y1| Film::new([8, 6], Window { x0, y0, x1, y1 });
+        assert!(window(0, 0, 8, 6).is_ok() && window(7, 5, 8, 6).is_ok());
+        for bad in [window(5, 0, 2, 6), window(0, 0, 9, 6), window(0, 6, 8, 6), window(3, 0, 3, 6)]
+        {
+            assert_eq!(bad.unwrap_err().kind, crate::error::ErrorKind::Invalid);
+        }
+    }
+
+    #[test]
+    fn a_film_with_fewer_values_than_pixels_is_refused() {
+        let film = || Film::new([4, 3], Window::full(4, 3)).unwrap();
+        assert!(film().check().is_ok());
+        let around = Window::full(6, 5);
+        assert!(
+            Film { overscan: 1, window: around, pixels: vec![[0.0; 4]; 30], ..film() }
+                .check()
+                .is_ok()
+        );
+        let refused = |film: Film| film.check().unwrap_err().to_string();
+        let short = refused(Film { pixels: vec![[0.0; 4]; 11], ..film() });
+        assert!(short.contains("found 11 values in `pixels`, expected 12"), "{short}");
+        let words = Planes { words: vec![1], ..Planes::default() };
+        let words = refused(Film { planes: words, ..film() });
+        assert!(words.contains("`planes.words`, expected 0"), "{words}");
+    }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::check;
 use crate::error::{Error, Result};
 use crate::files::Stamp;
 use crate::units::{counted, plural};
@@ -212,7 +213,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// Makes a mesh from arrays, without normals, texture coordinates and colours. These fields can
-    /// be set afterwards. Triangles without area are kept.
+    /// be set afterwards; a scene refuses arrays of a wrong length. Triangles without area are kept.
     ///
     /// # Errors
     /// `Invalid` for a triangle with an index beyond the vertices, with a vertex that is not
@@ -225,20 +226,7 @@ impl Mesh {
             let vertices = counted(count as u64, ["vertex", "vertices"]);
             return refused(format!("found {}, {vertices}", plural(triangles.len(), "triangle")));
         }
-        for (index, triangle) in triangles.iter().enumerate() {
-            if let Some(vertex) = triangle.iter().find(|&&vertex| vertex as usize >= count) {
-                return refused(format!(
-                    "found vertex {vertex} in triangle {index}, expected less than {count}"
-                ));
-            }
-            let [a, b, c] = *triangle;
-            if a == b || b == c || c == a {
-                return refused(format!("found a vertex twice in triangle {index}"));
-            }
-            if let Some(v) = triangle.iter().find(|&&v| !positions.get(v as usize).is_finite()) {
-                return refused(format!("found vertex {v}, which is not finite"));
-            }
-        }
+        check::triangles("mesh", &positions, &triangles)?;
         Ok(Self {
             positions,
             triangles,

@@ -1,6 +1,7 @@
 //! Triangle meshes: their arrays, the PLY reader, and smooth vertex normals.
 
 mod arrays;
+mod check;
 mod creases;
 mod normals;
 mod ply;

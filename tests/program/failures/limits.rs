@@ -63,8 +63,7 @@ fn zeros(start: &[u8], zeros: u64) -> Vec<u8> {
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn a_batch_with_embree_ends_at_any_limit() {
     let scratch = Scratch::new();
-    let mut args =
-        vec!["batch", "--backend", "embree", "-o", "out", "--no-sheet", "--jobs", "2"];
+    let mut args = vec!["batch", "--backend", "embree", "-o", "out", "--no-sheet", "--jobs", "2"];
     let names = ["a.ply", "b.ply", "c.ply", "d.ply"];
     for name in names {
         scratch.write(name, PYRAMID);
