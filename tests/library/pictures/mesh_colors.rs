@@ -177,6 +177,25 @@ fn problems_name_the_place_in_the_scene() {
     }
 }
 
+/// The width of the range overflows, or the difference of a value from its low end.
+#[test]
+fn the_largest_numbers_have_colours() {
+    let max = f64::MAX;
+    let name = |range: Value| {
+        let mut color = json!({ "property": "q" });
+        if !range.is_null() {
+            color["range"] = range;
+        }
+        json!({ "color": color })
+    };
+    let ply = square(&["double q"], |[x, _], _| (0.9 * x + 0.05) * max, &[], |_, _| 0.0);
+    let shown = |range| render(&ply, name(range)).unwrap().0;
+    check(&shown(Value::Null), |x, _| mapped(colorous::VIRIDIS, (x + 1.0) / 2.0));
+    for range in [json!([-1, 1]), json!([-1e300, 1e300])] {
+        check(&shown(range), |x, _| mapped(colorous::VIRIDIS, (0.9 * x + 0.05) * 1e300));
+    }
+}
+
 #[test]
 fn faces_have_the_textures_of_their_numbers() {
     let shown = |names: &[&str], numbers: [f64; 2]| {
