@@ -340,6 +340,10 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         let help = "make the lights weaker, or write --float, without dwaa";
         warnings.push(Problem::new("", message).help(help));
     }
+    if oddities.legend_left_out {
+        let message = "the picture is too small for the legend, which is left out";
+        warnings.push(Problem::new("", message));
+    }
     warnings.extend(dropped(&oddities.dropped));
     warnings
 }
