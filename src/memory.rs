@@ -14,7 +14,7 @@ use crate::geometry::PrimitiveCounts;
 use crate::layers::LayerPlan;
 use crate::mesh::{self, ReadOptions};
 use crate::output::tonemap::Depth;
-use crate::scene::{Backend, Filter, Scene, ShapeKind, Smooth};
+use crate::scene::{Backend, Filter, Scene, ShapeKind, Smooth, TextureLookup};
 use crate::shading::{EnvironmentMap, Texture, WHOLE_TEXELS};
 use crate::units;
 use crate::world::{color_request, own_images};
@@ -155,7 +155,8 @@ pub fn predict_words(scene: &Scene, window: Window, words: usize) -> Result<Pred
                 let declared = failures.keep(declared_sizes(&mesh.path, &options));
                 let declared = declared.unwrap_or_default();
                 if !textured && mesh.color.is_none() && mesh.points.is_none() {
-                    own_textures(&mesh.path, &mut sum);
+                    let lookup = &scene.materials[shape.material].lookup;
+                    own_textures(&mesh.path, lookup, &mut sum);
                 }
                 let smooth = mesh.smooth != Smooth::Off && mesh.points.is_none();
                 let normals = if smooth { declared.missing_normal_bytes } else { 0 };
@@ -207,11 +208,12 @@ pub fn predict_mesh(path: &Path, points: bool) -> Result<Prediction> {
 /// Adds the images of the materials that shapes use, and of the environments. A texture is loaded
 /// once for each colour space, an environment once. Files that are not images are reported later.
 fn textures(scene: &Scene, sum: &mut Prediction) {
-    let used = scene.shapes.iter().filter_map(|s| scene.materials[s.material].texture.as_ref());
+    let used = scene.shapes.iter().map(|shape| &scene.materials[shape.material]);
     let mut keys = HashMap::new();
-    for texture in used {
-        let areas = keys.entry((texture.path.as_path(), texture.color_space)).or_insert(false);
-        *areas |= texture.filter == Filter::Trilinear;
+    for material in used {
+        let (Some(texture), lookup) = (&material.texture, &material.lookup) else { continue };
+        let areas = keys.entry((texture.path.as_path(), lookup.color_space)).or_insert(false);
+        *areas |= lookup.filter == Some(Filter::Trilinear);
     }
     let images = keys.into_iter().filter_map(|((path, _), areas)| {
         let size = Texture::size_in_tiles(path, WHOLE_TEXELS).ok()?;
@@ -227,11 +229,13 @@ fn textures(scene: &Scene, sum: &mut Prediction) {
     }
 }
 
-/// Adds the images that a mesh names. They are loaded for each shape, and looked up over areas.
-fn own_textures(mesh: &Path, sum: &mut Prediction) {
+/// Adds the images that a mesh names. They are loaded for each shape.
+fn own_textures(mesh: &Path, lookup: &TextureLookup, sum: &mut Prediction) {
+    let areas = lookup.filter.is_none_or(|filter| filter == Filter::Trilinear);
     let size = |path| Texture::size_in_tiles(path, WHOLE_TEXELS).ok();
     for size in own_images(mesh).iter().filter_map(|path| size(path)) {
-        let stored = size.stored.saturating_add(size.mip_map);
+        let copies = if areas { size.mip_map } else { 0 };
+        let stored = size.stored.saturating_add(copies);
         sum.texture_bytes = sum.texture_bytes.saturating_add(stored);
         let beside = size.decoding.saturating_sub(size.stored);
         sum.own_decoding_bytes = sum.own_decoding_bytes.max(beside);

@@ -64,7 +64,9 @@ mod tests {
 
     fn origin(x: f64, pixels: f64) -> Origin {
         let position = DVec3::X * x;
-        Origin { position, at_camera: true, extent: 1e9, nearest: 1.0, rounding: 1.0, pixels }
+        let (at_camera, parallel) = (true, false);
+        let (extent, nearest, rounding) = (1e9, 1.0, 1.0);
+        Origin { position, at_camera, extent, nearest, rounding, pixels, parallel }
     }
 
     fn views(all: &[(f64, f64)]) -> Vec<View> {

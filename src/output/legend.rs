@@ -12,10 +12,10 @@ use super::tonemap::{Depth, PixelFormat};
 
 /// The large font is used if both sides of the picture have at least this many pixels.
 const LARGE: u32 = 500;
-/// Maximum number of ticks on a bar.
-const MAX_TICKS: f64 = 7.0;
+/// Maximum number of steps between ticks on a bar.
+const MAX_STEPS: u32 = 6;
 /// Maximum number of characters of a property's name; the rest is not drawn.
-const MAX_NAME: usize = 24;
+const MAX_NAME: u32 = 24;
 /// Label of the values that are not finite.
 const NOT_FINITE: &str = "NaN, inf";
 const PAPER: [u8; 3] = [244, 245, 247];
@@ -45,32 +45,71 @@ pub struct Canvas<'a> {
     pub color: PixelFormat,
 }
 
+/// The parts of a legend for one size of picture. Lengths are in pixels.
+struct Layout {
+    font: &'static MonoFont<'static>,
+    /// Height of a line of text; half of it is the space between parts.
+    line: u32,
+    /// Length of the mark of a tick.
+    mark: u32,
+    /// Left end of the labels, from the left side of the bar.
+    labels: u32,
+    /// Height of the bar.
+    tall: u32,
+    /// The property's name, cut to the space for it.
+    name: String,
+    /// Values and labels of the ticks.
+    ticks: Vec<(f64, String)>,
+    /// Width and height of the panel.
+    panel: [u32; 2],
+}
+
 impl Legend {
-    /// Draws the legend at the right border, on an opaque panel. Whatever does not fit is cut off.
-    pub fn draw(&self, canvas: &mut Canvas) {
-        let [width, height] = canvas.size;
+    /// Returns whether a picture of this size has room for the legend.
+    pub fn fits(&self, size: [u32; 2]) -> bool {
+        self.layout(size).is_some()
+    }
+
+    /// Chooses font, ticks and sizes. `None` if the panel would take more than two thirds of the
+    /// width, or if the bar would be so short that the labels of its ends overlap.
+    fn layout(&self, [width, height]: [u32; 2]) -> Option<Layout> {
         let large = width.min(height) >= LARGE;
         let font = if large { &FONT_10X20 } else { &FONT_6X10 };
         let (letter, line) = (font.character_size.width, font.character_size.height);
-        let ticks = self.ticks();
-        let name: String = self.name.chars().take(MAX_NAME).collect();
-        let labels = ticks.iter().map(|(_, text)| text.as_str());
-        let labels = labels.chain(self.nan.map(|_| NOT_FINITE));
-        let longest = labels.map(str::len).max().unwrap_or(0) as u32;
-        let (pad, bar, tick) = (line / 2, line, line / 3);
-        let scale = bar + tick + pad / 2 + letter * longest;
-        let inner = scale.max(letter * name.chars().count() as u32);
+        let pad = line / 2;
         let rows = 1 + u32::from(self.nan.is_some());
-        let texts = rows * (line + pad);
+        let texts = rows * (line + 2 * pad);
         let tall = (height * 3 / 5).max(3 * line).min(height.saturating_sub(texts + 3 * pad));
-        let panel = [inner + 2 * pad, tall + texts + 2 * pad + line / 2];
-        let left = width.saturating_sub(panel[0] + pad);
-        let top = height.saturating_sub(panel[1]) / 2;
+        if tall <= 2 * line {
+            return None;
+        }
+        // Two pixels apart, so that labels do not touch.
+        let ticks = self.ticks(f64::from(line + 2) / f64::from(tall - 1));
+        let texts_of_bar = ticks.iter().map(|(_, text)| text.as_str());
+        let longest = texts_of_bar.chain(self.nan.map(|_| NOT_FINITE)).map(str::len).max();
+        // A mark so short, and so far from the number, is no minus sign.
+        let mark = line / 5;
+        let labels = line + mark + letter;
+        let scale = labels + letter * longest.unwrap_or(0) as u32;
+        let most = (width * 2 / 3).saturating_sub(3 * pad);
+        let letters = (most / letter).min(MAX_NAME) as usize;
+        let name: String = self.name.chars().take(letters).collect();
+        let inner = scale.max(letter * name.chars().count() as u32);
+        let panel = [inner + 2 * pad, tall + texts + 2 * pad];
+        (scale <= most).then_some(Layout { font, line, mark, labels, tall, name, ticks, panel })
+    }
+
+    /// Draws the legend at the right border, on an opaque panel, if it [fits](Self::fits).
+    pub fn draw(&self, canvas: &mut Canvas) {
+        let Some(layout) = self.layout(canvas.size) else { return };
+        let Layout { font, line, mark, labels, tall, name, ticks, panel } = layout;
+        let (pad, bar, last) = (line / 2, line, tall - 1);
+        let left = canvas.size[0].saturating_sub(panel[0] + pad);
+        let top = canvas.size[1].saturating_sub(panel[1]) / 2;
         canvas.fill([left, top], panel, PAPER);
         let (x, mut y) = (left + pad, top + pad);
         canvas.text(font, [x, y], &name);
-        y += line + pad;
-        let last = tall.saturating_sub(1).max(1);
+        y += line + 2 * pad;
         for row in 0..tall {
             // The high end of the map is at the top.
             let color = self.map.srgb(1.0 - f64::from(row) / f64::from(last));
@@ -78,37 +117,42 @@ impl Legend {
         }
         for (value, text) in &ticks {
             let row = ((1.0 - self.position(*value)) * f64::from(last)).round() as u32;
-            canvas.fill([x + bar, y + row], [tick, 1], INK);
-            let middle = (y + row).saturating_sub(line / 2);
-            canvas.text(font, [x + bar + tick + pad / 2, middle], text);
+            canvas.fill([x + bar, y + row], [mark, 1], INK);
+            canvas.text(font, [x + labels, (y + row).saturating_sub(line / 2)], text);
         }
         if let Some(nan) = self.nan {
-            y += tall + pad;
+            y += tall + 2 * pad;
             canvas.fill([x, y], [bar, line], nan);
-            canvas.text(font, [x + bar + tick + pad / 2, y], NOT_FINITE);
+            canvas.text(font, [x + labels, y], NOT_FINITE);
         }
     }
 
     /// Position of a value on the map: 0 at `range[0]`, 1 at `range[1]`.
     fn position(&self, value: f64) -> f64 {
         let [low, high] = self.range;
-        (value - low) / (high - low)
+        match (high - low).is_finite() {
+            true => (value - low) / (high - low),
+            // Half of the width is finite.
+            false => (value / 2.0 - low / 2.0) / (high / 2.0 - low / 2.0),
+        }
     }
 
-    /// Values and texts of the ticks: multiples of 1, 2 or 5 times a power of ten. The two ends of
-    /// the range if it is so narrow that an f64 cannot hold these multiples.
-    fn ticks(&self) -> Vec<(f64, String)> {
+    /// Values and texts of the ticks: the two ends of the range, and between them multiples of 1, 2
+    /// or 5 times a power of ten, if an f64 can hold these. `line` is the height of a label as a
+    /// share of the bar; no label overlaps one of an end.
+    fn ticks(&self, line: f64) -> Vec<(f64, String)> {
         let [a, b] = self.range;
         let (low, high) = (a.min(b), a.max(b));
-        let least = (high - low) / (MAX_TICKS - 1.0);
+        let steps = ((1.0 / (1.5 * line)) as u32).clamp(1, MAX_STEPS);
+        let least = (high - low) / f64::from(steps);
         let power = least.log10().floor();
         let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * 10f64.powf(power));
         let step = step.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least);
         let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
         // Far from zero, a number and the next may round to the same f64.
         let distinct = first + 1.0 > first && last - 1.0 < last;
-        if !(last - first < MAX_TICKS) || !distinct || !step.is_finite() {
-            return self.range.map(|end| (end, format!("{end:e}"))).into();
+        if !(last - first <= f64::from(steps)) || !distinct || !step.is_finite() {
+            return [low, high].map(|end| (end, format!("{end:e}"))).into();
         }
         let largest = low.abs().max(high.abs());
         let last_digit = step.log10().floor();
@@ -116,14 +160,24 @@ impl Legend {
         let plain = (1e-4..1e7).contains(&largest) && decimals < 7;
         // Enough digits for neighbouring ticks to differ.
         let digits = (largest.log10().floor() - last_digit).max(2.0) as usize;
-        let text = |value: f64| match plain {
-            true => format!("{value:.decimals$}"),
-            false => format!("{value:.digits$e}"),
-        };
-        let count = (last - first) as usize;
         // Adding 0 turns -0 into 0.
-        let values = (0..=count).map(|i| (first + i as f64) * step + 0.0);
-        values.map(|value| (value, text(value))).collect()
+        let text = |value: f64, more: usize| match plain {
+            true => format!("{:.*}", decimals + more, value + 0.0),
+            false => format!("{:.*e}", digits + more, value + 0.0),
+        };
+        // An end has up to two digits more, without zeros at their end.
+        let end = |value: f64| {
+            let exact = |more: &usize| {
+                let value = |more| text(value, more).parse::<f64>().ok();
+                value(*more) == value(2)
+            };
+            (value, text(value, (0..2).find(exact).unwrap_or(2)))
+        };
+        let count = (last - first).max(0.0) as usize;
+        let values = (0..=count).map(|i| (first + i as f64) * step);
+        let is_free = |value: &f64| (line..=1.0 - line).contains(&self.position(*value));
+        let round = values.filter(is_free).map(|value| (value, text(value, 0)));
+        [end(low)].into_iter().chain(round).chain([end(high)]).collect()
     }
 }
 
@@ -171,15 +225,17 @@ mod tests {
     }
 
     fn texts(range: [f64; 2]) -> Vec<String> {
-        legend(range).ticks().into_iter().map(|(_, text)| text).collect()
+        legend(range).ticks(0.05).into_iter().map(|(_, text)| text).collect()
     }
 
     #[test]
-    fn ticks_are_round_numbers_inside_the_range() {
+    fn ticks_are_the_ends_and_round_numbers_between_them() {
         assert_eq!(texts([0.0, 1.0]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
-        assert_eq!(texts([-3.0, 12.0]), ["0", "5", "10"]);
-        assert_eq!(texts([12.0, -3.0]), ["0", "5", "10"], "a reversed range");
-        assert_eq!(texts([0.0312, 0.0349]), ["0.032", "0.033", "0.034"]);
+        assert_eq!(texts([-3.0, 12.0]), ["-3", "0", "5", "10", "12"]);
+        assert_eq!(texts([12.0, -3.0]), ["-3", "0", "5", "10", "12"], "a reversed range");
+        assert_eq!(texts([0.0312, 0.0349]), ["0.0312", "0.032", "0.033", "0.034", "0.0349"]);
+        assert_eq!(texts([-0.1, 10.1]), ["-0.1", "2", "4", "6", "8", "10.1"], "no room for 0");
+        assert_eq!(texts([0.123456, 9.0001]), ["0.12", "2", "4", "6", "8", "9"]);
         assert_eq!(
             texts([0.0, 3e9]),
             ["0.00e0", "5.00e8", "1.00e9", "1.50e9", "2.00e9", "2.50e9", "3.00e9"]
@@ -191,8 +247,8 @@ mod tests {
         assert_eq!(texts([1e300, 1.0000000000000002e300]).len(), 2, "no digits for steps");
         assert_eq!(texts([-1.7e308, 1.7e308]), ["-1.7e308", "1.7e308"], "no finite width");
         for range in [[-1.0, 1.0], [3.7, 912.0], [-0.001, 0.02], [1e5, 1.0001e5]] {
-            let ticks = legend(range).ticks();
-            assert!((2..=7).contains(&ticks.len()), "{range:?} {ticks:?}");
+            let ticks = legend(range).ticks(0.05);
+            assert!((2..=9).contains(&ticks.len()), "{range:?} {ticks:?}");
             for (value, text) in ticks {
                 assert!((range[0] - 1e-9..=range[1] * (1.0 + 1e-9)).contains(&value));
                 assert!((text.parse::<f64>().unwrap() - value).abs() < 1e-9 * value.abs().max(1.0));
@@ -246,13 +302,20 @@ mod tests {
     }
 
     #[test]
-    fn any_size_of_picture_is_safe() {
-        for size in [[1, 1], [3, 400], [400, 3], [20, 20], [90, 40]] {
+    fn a_legend_has_room_or_is_not_drawn() {
+        let sizes = [([1, 1], false), ([3, 400], false), ([400, 3], false), ([64, 48], false)];
+        for (size, fits) in sizes.into_iter().chain([([128, 96], true), ([640, 480], true)]) {
             let mut bytes = vec![0; (size[0] * size[1] * 3) as usize];
             let color = PixelFormat { alpha: false, srgb: false, depth: Depth::Eight };
-            let legend = Legend { nan: Some([255, 0, 255]), ..legend([-1e9, 2e9]) };
+            let legend = Legend { nan: Some([255, 0, 255]), ..legend([-0.005, 0.004]) };
             legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
-            assert!(bytes.iter().any(|byte| *byte != 0));
+            assert_eq!(bytes.iter().any(|byte| *byte != 0), fits, "{size:?}");
+            assert_eq!(legend.fits(size), fits);
+            let Some(layout) = legend.layout(size) else { continue };
+            let rows = layout.ticks.iter().map(|(value, _)| legend.position(*value));
+            let rows: Vec<f64> = rows.map(|row| row * f64::from(layout.tall - 1)).collect();
+            let apart = rows.windows(2).all(|pair| pair[1] - pair[0] >= f64::from(layout.line));
+            assert!(apart, "{size:?}: {rows:?}");
         }
     }
 }

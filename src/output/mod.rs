@@ -105,6 +105,10 @@ impl Outputs {
         let paths = [self.exr.commit()?, self.png.commit()?];
         monitor.set_done(1);
         let is_half = |name: &str, kind| options.exr.keeps_halves(name, kind);
-        Ok((paths, ValueCounts::count(film, is_half)))
+        let size = [film.window.width(), film.window.height()];
+        // The tiles of a picture may be too small where the merged picture is not.
+        let legend = options.legend.filter(|_| !options.exr.exact);
+        let legend_left_out = legend.is_some_and(|legend| !legend.fits(size));
+        Ok((paths, ValueCounts { legend_left_out, ..ValueCounts::count(film, is_half) }))
     }
 }

@@ -38,6 +38,8 @@ pub struct ValueCounts {
     pub first_clamped: Option<ValueLocation>,
     /// Coverage that the mattes cannot hold, as recorded in the film.
     pub dropped: Dropped,
+    /// True if the PNG has no room for the legend that it should have.
+    pub legend_left_out: bool,
 }
 
 impl ValueCounts {
@@ -103,6 +105,7 @@ impl ValueCounts {
             clamped: self.clamped + next.clamped,
             first_clamped: self.first_clamped.or(next.first_clamped),
             dropped: self.dropped.and(next.dropped),
+            legend_left_out: self.legend_left_out | next.legend_left_out,
         }
     }
 }

@@ -460,9 +460,11 @@ pub struct CheckedMaterial {
     pub diffuse_color: Vec3,
     /// Texture that replaces the base colour.
     pub texture: Option<TextureUse>,
+    /// How `texture` is looked up, or without one, the images that mesh files name.
+    pub lookup: TextureLookup,
 }
 
-/// An image and the parameters of its lookup.
+/// The image that a material names.
 #[derive(Debug, Clone)]
 pub struct TextureUse {
     /// Place in the scene file where `path` is written, for messages.
@@ -471,8 +473,15 @@ pub struct TextureUse {
     pub path: PathBuf,
     /// The keys `tWidth` and `tHeight` as written.
     pub declared_size: [Option<u32>; 2],
-    /// How texels are filtered.
-    pub filter: Filter,
+}
+
+/// The parameters of a material's texture lookups.
+#[derive(Debug, Clone)]
+pub struct TextureLookup {
+    /// Places in the scene file of the keys that it has, for messages.
+    pub places: Vec<(&'static str, String)>,
+    /// How texels are filtered. `None`: trilinear in images that a mesh file names, else bilinear.
+    pub filter: Option<Filter>,
     /// Lookup outside the image. `None`: the default of the shape (sphere: repeat in u, clamp in v;
     /// mesh: repeat; others: clamp).
     pub wrap: Option<Wrap>,

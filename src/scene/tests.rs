@@ -115,8 +115,8 @@ fn every_key_reaches_the_checked_scene() {
     assert_eq!(scene.shapes[2].visible.kinds(), [false, false, true]);
     assert_eq!((scene.shapes[0].semantic, scene.shapes[1].semantic), (3, 0));
     assert_eq!(scene.materials.len(), 3);
-    let texture = scene.materials[0].texture.as_ref().unwrap();
-    assert_eq!((texture.filter, texture.wrap), (Filter::Nearest, Some(Wrap::Clamp)));
+    let lookup = &scene.materials[0].lookup;
+    assert_eq!((lookup.filter, lookup.wrap), (Some(Filter::Nearest), Some(Wrap::Clamp)));
     assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
     assert_eq!(scene.layers, [Layer::Depth, Layer::Normal]);
     assert!(scene.transparent);
@@ -161,9 +161,9 @@ fn defaults_match_the_documentation() {
     let m = &scene.materials[0];
     assert_eq!([m.kd, m.ks, m.ka, m.kr, m.specular_exponent], [1.0, 0.0, 0.0, 0.0, 1.0]);
     assert_eq!(m.diffuse_color, glam::Vec3::ONE);
-    let texture = scene.materials[1].texture.as_ref().unwrap();
-    assert_eq!((texture.filter, texture.wrap, texture.color_space), (Filter::Bilinear, None, None));
-    assert_eq!(texture.scale, glam::DVec2::ONE);
+    let lookup = &scene.materials[1].lookup;
+    assert_eq!((lookup.filter, lookup.wrap, lookup.color_space), (None, None, None));
+    assert_eq!(lookup.scale, glam::DVec2::ONE);
     let t = scene.tonemap;
     assert_eq!((t.operator, t.exposure, t.srgb), (ToneOperator::Max, 0.0, true));
 }

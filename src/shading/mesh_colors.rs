@@ -46,9 +46,11 @@ pub struct StoredColors {
 pub struct MappedScalars {
     /// Values as stored in the file.
     values: Scalars,
-    /// Value at the start of the map.
+    /// Factor of all values, a power of two, with which no difference from `low` overflows.
+    unit: f64,
+    /// Value at the start of the map, times `unit`.
     low: f64,
-    /// 1 / (value at the end of the map - `low`).
+    /// 1 / (value at the end of the map, times `unit`, - `low`).
     scale: f64,
     /// Linear colours at equal steps along the map.
     table: [Vec3; SEGMENTS + 1],
@@ -126,9 +128,11 @@ impl MappedScalars {
     pub fn new(values: Scalars, map: ColorMap, range: [f64; 2], nan: Vec3) -> Self {
         let linear = |c: u8| srgb::to_linear(f64::from(c) / 255.0) as f32;
         let color = |i: usize| Vec3::from(map.srgb(i as f64 / SEGMENTS as f64).map(linear));
-        let [low, high] = range;
+        // Up to the limit, the difference from the largest f64 rounds to a finite number.
+        let unit = if range.iter().all(|end| end.abs() <= 1e290) { 1.0 } else { 0.25 };
+        let [low, high] = range.map(|end| end * unit);
         let scale = 1.0 / (high - low);
-        Self { values, low, scale, table: std::array::from_fn(color), nan }
+        Self { values, unit, low, scale, table: std::array::from_fn(color), nan }
     }
 
     /// The colour of one value.
@@ -142,13 +146,16 @@ impl MappedScalars {
             return self.nan;
         }
         // Differences from `low`, so that large numbers keep the digits of a small range.
-        let [a, b, c] = values.map(|value| value - self.low);
+        let [a, b, c] = values.map(|value| value * self.unit - self.low);
         let [u, v, w] = weights.map(f64::from);
         self.lookup((a * u + b * v + c * w) * self.scale)
     }
 
     fn color(&self, value: f64) -> Vec3 {
-        if value.is_finite() { self.lookup((value - self.low) * self.scale) } else { self.nan }
+        match value.is_finite() {
+            true => self.lookup((value * self.unit - self.low) * self.scale),
+            false => self.nan,
+        }
     }
 
     /// The colour at position `t` of the map, interpolated in linear light.

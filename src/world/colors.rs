@@ -132,9 +132,8 @@ impl Finite {
     /// Returns the default range of the colour map, which has a width also for equal values.
     fn range(&self) -> [f64; 2] {
         match self.high - self.low {
-            width if width > 0.0 && width.is_finite() => [self.low, self.high],
-            // The width overflows. A quarter of it does not.
-            width if width > 0.0 => [self.low / 4.0, self.high / 4.0],
+            // The width may overflow.
+            width if width > 0.0 => [self.low, self.high],
             0.0 => {
                 let some = 0.5f64.max(self.low.abs() * 1e-6);
                 [self.low - some, self.high + some]

@@ -141,6 +141,7 @@ mod tests {
             nearest: 3.0,
             rounding: 0.0,
             pixels: 0.0,
+            parallel: false,
         };
         assert!((0.9..1.0).contains(&shortest_occlusion(&middle)));
         let camera = Origin { at_camera: true, ..middle };

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::error::Result;
+use crate::error::{Problem, Result};
 use crate::mesh::{self, Mesh};
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
-use crate::scene::{CheckedCamera, Scene, Trimesh};
+use crate::scene::{CheckedCamera, Layer, Scene, Trimesh};
 
-use super::{Bounds, color_request};
+use super::{Bounds, color_request, positions};
 
 /// Options for reading the scene's files.
 #[derive(Debug, Default)]
@@ -46,6 +46,17 @@ impl LoadOptions {
             [] => bounds.outside_view(&scene.camera),
             all => all.iter().all(|camera| bounds.outside_view(camera)),
         }
+    }
+
+    /// Returns a warning if the layer of positions is too coarse for a camera.
+    pub(super) fn coarse_positions(&self, scene: &Scene, bounds: Bounds) -> Option<Problem> {
+        let cameras = match self.cameras.as_slice() {
+            [] => std::slice::from_ref(&scene.camera),
+            all => all,
+        };
+        let wanted = scene.layers.contains(&Layer::Position);
+        let mut cameras = cameras.iter().filter(|_| wanted);
+        cameras.find_map(|camera| positions::warning(camera, bounds))
     }
 
     /// Reads a mesh, or takes it if it is in memory already.

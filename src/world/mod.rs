@@ -11,6 +11,7 @@ mod load_options;
 mod maps;
 mod origin;
 mod place;
+mod positions;
 mod resolution;
 mod sources;
 mod textures;
@@ -184,7 +185,9 @@ impl World {
         let mesh_materials =
             textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;
         let (textures, materials) = looks;
-        check_size(bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union), &mut log.warnings)?;
+        let whole = bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union);
+        check_size(whole, &mut log.warnings)?;
+        log.warnings.extend(options.coarse_positions(scene, whole));
         log.warnings.extend(lights::facing_warnings(scene, &bounds));
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
         let boxed: Vec<_> = shapes.zip(bounds).collect();

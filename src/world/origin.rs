@@ -52,6 +52,8 @@ pub struct Origin {
     pub rounding: f64,
     /// The same rounding seen from the camera, in pixels.
     pub pixels: f64,
+    /// True for a camera of parallel rays, which sees the same from any place along them.
+    pub parallel: bool,
 }
 
 /// What a camera sees of a world whose origin another camera may have chosen.
@@ -80,7 +82,8 @@ impl Origin {
         let at_camera = least.is_finite() && extent / 2.0 > MAX_RATIO * least;
         let position = if at_camera { camera.position } else { all.origin() };
         let nearest = f64::INFINITY;
-        let origin = Self { position, at_camera, extent, nearest, rounding: 0.0, pixels: 0.0 };
+        let (rounding, pixels, parallel) = (0.0, 0.0, false);
+        let origin = Self { position, at_camera, extent, nearest, rounding, pixels, parallel };
         origin.seen_by(camera, shapes)
     }
 
@@ -96,19 +99,17 @@ impl Origin {
                 largest = largest.max((*center - camera.position).length() + radius);
             }
         }
+        let parallel = matches!(camera.projection, Projection::Orthographic { .. });
         if !nearest.is_finite() {
-            return Self { nearest, rounding: 0.0, pixels: 0.0, ..self };
+            return Self { nearest, rounding: 0.0, pixels: 0.0, parallel, ..self };
         }
         let away = (camera.position - self.position).abs().max_element();
         // The scene's numbers are doubles: camera and shape are each off by half an ulp.
         let written = 2.0 * DOUBLE * camera.position.abs().max_element();
         let rounding = SINGLE * (away + nearest) + 4.0 * DOUBLE * largest + written;
         let pixel = pixel_size(camera);
-        let pixels = match camera.projection {
-            Projection::Orthographic { .. } => rounding / pixel,
-            _ => rounding / nearest / pixel,
-        };
-        Self { nearest, rounding, pixels, ..self }
+        let pixels = rounding / pixel / if parallel { 1.0 } else { nearest };
+        Self { nearest, rounding, pixels, parallel, ..self }
     }
 
     /// Returns a warning if the rounding is visible.
@@ -119,7 +120,10 @@ impl Origin {
             "the scene is {extent:.1e} wide and its nearest shape {nearest:.1e} from the camera: \
              there, positions are rounded to {rounding:.1e}, {share} of a pixel"
         );
-        let help = "leave out what is so far away, choose smaller spheres, or move all closer to 0";
+        let cures =
+            "leave out what is so far away, choose smaller spheres, or move all closer to 0";
+        let nearer = "move the camera's `position` along its rays to the shapes, or ";
+        let help = format!("{}{cures}", if self.parallel { nearer } else { "" });
         (pixels > MAX_PIXELS).then(|| Problem::new("scene", message).help(help))
     }
 }
@@ -190,6 +194,20 @@ mod tests {
             let origin = choose(center + DVec3::new(0.0, 0.0, 5.0), &[ball]);
             assert_eq!(origin.warning().is_some(), warned, "{far:e}: {origin:?}");
         }
+    }
+
+    #[test]
+    fn parallel_rays_can_start_nearer() {
+        let projection = Projection::Orthographic { width: 1.0 };
+        let far = CheckedCamera { projection, ..camera(DVec3::new(0.0, 0.0, 1e6)) };
+        let ball = ShapeKind::Sphere { center: DVec3::ZERO, radius: 1.0, pole: 2 };
+        let warning = |camera: &CheckedCamera| {
+            Origin::choose(camera, &boxed(std::slice::from_ref(&ball))).warning()
+        };
+        let told = warning(&far).unwrap().to_string();
+        assert!(told.contains("move the camera's `position` along its rays"), "{told}");
+        let near = CheckedCamera { position: DVec3::new(0.0, 0.0, 2.0), ..far.clone() };
+        assert_eq!(warning(&near), None);
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! Loads the materials and their images. An image is opened once for each colour space in which it
 //! is used.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Failures, Problem, Result};
 use crate::mesh::{self, Mesh};
 use crate::reserve::MemoryLimit;
-use crate::scene::{ColorSpace, Filter, Scene, TextureUse};
+use crate::scene::{ColorSpace, Filter, Scene, TextureLookup, TextureUse};
 use crate::shading::{
     DEFAULT_MAX_BYTES, ImageRequest, Material, Negative, Texture, TextureChoice, TexturesByFace,
     WHOLE_TEXELS,
@@ -59,10 +59,11 @@ pub(super) fn load(
         let texture = match m.texture.as_ref().filter(|_| used[index]) {
             None => None,
             Some(spec) => {
-                let key = (spec.path.clone(), spec.color_space);
+                let space = m.lookup.color_space;
+                let key = (spec.path.clone(), space);
                 // A file that failed is opened and reported once.
                 let slot = *loaded.entry(key).or_insert_with(|| {
-                    let texture = one(&spec.path, spec.color_space, left);
+                    let texture = one(&spec.path, space, left);
                     let texture = failures.keep(texture)?;
                     left = left.less(texture.bytes());
                     log.read.0.push((spec.path.clone(), texture.stamp()));
@@ -75,7 +76,6 @@ pub(super) fn load(
                 slot
             }
         };
-        let spec = m.texture.as_ref();
         materials.push(Material {
             kd: m.kd,
             ks: m.ks,
@@ -84,9 +84,9 @@ pub(super) fn load(
             exponent: m.specular_exponent,
             base: m.diffuse_color,
             texture: texture.map(TextureChoice::One),
-            filter: spec.map_or(Filter::Bilinear, |t| t.filter),
-            wrap: spec.and_then(|t| t.wrap),
-            uv_scale: spec.map_or(glam::DVec2::ONE, |t| t.scale),
+            filter: m.lookup.filter.unwrap_or(Filter::Bilinear),
+            wrap: m.lookup.wrap,
+            uv_scale: m.lookup.scale,
         });
     }
     failures.check()?;
@@ -182,7 +182,10 @@ pub fn mesh_images(
 }
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.
-/// All textures together stay within `limits`.
+/// All textures together stay within `limits`. Warns of texture settings that concern no image.
+///
+/// # Errors
+/// All images that cannot be read or do not fit.
 pub(super) fn load_mesh_images(
     mesh_images: Vec<MeshImages>,
     scene: &Scene,
@@ -193,7 +196,11 @@ pub(super) fn load_mesh_images(
     let (textures, materials) = looks;
     let mut failures = Failures::default();
     let mut mesh_materials = Vec::new();
+    let mut applies = vec![false; scene.materials.len()];
     for MeshImages { shape, images, indices } in mesh_images {
+        let material = scene.shapes[shape].material;
+        applies[material] |= images.iter().any(Option::is_some);
+        let lookup = &scene.materials[material].lookup;
         // A file may name an image twice.
         let mut loaded: HashMap<PathBuf, Option<u32>> = HashMap::new();
         let mut slots = Vec::with_capacity(images.len());
@@ -206,7 +213,7 @@ pub(super) fn load_mesh_images(
                 Some(slot) => *slot,
                 None => {
                     let taken: u64 = textures.iter().map(Texture::bytes).sum();
-                    let texture = one(&path, None, limits.less(taken));
+                    let texture = one(&path, lookup.color_space, limits.less(taken));
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
                         warn_of_texels(&place, &path, &texture, &mut log.warnings);
@@ -224,15 +231,31 @@ pub(super) fn load_mesh_images(
             (None, Some(Some(slot))) => Some(TextureChoice::One(*slot)),
             (None, _) => continue,
         };
-        let plain = &materials[scene.shapes[shape].material];
         // A scan's texture has far more texels than a picture has pixels.
-        let material = Material { texture, filter: Filter::Trilinear, ..plain.clone() };
+        let filter = lookup.filter.unwrap_or(Filter::Trilinear);
+        let material = Material { texture, filter, ..materials[material].clone() };
         let textures = indices.map(|indices| TexturesByFace { indices, textures: slots });
         mesh_materials.push(MeshMaterial { shape, material: materials.len() as u32, textures });
         materials.push(material);
     }
     failures.check()?;
+    log.warnings.extend(settings_without_images(scene, &applies));
     Ok(mesh_materials)
+}
+
+/// Returns a warning for each texture setting of a material that shapes use, and that has no
+/// `tPath` and, by `applies`, no image of a mesh.
+fn settings_without_images(scene: &Scene, applies: &[bool]) -> Vec<Problem> {
+    let without = |index: &usize| !applies[*index] && scene.materials[*index].texture.is_none();
+    let used: BTreeSet<usize> = scene.shapes.iter().map(|shape| shape.material).collect();
+    let lookups = used.into_iter().filter(without).map(|index| &scene.materials[index].lookup);
+    let warning = |(key, place): &(&str, String)| {
+        let message = format!(
+            "found `{key}` without `tPath`, and no mesh that names an image; it has no effect"
+        );
+        Problem::new(place, message)
+    };
+    lookups.flat_map(|TextureLookup { places, .. }| places).map(warning).collect()
 }
 
 fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::nearest::{did_you_mean, list};
-use crate::scene::checked::{CheckedMaterial, TextureUse};
+use crate::scene::checked::{CheckedMaterial, TextureLookup, TextureUse};
 use crate::scene::description::{MaterialDescription, MaterialUse};
 use crate::scene::document::join;
 use crate::scene::expected::quoted;
@@ -104,30 +104,39 @@ impl Check<'_, '_> {
             specular_exponent: written.specularexponent as f32,
             diffuse_color: written.diffusecolor.vec(),
             texture: self.texture(pointer, written),
+            lookup: self.lookup(pointer, written),
         }
     }
 
     fn texture(&mut self, pointer: &str, written: &MaterialDescription) -> Option<TextureUse> {
         let Some(name) = &written.texture_path else {
-            self.texture_keys_without_path(pointer);
+            self.sizes_without_path(pointer);
             return None;
         };
         let place = format!("{pointer}/tPath");
         let path = self.file(&place, &name.0, "an image");
-        let [u, v] = written.texture_scale;
         Some(TextureUse {
             place: self.document.place(&place),
             path,
             declared_size: [written.texture_width, written.texture_height],
-            filter: written.filter,
-            wrap: written.wrap,
-            color_space: written.colorspace,
-            scale: glam::DVec2::new(u, v),
         })
     }
 
-    fn texture_keys_without_path(&mut self, pointer: &str) {
-        for key in ["tWidth", "tHeight", "filter", "wrap", "colorspace", "tScale"] {
+    fn lookup(&self, pointer: &str, written: &MaterialDescription) -> TextureLookup {
+        let keys = ["filter", "wrap", "colorspace", "tScale"];
+        let pointers = keys.map(|key| (key, format!("{pointer}/{key}"))).into_iter();
+        let has = pointers.filter(|(_, at)| self.document.get(at).is_some());
+        TextureLookup {
+            places: has.map(|(key, at)| (key, self.document.place(&at))).collect(),
+            filter: written.filter,
+            wrap: written.wrap,
+            color_space: written.colorspace,
+            scale: written.texture_scale.into(),
+        }
+    }
+
+    fn sizes_without_path(&mut self, pointer: &str) {
+        for key in ["tWidth", "tHeight"] {
             let at = format!("{pointer}/{key}");
             if self.document.get(&at).is_some() {
                 let message = format!("found `{key}` without `tPath`; it has no effect");

@@ -53,8 +53,9 @@ pub struct MaterialDescription {
     #[serde(rename = "tHeight")]
     #[schemars(range(min = 1, max = 4294967295u32))]
     pub texture_height: Option<u32>,
-    /// How texels are filtered.
-    pub filter: Filter,
+    /// How texels are filtered. Default: `trilinear` for images that a mesh file names, `bilinear`
+    /// for `tPath`.
+    pub filter: Option<Filter>,
     /// Texture lookup outside the image. Default: spheres repeat in u and clamp in v, meshes
     /// repeat, others clamp.
     pub wrap: Option<Wrap>,
@@ -80,7 +81,7 @@ impl Default for MaterialDescription {
             texture_path: None,
             texture_width: None,
             texture_height: None,
-            filter: Filter::Bilinear,
+            filter: None,
             wrap: None,
             colorspace: None,
             texture_scale: [1.0; 2],

@@ -144,6 +144,7 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
     let spot = |pixel, channel: &str| Some(ValueLocation { pixel, channel: channel.to_string() });
     let expected = ValueCounts {
         dropped: Dropped::default(),
+        legend_left_out: false,
         non_finite: 2,
         first_non_finite: spot([5, 3], "R"),
         clamped: 1,

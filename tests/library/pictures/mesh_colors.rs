@@ -24,6 +24,7 @@ fn render(ply: &Ply, more: Value) -> Result<(Film, Vec<Problem>), Error> {
         let image = format!("P3 1 1 255 {color}");
         std::fs::write(folder.path().join(name), image).unwrap();
     }
+    std::fs::write(folder.path().join("pair.ppm"), "P3 2 1 255 0 0 0 128 128 128").unwrap();
     let mut mesh = json!({ "type": "trimesh", "path": "m.ply", "material": { "kd": 0, "ka": 1 } });
     mesh.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
     let fov = 2.0 * (1f64 / 4.0).atan().to_degrees();
@@ -176,6 +177,25 @@ fn problems_name_the_place_in_the_scene() {
     }
 }
 
+/// The width of the range overflows, or the difference of a value from its low end.
+#[test]
+fn the_largest_numbers_have_colours() {
+    let max = f64::MAX;
+    let name = |range: Value| {
+        let mut color = json!({ "property": "q" });
+        if !range.is_null() {
+            color["range"] = range;
+        }
+        json!({ "color": color })
+    };
+    let ply = square(&["double q"], |[x, _], _| (0.9 * x + 0.05) * max, &[], |_, _| 0.0);
+    let shown = |range| render(&ply, name(range)).unwrap().0;
+    check(&shown(Value::Null), |x, _| mapped(colorous::VIRIDIS, (x + 1.0) / 2.0));
+    for range in [json!([-1, 1]), json!([-1e300, 1e300])] {
+        check(&shown(range), |x, _| mapped(colorous::VIRIDIS, (0.9 * x + 0.05) * 1e300));
+    }
+}
+
 #[test]
 fn faces_have_the_textures_of_their_numbers() {
     let shown = |names: &[&str], numbers: [f64; 2]| {
@@ -211,6 +231,49 @@ fn faces_have_the_textures_of_their_numbers() {
     let Err(error) = shown(&pair, [0.0, 2.0]) else { panic!("out of range") };
     let error = error.to_string();
     assert!(error.contains("m.ply: face 1: texnumber 2 is out of range"), "{error}");
+}
+
+/// The settings of a material apply to the images of the mesh file, one or several.
+#[test]
+fn images_of_the_file_have_the_settings_of_the_material() {
+    let shown = |names: &[&str], numbers: [f64; 2], settings: Value| {
+        let u = |[x, _]: [f64; 2], k| if k == 0 { x + 0.01 } else { 0.5 };
+        let ply = square(&["float s", "float t"], u, &["int texnumber"], |face, _| numbers[face]);
+        let named = names
+            .iter()
+            .fold(ply, |ply, name| ply.comment(format!("comment TextureFile {name}").as_bytes()));
+        let mut material = json!({ "kd": 0, "ka": 1 });
+        material.as_object_mut().unwrap().extend(settings.as_object().unwrap().clone());
+        render(&named, json!({ "material": material })).unwrap()
+    };
+    let texel = |at: f64, repeat: bool| match (2.0 * at).floor() as i32 {
+        texel if repeat => texel.rem_euclid(2),
+        texel => texel.clamp(0, 1),
+    };
+    for (key, value) in [("wrap", "repeat"), ("wrap", "clamp"), ("colorspace", "linear")] {
+        for (names, numbers) in
+            [(&["pair.ppm"][..], [0.0, 0.0]), (&["red.ppm", "pair.ppm"], [1.0, 1.0])]
+        {
+            let settings = json!({ "filter": "nearest", "tScale": [1.5, 1], key: value });
+            let (film, warnings) = shown(names, numbers, settings);
+            assert!(warnings.iter().all(|w| w.message.contains("texture files")), "{warnings:?}");
+            check(&film, |x, _| {
+                let level =
+                    [0.0, 128.0 / 255.0][texel(1.5 * (x + 0.01), value != "clamp") as usize];
+                [if key == "colorspace" { level } else { linear(level) }; 3]
+            });
+        }
+    }
+    // Without an image, each setting is reported once.
+    for (names, numbers) in [(&[][..], [0.0, 0.0]), (&["pair.ppm", "red.ppm"], [-1.0, -1.0])] {
+        let settings = json!({ "filter": "nearest", "tScale": [2, 1] });
+        let (film, warnings) = shown(names, numbers, settings);
+        check(&film, |_, _| [1.0; 3]);
+        let unused = warnings.iter().filter(|w| w.message.contains("it has no effect"));
+        let unused: Vec<String> = unused.map(Problem::to_string).collect();
+        assert_eq!(unused.len(), 2, "{warnings:?}");
+        assert!(unused[0].contains("`filter` without `tPath`"), "{unused:?}");
+    }
 }
 
 /// Scanners write NaN for vertices that no photograph saw.

@@ -361,3 +361,48 @@ fn the_library_writes_what_the_program_writes() {
         Some("bvh")
     );
 }
+
+/// Coordinates of a national grid need doubles: the header's matrices and the layer `P` are floats.
+#[test]
+fn the_camera_is_in_the_header_in_doubles() {
+    let scratch = scratch();
+    let (east, north) = (412_345.678, 5_123_456.789_012_3);
+    let ball = format!("/scene/shapes/0/center=[{east},{north},0]");
+    let pose = format!(r#""position":[{east},{north},4],"lookat":[0,0,-3],"up":[0,1,0]"#);
+    let keys = [
+        r#""type":"orthographic","viewwidth":0.1"#,
+        r#""type":"pinhole","fov":1.1"#,
+        r#""type":"thinlens","fov":1.1,"aperture":0.7,"focaldistance":4.2"#,
+        r#""type":"panorama","longitude":[-30.1,30.0],"latitude":[-20.0,20.0]"#,
+    ];
+    for keys in keys {
+        let camera = format!(r#"/camera={{{keys},"width":40,"height":24,{pose}}}"#);
+        let sets = ["--set", &ball, "--set", &camera];
+        let done =
+            scratch.run(&[&["render", "s.json", "-o", "a", "--aov", "P,Z"], &sets[..]].concat());
+        let told = done.stderr();
+        assert!(told.contains("warning: scene: the layer `P` has steps of 5.0e-1"), "{told}");
+        let info = scratch.run(&["info", "a.exr", "--json"]).stdout();
+        let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+        let written = &info["parts"][0]["attributes"]["lightpath:camera"];
+        let written: serde_json::Value = serde_json::from_str(written.as_str().unwrap()).unwrap();
+        let mut asked: serde_json::Value =
+            serde_json::from_str(camera.strip_prefix("/camera=").unwrap()).unwrap();
+        for key in ["width", "height"] {
+            asked.as_object_mut().unwrap().remove(key);
+        }
+        for (key, value) in asked.as_object().unwrap() {
+            let numbers = |value: &serde_json::Value| match value {
+                serde_json::Value::Array(all) => all.iter().map(|x| x.as_f64()).collect(),
+                one => vec![one.as_f64()],
+            };
+            let same = written[key] == *value || numbers(&written[key]) == numbers(value);
+            assert!(same, "{key}: {written}");
+        }
+        assert_eq!(written.as_object().unwrap().len(), asked.as_object().unwrap().len());
+    }
+    // Without the layer there is no warning.
+    let sets = ["--set", &ball, "--set", &format!("/camera/position=[{east},{north},4]")];
+    let done = scratch.run(&[&["render", "s.json", "-o", "a", "--aov", "Z"], &sets[..]].concat());
+    assert!(!done.stderr().contains("the layer `P`"), "{}", done.stderr());
+}

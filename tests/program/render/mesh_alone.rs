@@ -487,9 +487,15 @@ fn a_property_gets_a_legend() {
     let note = "1 of 5 values of vertex.quality are not finite; they have the colour [1, 0, 1]";
     assert!(done.stderr().contains(note), "{}", done.stderr());
     let (exr, png) = (scratch.channels("o.exr"), scratch.read("o.png"));
-    render(&scratch, "c.ply", &[&flags[..], &["--legend"]].concat()).good();
+    let done = render(&scratch, "c.ply", &[&flags[..], &["--legend"]].concat()).good();
     assert!(scratch.channels("o.exr") == exr, "the EXR has no legend");
-    assert!(scratch.read("o.png") != png);
+    assert!(scratch.read("o.png") == png && done.stderr().contains("too small for the legend"));
+    for (name, legend) in [("plain", &[][..]), ("o", &["--legend"])] {
+        let large = ["render", "c.ply", "--size", "160x120", "--quiet", "-o", name];
+        scratch.run(&[&large[..], &flags, legend].concat()).good();
+    }
+    assert!(scratch.channels("o.exr") == scratch.channels("plain.exr"));
+    assert!(scratch.read("o.png") != scratch.read("plain.png"));
     let ranged = [&flags[..], &["--color-range", "-1,2", "--color-map", "magma"]].concat();
     render(&scratch, "c.ply", &ranged).good();
     assert!(scratch.channels("o.exr") != exr);
