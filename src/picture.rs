@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
-
 use crate::error::{Error, Problem, Result};
 use crate::film::{Dropped, Film};
 use crate::layers::{LayerPlan, Mattes};
@@ -280,30 +278,11 @@ fn layer_attributes(plan: &LayerPlan) -> Vec<(String, String)> {
 /// Returns the header attributes of a camera beside OpenEXR's own. Of two
 /// attributes with the same name, the later one counts: here `lightpath:Z`, whose meaning differs.
 fn camera_attributes(scene: &Scene, layers: &[(String, String)]) -> Vec<(String, String)> {
-    let camera = ("lightpath:camera".to_string(), described(&scene.camera));
+    let camera = ("lightpath:camera".to_string(), camera::described(&scene.camera));
     let z = "lightpath:Z".to_string();
     let distance = camera::sees_behind(&scene.camera) && layers.iter().any(|(name, _)| *name == z);
     let text = "distance from the camera; 1e30 where nothing is hit; nearest sample";
     std::iter::once(camera).chain(distance.then(|| (z, text.to_string()))).collect()
-}
-
-/// Returns the camera as JSON, in the keys of a scene file. Every camera has its pose in doubles:
-/// the matrices of the header are floats, too coarse for positions far from 0.
-fn described(camera: &CheckedCamera) -> String {
-    let own = camera::described(camera).unwrap_or_else(|| {
-        let (fov, lens) = camera.perspective().unwrap_or_default();
-        let own = match lens {
-            None => json!({ "type": "pinhole", "fov": fov }),
-            Some(lens) => json!({ "type": "thinlens", "fov": fov, "aperture": lens.aperture,
-                "focaldistance": lens.focal_distance }),
-        };
-        own.to_string()
-    });
-    let [position, lookat, up] = [camera.position, camera.lookat, camera.up].map(|v| v.to_array());
-    let pose = json!({ "position": position, "lookat": lookat, "up": up }).to_string();
-    // Both are objects with keys. Parsing `own` again could change the last digit of a number.
-    let own = own.strip_suffix('}').unwrap_or(&own);
-    format!("{own},{}", pose.strip_prefix('{').unwrap_or(&pose))
 }
 
 /// Returns the camera matrices of the picture.

@@ -79,9 +79,9 @@ pub fn world_to_ndc(camera: &CheckedCamera) -> Option<[[f64; 4]; 4]> {
     })
 }
 
-/// The camera as JSON for an attribute of the header, in the keys of a scene file and without its
-/// pose, which `worldToCamera` holds. `None` for cameras that OpenEXR's own attributes describe.
-pub fn described(camera: &CheckedCamera) -> Option<String> {
+/// The camera as JSON for an attribute of the header, in the keys of a scene file. Every camera has
+/// its pose in doubles: the matrices of the header are floats, too coarse for positions far from 0.
+pub fn described(camera: &CheckedCamera) -> String {
     let intrinsics = |calibration: &Calibration, distortion: Option<&Distortion>| {
         let Calibration { focal: [fx, fy], principal: [cx, cy], skew } = *calibration;
         let mut json = json!({ "type": "intrinsics", "fx": fx, "fy": fy, "cx": cx - 0.5,
@@ -91,8 +91,14 @@ pub fn described(camera: &CheckedCamera) -> Option<String> {
         }
         json
     };
-    let json = match &camera.projection {
-        Projection::Perspective { .. } => return None,
+    let mut json = match &camera.projection {
+        Projection::Perspective { fov_deg, lens: None } => {
+            json!({ "type": "pinhole", "fov": fov_deg })
+        }
+        Projection::Perspective { fov_deg, lens: Some(lens) } => {
+            json!({ "type": "thinlens", "fov": fov_deg, "aperture": lens.aperture,
+                "focaldistance": lens.focal_distance })
+        }
         Projection::Calibrated(calibration) => intrinsics(calibration, None),
         Projection::Distorted(calibration, distortion, _) => {
             intrinsics(calibration, Some(distortion))
@@ -102,7 +108,12 @@ pub fn described(camera: &CheckedCamera) -> Option<String> {
             json!({ "type": "panorama", "longitude": longitude_deg, "latitude": latitude_deg })
         }
     };
-    Some(json.to_string())
+    for (key, value) in
+        [("position", camera.position), ("lookat", camera.lookat), ("up", camera.up)]
+    {
+        json[key] = json!(value.to_array());
+    }
+    json.to_string()
 }
 
 fn lens(distortion: &Distortion) -> Value {
