@@ -24,6 +24,7 @@ use crate::render::RayCounts;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
 use crate::threads::{self, lock};
+use crate::units::plural;
 use crate::world::ReadFiles;
 
 use super::file_hashes::FileHashes;
@@ -302,6 +303,8 @@ impl Run<'_> {
         if let ErrorKind::Interrupted(_) = error.kind {
             return;
         }
+        // A file with thousands of errors must not hide those of other files.
+        let error = error.shortened(|more| plural(more, "more problem"));
         self.status.failed.fetch_add(frames, Relaxed);
         let (input, name) = self.named(number);
         (self.tell)(Event::Failed { input: &input, error: &error });
