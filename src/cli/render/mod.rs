@@ -103,10 +103,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 /// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made
 /// it: scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
 fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
-    let [exr, _] = Outputs::names(&options.prefix);
-    let is_png = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
-    let mut pngs = options.outputs().into_iter().filter(is_png);
-    let Some(png) = pngs.find(|png| png.exists()).filter(|_| !exr.exists()) else {
+    let [exr, png] = Outputs::names(&options.prefix);
+    let mut pngs = std::iter::once(&png).chain(options.previews.iter().map(|(_, path)| path));
+    let Some(png) = pngs.find(|png| png.is_file()).filter(|_| !exr.exists()) else {
         return Ok(());
     };
     let message = "would be overwritten, and no render has made it: its .exr is missing";

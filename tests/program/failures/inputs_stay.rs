@@ -101,6 +101,17 @@ fn render_never_overwrites_images_beside_a_scan() {
     }
 }
 
+/// Only the pictures have names that nobody has given.
+#[test]
+fn a_render_beside_a_mesh_replaces_the_files_that_flags_name() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", PYRAMID);
+    scratch.write("st.png", "of another program");
+    let args = ["m.ply", "--write-scene", "st.png"];
+    assert!(render(&scratch, &args).good().stdout().contains("st.png"));
+    assert!(scratch.read("st.png").starts_with(b"{"));
+}
+
 #[test]
 fn render_never_overwrites_the_texture_of_a_mesh_from_a_pipe() {
     let scratch = Scratch::new();
