@@ -90,6 +90,9 @@ impl fmt::Display for Problem {
     }
 }
 
+/// Most problems of one input that are shown.
+const MAX_PROBLEMS: usize = 200;
+
 /// One or more problems, and one class for all of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
@@ -171,6 +174,18 @@ impl Error {
     pub fn of_file(path: &Path, cause: io::ErrorKind, message: impl Into<String>) -> Self {
         let problem = Problem::new(path.display().to_string(), message);
         Self::new(ErrorKind::Invalid, problem.cause_of(path, cause))
+    }
+
+    /// Returns the error with its first 200 problems and one that says how many more there are:
+    /// "and" with the text of `counted`.
+    #[doc(hidden)]
+    pub fn shortened(mut self, counted: impl FnOnce(usize) -> String) -> Self {
+        let more = self.problems.len().saturating_sub(MAX_PROBLEMS);
+        if more > 0 {
+            self.problems.truncate(MAX_PROBLEMS);
+            self.problems.push(Problem::new("", format!("and {}", counted(more))));
+        }
+        self
     }
 
     /// Sets the next step of the last problem.
@@ -264,5 +279,18 @@ mod tests {
         let error = failures.check().unwrap_err();
         assert_eq!((error.kind, error.problems.len()), (ErrorKind::Invalid, 2));
         assert_eq!(Failures::default().check(), Ok(()));
+    }
+
+    #[test]
+    fn a_shortened_error_says_how_many_more_problems_there_are() {
+        let lines = |count: usize| {
+            let problems = (0..count).map(|i| Problem::new("a", i.to_string())).collect();
+            let error = Error { kind: ErrorKind::Invalid, problems };
+            let text = error.shortened(|more| format!("{more} more")).to_string();
+            (text.lines().count(), text.lines().last().unwrap_or_default().to_string())
+        };
+        assert_eq!(lines(200), (200, "error: a: 199".into()));
+        assert_eq!(lines(201), (201, "error: and 1 more".into()));
+        assert_eq!(lines(1200).1, "error: and 1000 more");
     }
 }

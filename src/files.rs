@@ -1,7 +1,7 @@
 //! Identity of files: refuses outputs that would overwrite an input, and detects files that change
 //! between two reads.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 use std::fs::{File, Metadata};
 use std::io::Read;
@@ -115,6 +115,8 @@ pub struct FileSet {
     /// Last components of the paths.
     names: HashSet<OsString>,
     nodes: HashSet<Inode>,
+    /// Those of `paths` that are missing textures, with the meshes that name them.
+    textures: HashMap<PathBuf, PathBuf>,
 }
 
 impl FileSet {
@@ -125,6 +127,51 @@ impl FileSet {
         self.paths.insert(real);
         let data = std::fs::metadata(path).ok();
         self.nodes.extend(data.filter(Metadata::is_file).as_ref().and_then(node));
+    }
+
+    /// Adds an image that does not exist and that `mesh` names as its texture.
+    pub fn add_missing(&mut self, image: &Path, mesh: &Path) {
+        self.add(image);
+        self.textures.insert(real(image), mesh.to_owned());
+    }
+
+    /// Refuses an output that is one of the files.
+    ///
+    /// # Errors
+    /// `Invalid`, with `help` as the next step.
+    pub fn refuse(&self, output: &Path, help: &str) -> Result<()> {
+        if !self.has(output) {
+            return Ok(());
+        }
+        let message = match self.textures.get(&real(output)) {
+            Some(mesh) => format!(
+                "would be the texture that {} names: the next render would show it",
+                mesh.display()
+            ),
+            None => "would overwrite an input or another output".to_string(),
+        };
+        Err(Error::invalid(output.display().to_string(), message).help(help))
+    }
+
+    /// Refuses outputs that are among the files or twice among the outputs. Pipes and devices are
+    /// exempt.
+    ///
+    /// # Errors
+    /// As for [`FileSet::refuse`].
+    pub fn refuse_all<P: AsRef<Path>>(
+        mut self,
+        outputs: impl IntoIterator<Item = P>,
+        help: &str,
+    ) -> Result<()> {
+        for output in outputs {
+            let output = output.as_ref();
+            if std::fs::metadata(output).is_ok_and(|data| !data.is_file()) {
+                continue;
+            }
+            self.refuse(output, help)?;
+            self.add(output);
+        }
+        Ok(())
     }
 
     /// Returns true if the set has no files.
@@ -162,24 +209,7 @@ pub fn refuse_overwrites<P: AsRef<Path>, Q: AsRef<Path>>(
     outputs: impl IntoIterator<Item = Q>,
     help: &str,
 ) -> Result<()> {
-    let mut taken: FileSet = inputs.into_iter().collect();
-    for output in outputs {
-        let output = output.as_ref();
-        if std::fs::metadata(output).is_ok_and(|data| !data.is_file()) {
-            continue;
-        }
-        if taken.has(output) {
-            return Err(over(output, help));
-        }
-        taken.add(output);
-    }
-    Ok(())
-}
-
-/// Makes the error for an output that would overwrite an input or another output.
-pub fn over(output: &Path, help: &str) -> Error {
-    let message = "would overwrite an input or another output";
-    Error::invalid(output.display().to_string(), message).help(help)
+    inputs.into_iter().collect::<FileSet>().refuse_all(outputs, help)
 }
 
 /// Resolves the links in a path. If the file does not exist, resolves those of its folder.

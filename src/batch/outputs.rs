@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::files::{self, FileSet};
+use crate::files::FileSet;
 use crate::output::{Outputs, atomic};
-use crate::{picture, world};
+use crate::picture;
+use crate::world::{self, MissingImage, Sources};
 
 use super::inputs::not_a_file;
 use super::job::{Job, JobInput};
@@ -23,21 +24,26 @@ use super::{scene, sheet};
 /// A pipe or a device among the files of an input: they are read more than once.
 pub fn inputs(job: &Job) -> Result<FileSet> {
     let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
-    let read = named.par_iter().flatten().chain(&job.looks.texture);
+    let read = named.par_iter().flat_map(|named| &named.files).chain(&job.looks.texture);
     read.find_map_first(|path| not_a_file(path)).map_or(Ok(()), Err)?;
-    let own = job.job_file.iter().chain(&job.files);
-    Ok(own.chain(&job.looks.texture).chain(named.iter().flatten()).collect())
+    let own = job.job_file.iter().chain(&job.files).chain(&job.looks.texture);
+    let files = named.iter().flat_map(|named| &named.files);
+    let mut all: FileSet = own.chain(files).collect();
+    let missing = named.iter().flat_map(|named| &named.missing);
+    missing.for_each(|MissingImage { mesh, image }| all.add_missing(image, mesh));
+    Ok(all)
 }
 
 /// Returns an input's path and the paths of the files that it names. If the scene is
 /// invalid, these are only the files that a mesh header names.
-fn named(job: &Job, input: &JobInput) -> Vec<PathBuf> {
-    let named = match scene::with_default_placement(job, input) {
+fn named(job: &Job, input: &JobInput) -> Sources {
+    let mut named = match scene::with_default_placement(job, input) {
         Ok(scene) => world::sources(&scene),
         // A mesh header names its texture even if the scene around it is invalid.
         Err(_) => world::mesh_sources(&input.path),
     };
-    [input.path.clone()].into_iter().chain(named).collect()
+    named.files.push(input.path.clone());
+    named
 }
 
 /// Refuses frames, journals and contact sheets that would overwrite an input. Also refuses frames
@@ -76,10 +82,7 @@ pub fn refuse_files(job: &Job, mut outputs: impl Iterator<Item = PathBuf>) -> Re
 }
 
 fn refuse_if_input(output: &Path, inputs: &FileSet) -> Result<()> {
-    match inputs.has(output) {
-        true => Err(files::over(output, "choose another folder: -o DIR")),
-        false => Ok(()),
-    }
+    inputs.refuse(output, "choose another folder: -o DIR")
 }
 
 /// Returns the paths of every file that a frame may have.

@@ -19,11 +19,12 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::FileSet;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
-use crate::output::atomic::Sweep;
+use crate::output::atomic::{PartFile, Sweep};
 use crate::render::RayCounts;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
 use crate::threads::{self, lock};
+use crate::units::plural;
 use crate::world::ReadFiles;
 
 use super::file_hashes::FileHashes;
@@ -302,6 +303,8 @@ impl Run<'_> {
         if let ErrorKind::Interrupted(_) = error.kind {
             return;
         }
+        // A file with thousands of errors must not hide those of other files.
+        let error = error.shortened(|more| plural(more, "more problem"));
         self.status.failed.fetch_add(frames, Relaxed);
         let (input, name) = self.named(number);
         (self.tell)(Event::Failed { input: &input, error: &error });
@@ -327,7 +330,7 @@ impl Run<'_> {
 
     /// Ends the batch after an error of writing that later frames would have, too.
     pub fn end_if_shared(&self, error: &Error) {
-        if is_shared(error) {
+        if is_shared(error, &self.job.folder) {
             self.end(error.clone());
         }
     }
@@ -354,11 +357,13 @@ impl Run<'_> {
     }
 }
 
-/// Returns true if an error of writing is not about one name: a disk is full or read-only, or
-/// another resource is exhausted (`Retry`).
-fn is_shared(error: &Error) -> bool {
+/// Returns true if an error of writing is not about one name: a disk is full, another resource is
+/// exhausted (`Retry`), or the disk of the job's `folder` is read-only. A folder in it may be on
+/// another disk.
+fn is_shared(error: &Error, folder: &Path) -> bool {
     let read_only = |problem: &Problem| problem.cause == Some(io::ErrorKind::ReadOnlyFilesystem);
-    error.kind == ErrorKind::Retry || error.problems.iter().any(read_only)
+    error.kind == ErrorKind::Retry
+        || error.problems.iter().any(read_only) && PartFile::create(&folder.join("probe")).is_err()
 }
 
 /// Runs `work`, and turns a panic into an error: a bug must not end the batch.
@@ -378,8 +383,14 @@ mod tests {
     fn a_disk_that_is_full_or_read_only_ends_the_batch_and_one_bad_name_does_not() {
         use io::ErrorKind as E;
         let kinds = [E::StorageFull, E::ReadOnlyFilesystem, E::PermissionDenied, E::IsADirectory];
+        let errors = kinds.map(|kind| Error::io("a.exr".as_ref(), "create", &kind.into()));
         let shared =
-            kinds.map(|kind| is_shared(&Error::io("a.exr".as_ref(), "create", &kind.into())));
-        assert_eq!(shared, [true, true, false, false]);
+            |folder: &Path| errors.iter().map(|e| is_shared(e, folder)).collect::<Vec<_>>();
+        let nowhere = Path::new("/no such folder");
+        assert_eq!(shared(nowhere), [true, true, false, false]);
+        // Only a folder of some frames is read-only.
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(shared(folder.path()), [true, false, false, false]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

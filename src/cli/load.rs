@@ -9,7 +9,7 @@ use crate::monitor::Monitor;
 use crate::paths::seen_from;
 use crate::scene::{Loaded, Overrides};
 use crate::studio::{self, MeshScene, Subject, Template};
-use crate::world::{LoadOptions, World, own_texture, sources};
+use crate::world::{LoadOptions, OwnImage, Sources, World, own_texture, sources};
 
 /// A checked scene, ready to be rendered.
 #[derive(Debug)]
@@ -25,11 +25,22 @@ pub struct SceneJob {
 }
 
 impl SceneJob {
-    /// Returns the paths of all files that the render reads, `input` first.
+    /// Returns the paths of all files that the render reads.
     pub fn inputs(&self, input: &Path) -> Vec<PathBuf> {
-        let own = self.ready.iter().filter_map(|(path, mesh)| own_texture(path, mesh));
-        let named = sources(&self.loaded.scene).into_iter().chain(own);
-        [input.to_owned()].into_iter().chain(named).collect()
+        self.sources(input).files
+    }
+
+    /// Returns `input` and all files that the scene names.
+    pub fn sources(&self, input: &Path) -> Sources {
+        let mut all = sources(&self.loaded.scene);
+        all.files.push(input.to_owned());
+        // The header of a mesh from a pipe is read only once. Errors are reported by the render.
+        for (path, mesh) in self.ready.iter().filter(|(path, _)| !path.is_file()) {
+            if let Some(image) = own_texture(path, mesh).ok().flatten().and_then(OwnImage::file) {
+                all.files.push(image);
+            }
+        }
+        all
     }
 
     /// Loads the world, with copies of instanced meshes if `copy_instances`. Calls `note` with each

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::Styles;
 
-use crate::error::{Error, Result, is_hidden, printable_lines};
+use crate::error::{Error, ErrorKind, Result, is_hidden, printable_lines};
 use crate::units::plural;
 
 /// Prints a message to stderr. Ignores errors: a closed or full stderr must not stop a render.
@@ -18,21 +18,14 @@ pub fn note(text: &str) {
     let _ = writeln!(anstream::stderr(), "{}", lines.join("\n"));
 }
 
-/// Most problems of an error that are printed.
-const MAX_PROBLEMS: usize = 200;
-
-/// Prints an error to stderr as [`note`] does: its first problems, and how many more it has.
+/// Prints an error to stderr as [`note`] does.
+///
+/// Of the problems of an input, the first are printed, and how many more it has. The failures of a
+/// batch and of checks are of many inputs, so all are printed.
 pub fn error(error: &Error) {
-    note(&first_problems(error));
-}
-
-fn first_problems(error: &Error) -> String {
-    let more = error.problems.len().saturating_sub(MAX_PROBLEMS);
-    if more == 0 {
-        return error.to_string();
-    }
-    let shown = Error { kind: error.kind, problems: error.problems[..MAX_PROBLEMS].to_vec() };
-    format!("{shown}\nerror: and {}", plural(more, "more problem"))
+    let of_many = matches!(error.kind, ErrorKind::Check | ErrorKind::Retry);
+    let first = || error.clone().shortened(|more| plural(more, "more problem"));
+    note(&if of_many { error.to_string() } else { first().to_string() });
 }
 
 /// Colours the first word of a message line as clap does.
@@ -115,22 +108,4 @@ pub fn aligned(rows: &[Vec<String>]) -> Vec<String> {
         cells.collect::<Vec<_>>().join("  ").trim_end().to_string()
     };
     rows.iter().map(line).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::error::{ErrorKind, Problem};
-
-    #[test]
-    fn an_error_of_many_problems_says_how_many_more_there_are() {
-        let lines = |count: usize| {
-            let problems = (0..count).map(|i| Problem::new("a", i.to_string())).collect();
-            let text = first_problems(&Error { kind: ErrorKind::Invalid, problems });
-            (text.lines().count(), text.lines().last().unwrap_or_default().to_string())
-        };
-        assert_eq!(lines(200), (200, "error: a: 199".into()));
-        assert_eq!(lines(201), (201, "error: and 1 more problem".into()));
-        assert_eq!(lines(1200).1, "error: and 1,000 more problems");
-    }
 }

@@ -4,7 +4,7 @@ use std::io::{BufRead, Error, ErrorKind, Seek};
 
 use png::{Decoder, DecodingError, Limits, Reader, Transformations};
 
-/// Bytes that the decoder may take beside a row of pixels, for chunks such as `eXIf`.
+/// Bytes that the decoder may take beside a row of pixels and the chunk `eXIf`.
 const CHUNK_BYTES: usize = 64 << 20;
 /// Most bytes that one byte of deflate data unpacks to.
 const MAX_INFLATION: u64 = 1032;
@@ -16,7 +16,9 @@ const MAX_INFLATION: u64 = 1032;
 /// # Errors
 /// The decoder's, for damaged files. `UnexpectedEof` if the file is too short for its pixels.
 pub fn header<R: BufRead + Seek>(file: R, bytes: u64) -> Result<Reader<R>, DecodingError> {
-    let mut decoder = Decoder::new_with_limits(file, Limits { bytes: CHUNK_BYTES });
+    // The decoder holds the chunk `eXIf`, which is not compressed: it is shorter than the file.
+    let chunks = usize::try_from(bytes).unwrap_or(usize::MAX).saturating_add(CHUNK_BYTES);
+    let mut decoder = Decoder::new_with_limits(file, Limits { bytes: chunks });
     decoder.set_ignore_text_chunk(true);
     decoder.set_ignore_iccp_chunk(true);
     decoder.set_transformations(Transformations::EXPAND);
@@ -29,7 +31,7 @@ pub fn header<R: BufRead + Seek>(file: R, bytes: u64) -> Result<Reader<R>, Decod
     }
     // The decoder counts one unpacked row, of up to 4 channels of 16 bits.
     let row = usize::try_from(8 * u64::from(info.width)).unwrap_or(usize::MAX);
-    decoder.set_limits(Limits { bytes: row.saturating_add(CHUNK_BYTES) });
+    decoder.set_limits(Limits { bytes: row.saturating_add(chunks) });
     decoder.read_info()
 }
 
@@ -58,6 +60,20 @@ mod tests {
             };
             assert_eq!(message.contains("too short for its pixels"), !fits, "{size:?}");
         }
+    }
+
+    /// Scanners and panorama programs write previews and notes into this chunk.
+    #[test]
+    fn a_long_exif_chunk_is_no_reason_to_refuse_a_file() {
+        let mut file = Vec::new();
+        let mut info = png::Info::with_size(4, 4);
+        info.exif_metadata = Some(Cow::Owned(vec![0; CHUNK_BYTES + (1 << 20)]));
+        let mut writer = png::Encoder::with_info(&mut file, info).unwrap().write_header().unwrap();
+        writer.write_image_data(&[7; 16]).unwrap();
+        drop(writer);
+        let mut reader = header(Cursor::new(&file), file.len() as u64).unwrap();
+        let mut pixels = [0; 16];
+        assert!(reader.next_frame(&mut pixels).is_ok() && pixels == [7; 16]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::error::{Error, Problem, Result};
 use crate::mesh::Mesh;
 use crate::paths::{named, seen_from};
 use crate::scene::{Document, JsonNode, Loaded, Overrides, Trimesh, escaped};
-use crate::world::{self, Bounds, several_textures_warning};
+use crate::world::{self, Bounds, OwnImage, moved_texture_warning, several_textures_warning};
 
 use super::axes::{main_axis, turn};
 use super::calibrated::keep_coordinates;
@@ -46,7 +46,7 @@ pub fn furnish(
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
     colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
-    warnings.extend(texture_note(subject, &mesh, template, colored));
+    warnings.extend(texture_note(subject, &mesh, template, colored)?);
     // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
     let turned = trimesh(&loaded, &shape).is_some_and(|spec| spec.rotate_deg != DVec3::ZERO);
@@ -211,8 +211,8 @@ fn colour(
         }
         // If faces have different textures, the world loads them from the mesh.
         let single = !colored && mesh.textures.is_none();
-        let image = own_texture(subject, mesh).filter(|image| single && image.is_file());
-        if let Some(image) = image {
+        let image = if single { own_texture(subject, mesh)? } else { None };
+        if let Some(image) = image.and_then(OwnImage::file) {
             let path = seen_from(&image, &template.folder)?;
             ours.flag("FILE.ply", &format!("{material}/tPath"), Some(path));
             ours.flag("FILE.ply", &format!("{material}/filter"), Some("trilinear"));
@@ -243,28 +243,39 @@ fn material(template: &Template, shape: &str) -> Result<String> {
     Ok(format!("/scene/materials/{}", escaped(name)))
 }
 
-/// Returns the image that the mesh file names. `None` if `--texture` replaces it, or if the mesh
-/// has no texture coordinates.
-fn own_texture(subject: &Subject, mesh: &Mesh) -> Option<PathBuf> {
-    let wanted = subject.looks.texture.is_none() && mesh.uvs.is_some();
-    world::own_texture(subject.path, mesh).filter(|_| wanted)
+/// Returns where the image is that the mesh file names. `None` if `--texture` replaces it, or if
+/// the mesh has no texture coordinates.
+///
+/// # Errors
+/// As for [`world::own_texture`].
+fn own_texture(subject: &Subject, mesh: &Mesh) -> Result<Option<OwnImage>> {
+    match subject.looks.texture.is_none() && mesh.uvs.is_some() {
+        true => world::own_texture(subject.path, mesh),
+        false => Ok(None),
+    }
 }
 
-/// Returns a warning about a texture that is not shown.
+/// Returns a warning about a texture that is not shown, or that is not where the mesh says.
+///
+/// # Errors
+/// As for [`world::own_texture`].
 fn texture_note(
     subject: &Subject,
     mesh: &Mesh,
     template: &Template,
     colored: bool,
-) -> Option<Problem> {
+) -> Result<Option<Problem>> {
     let place = || subject.path.display().to_string();
     let shows_own = !colored && mesh.textures.is_none();
     if !template.builtin || subject.looks.texture.is_some() || !shows_own {
-        return None;
+        return Ok(None);
     }
-    let missing = own_texture(subject, mesh).filter(|image| !image.is_file());
-    match (&mesh.texture_file, missing) {
-        (Some(_), None) if mesh.uvs.is_some() => several_textures_warning(mesh, subject.path),
+    let image = own_texture(subject, mesh)?;
+    Ok(match (&mesh.texture_file, image) {
+        (Some(_), Some(OwnImage::Named(_))) => several_textures_warning(mesh, subject.path),
+        (Some(name), Some(OwnImage::Moved(image))) => {
+            Some(moved_texture_warning(subject.path, name, &image))
+        }
         (None, _) if mesh.uvs.is_some() => {
             let message = "found texture coordinates and no texture";
             Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
@@ -278,7 +289,7 @@ fn texture_note(
         }
         // The world warns of an image that is missing.
         _ => None,
-    }
+    })
 }
 
 /// Returns a warning about a mesh that seems to lie on its side, if y points up in the scene.

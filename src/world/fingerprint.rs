@@ -16,7 +16,7 @@ use crate::scene::written::{
 };
 use crate::scene::{CheckedMaterial, Layer, LightKind, Loaded, ShapeKind};
 
-use super::sources::{self, beside};
+use super::sources::{self, is_render, own_image};
 
 /// SHA-256 of the contents of files. Each path is read once, so frames of a batch share the result.
 #[derive(Debug, Default)]
@@ -77,12 +77,14 @@ impl ContentHashes {
             // Points are drawn as spheres without textures.
             return Ok(Some(all));
         }
-        for name in mesh::inspect_ply(path)?.texture_files {
-            let image = beside(path, &name);
-            match image.is_file() {
-                true => all += &self.sha256_of(&image)?.unwrap_or_default(),
+        let summary = mesh::inspect_ply(path)?;
+        for name in &summary.texture_files {
+            // A mesh that shows no image may be rendered under the name of one.
+            let counts = |image: &PathBuf| summary.uvs.is_some() || !is_render(image);
+            match own_image(path, name)?.file().filter(counts) {
+                Some(image) => all += &self.sha256_of(&image)?.unwrap_or_default(),
                 // The same image under another name is that of other faces.
-                false => all.push('-'),
+                None => all.push('-'),
             }
         }
         Ok(Some(all))

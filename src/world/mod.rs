@@ -45,8 +45,10 @@ pub use self::maps::Maps;
 pub use self::origin::{Origin, View};
 pub use self::place::{extent, placement};
 pub use self::resolution::{Detail, Resolution, ulp};
-pub use self::sources::{ReadFiles, mesh_sources, own_images, own_texture, sources};
-pub use self::textures::several_textures_warning;
+pub use self::sources::{
+    MissingImage, OwnImage, ReadFiles, Sources, mesh_sources, own_images, own_texture, sources,
+};
+pub use self::textures::{moved_texture_warning, several_textures_warning};
 
 /// Everything that a render needs except the accelerator. All positions are relative to
 /// `geometry.origin`. A clone shares geometry and shapes.
@@ -143,12 +145,8 @@ impl World {
                     log.read.0.push((spec.path.clone(), mesh.notes.stamp));
                 }
                 if let (Ok(mesh), false) = (&mut mesh, textured || spec.color.is_some()) {
-                    mesh_images.extend(textures::mesh_images(
-                        mesh,
-                        index,
-                        &spec.path,
-                        &mut log.warnings,
-                    ));
+                    let images = textures::mesh_images(mesh, index, &spec.path, &mut log.warnings);
+                    mesh_images.extend(failures.keep(images).flatten());
                 }
                 let mesh = mesh.and_then(|m| PlacedMesh::new(m, spec, textured, &mut log.warnings));
                 let Some(mesh) = failures.keep(mesh) else { continue };

@@ -14,7 +14,7 @@ use crate::shading::{
 };
 use crate::units::{self, plural};
 
-use super::sources::{LoadLog, beside};
+use super::sources::{LoadLog, OwnImage, own_image};
 
 /// Memory that textures may take.
 #[derive(Debug, Clone, Copy)]
@@ -139,32 +139,44 @@ pub fn several_textures_warning(mesh: &Mesh, path: &Path) -> Option<Problem> {
     only_one.then(|| Problem::new(path.display().to_string(), message))
 }
 
+/// Returns a warning that the image `name` of the mesh at `path` is not where the mesh says, and
+/// that `image` is shown.
+pub fn moved_texture_warning(path: &Path, name: &str, image: &Path) -> Problem {
+    let message = format!("there is no texture \"{name}\"; {} is used", image.display());
+    Problem::new(path.display().to_string(), message)
+}
+
 /// Returns the images that the mesh at `path` names. `None` if the mesh has no texture coordinates,
 /// or names no image or only one that does not exist. Takes the indices of the triangles' textures
 /// out of the mesh.
+///
+/// # Errors
+/// As for [`own_image`].
 pub fn mesh_images(
     mesh: &mut Mesh,
     shape: usize,
     path: &Path,
     warnings: &mut Vec<Problem>,
-) -> Option<MeshImages> {
-    mesh.uvs.as_ref()?;
+) -> Result<Option<MeshImages>> {
     let mut image = |name: &str| {
-        let image = beside(path, name);
         // The header has this character for bytes that are not UTF-8.
         let is_utf8 = !name.contains(char::REPLACEMENT_CHARACTER);
-        if is_utf8 && image.is_file() {
-            return Some(image);
-        }
-        let place = path.display().to_string();
-        let reason = match is_utf8 {
-            true => format!("there is no file {}", image.display()),
-            false => "its name is not UTF-8".to_string(),
+        let reason = match own_image(path, name)? {
+            _ if !is_utf8 => "its name is not UTF-8".to_string(),
+            OwnImage::Named(image) => return Ok(Some(image)),
+            OwnImage::Moved(image) => {
+                warnings.push(moved_texture_warning(path, name, &image));
+                return Ok(Some(image));
+            }
+            OwnImage::Missing(image) => format!("there is no file {}", image.display()),
         };
         let message = format!("the texture \"{name}\" is not used: {reason}");
-        warnings.push(Problem::new(place, message));
-        None
+        warnings.push(Problem::new(path.display().to_string(), message));
+        Ok(None)
     };
+    if mesh.uvs.is_none() {
+        return Ok(None);
+    }
     if let Some(mesh::FaceTextures { files, indices }) = mesh.textures.take() {
         let mut used = vec![false; files.len()];
         for &number in &indices {
@@ -173,12 +185,14 @@ pub fn mesh_images(
             }
         }
         let named = files.iter().zip(used);
-        let images = named.map(|(name, used)| if used { image(name) } else { None });
-        return Some(MeshImages { shape, images: images.collect(), indices: Some(indices) });
+        let images = named.map(|(name, used)| if used { image(name) } else { Ok(None) });
+        let images = images.collect::<Result<_>>()?;
+        return Ok(Some(MeshImages { shape, images, indices: Some(indices) }));
     }
-    let image = image(mesh.texture_file.as_ref()?)?;
+    let Some(name) = &mesh.texture_file else { return Ok(None) };
+    let Some(image) = image(name)? else { return Ok(None) };
     warnings.extend(several_textures_warning(mesh, path));
-    Some(MeshImages { shape, images: vec![Some(image)], indices: None })
+    Ok(Some(MeshImages { shape, images: vec![Some(image)], indices: None }))
 }
 
 /// Loads the images that meshes name, and appends a material with them for each of these shapes.

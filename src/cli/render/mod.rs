@@ -19,6 +19,7 @@ use serde_json::json;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
+use crate::files::FileSet;
 use crate::film::{Film, ReservedFilm};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
@@ -29,7 +30,7 @@ use crate::output::{Outputs, ValueCounts};
 use crate::picture::{self, PictureHeader};
 use crate::render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers};
 use crate::studio;
-use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
+use crate::world::{ContentHashes, LoadOptions, MissingImage, Sources, World, fingerprint};
 
 use super::load::{self, SceneJob};
 use super::outputs::{self, TextOutputs};
@@ -78,9 +79,11 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let ready = std::mem::take(&mut job.ready);
     let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;
     job.warnings.extend(options.warnings());
-    let inputs = job.inputs(&args.input).into_iter().chain(args.mesh.template.clone());
-    let inputs = inputs.chain(args.files.plate.over.clone());
-    outputs::refuse_overwrites(inputs, options.outputs(), OUTPUT_FLAGS)?;
+    let Sources { files, missing } = job.sources(&args.input);
+    let inputs = files.iter().chain(&args.mesh.template).chain(&args.files.plate.over);
+    let mut taken: FileSet = inputs.collect();
+    missing.iter().for_each(|MissingImage { mesh, image }| taken.add_missing(image, mesh));
+    taken.refuse_all(options.outputs(), &format!("choose another name: {OUTPUT_FLAGS}"))?;
     if args.output.is_none() && studio::is_mesh(&args.input) {
         refuse_images_of_scan(&options)?;
     }
@@ -103,10 +106,9 @@ pub fn run(args: &RenderArgs) -> Result<()> {
 /// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made
 /// it: scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
 fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
-    let [exr, _] = Outputs::names(&options.prefix);
-    let is_png = |path: &PathBuf| path.extension().is_some_and(|end| end == "png");
-    let mut pngs = options.outputs().into_iter().filter(is_png);
-    let Some(png) = pngs.find(|png| png.exists()).filter(|_| !exr.exists()) else {
+    let [exr, png] = Outputs::names(&options.prefix);
+    let mut pngs = std::iter::once(&png).chain(options.previews.iter().map(|(_, path)| path));
+    let Some(png) = pngs.find(|png| png.is_file()).filter(|_| !exr.exists()) else {
         return Ok(());
     };
     let message = "would be overwritten, and no render has made it: its .exr is missing";

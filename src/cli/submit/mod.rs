@@ -235,15 +235,33 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
     })
 }
 
+/// Options of sbatch whose next word is no value: they take none, or only one after `=`.
+const FLAGS: &str = "contiguous exclusive get-user-env help hold ignore-pbs nice no-kill \
+    no-requeue overcommit oversubscribe parsable propagate quiet reboot requeue share spread-job \
+    stepmgr test-only usage use-min-nodes verbose version wait x11";
+/// The same of one letter. Several may share a dash.
+const SHORT_FLAGS: &str = "HOQVWhksuv";
+
 /// Returns the word that sbatch would take for the script to submit: one without dashes that is not
-/// the value of the option before it.
+/// the value of the option before it, or any after `--`.
 fn script_among(words: &[String]) -> Option<&String> {
-    let mut takes_value = false;
+    let (mut takes_value, mut no_more_options) = (false, false);
     words.iter().find(|word| {
-        let is_option = word.starts_with('-');
-        let is_script = !is_option && !takes_value;
-        takes_value = is_option && !word.contains('=');
-        is_script
+        let is_value = std::mem::take(&mut takes_value);
+        if is_value || no_more_options {
+            return !is_value;
+        }
+        no_more_options = *word == "--";
+        takes_value = match (word.strip_prefix("--"), word.strip_prefix('-')) {
+            (Some(""), _) => false,
+            (Some(name), _) => !name.contains('=') && !FLAGS.split(' ').any(|flag| flag == name),
+            (None, None | Some("")) => return true,
+            // The rest of the word after such a letter is its value.
+            (None, Some(letters)) => {
+                letters.find(|c| !SHORT_FLAGS.contains(c)) == letters.len().checked_sub(1)
+            }
+        };
+        false
     })
 }
 

@@ -143,6 +143,32 @@ fn another_try_may_cure_an_error_of_the_device() {
     assert_eq!(done.code(), 1, "{}", done.stderr());
 }
 
+/// Of each input 200 problems are shown, and every input that failed.
+#[test]
+fn an_input_with_many_problems_hides_no_other() {
+    let scratch = Scratch::new();
+    let mut inputs: Vec<String> = (0..250).map(|i| format!("m{i}.ply")).collect();
+    inputs.iter().for_each(|name| scratch.write(name, "ply\n"));
+    let keys: Vec<String> = (0..1000).map(|i| format!("\"wrong{i}\": 0")).collect();
+    scratch.write("a.json", &SCENE.replace("{\n", &format!("{{\n{},\n", keys.join(", "))));
+    inputs.insert(0, "a.json".into());
+    let names = inputs.iter().map(String::as_str);
+    let args = ["batch"].into_iter().chain(names).chain(SMALL).chain(["--no-sheet", "-o", "out"]);
+    let done = scratch.run(&args.collect::<Vec<_>>());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    let said = done.stderr();
+    let (events, verdict) = said.split_once("251 of 251 inputs failed:").unwrap();
+    for text in [events, verdict] {
+        let lines = |of: &str| text.lines().filter(|line| line.contains(of)).count();
+        let all = inputs[1..].iter().all(|name| lines(&format!("{name}: ")) == 1);
+        assert!(all && lines("a.json:") == 201, "{text}");
+        let more = lines("a.json: and ");
+        assert!(more == 1 && text.contains(" more problems"), "{text}");
+    }
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    assert!(journal.contains(" more problems") && !journal.contains("wrong999"), "{journal}");
+}
+
 #[test]
 fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
     let scratch = Scratch::new();

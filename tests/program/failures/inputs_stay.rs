@@ -44,7 +44,8 @@ const SCENE: &str = r#"{
 fn refused(done: &Done) {
     assert_eq!(done.code(), 2, "{}", done.stderr());
     let said = done.stderr();
-    assert!(said.contains("would overwrite") && !said.contains("panicked"), "{said}");
+    let refused = said.contains("would overwrite") || said.contains("would be the texture");
+    assert!(refused && !said.contains("panicked"), "{said}");
 }
 
 fn render(scratch: &Scratch, args: &[&str]) -> Done {
@@ -73,11 +74,62 @@ fn render_never_overwrites_a_texture_that_a_mesh_names() {
     refused(&render(&scratch, &["l.ply", "-o", "s"]));
     // A texture that does not exist yet would be an output of this very run.
     scratch.write("n.ply", &textured("new.png"));
-    refused(&render(&scratch, &["n.ply", "-o", "new"]));
+    let done = render(&scratch, &["n.ply", "-o", "new"]);
+    let said = done.stderr();
+    assert!(
+        done.code() == 2 && said.contains("new.png: would be the texture that n.ply"),
+        "{said}"
+    );
     assert!(scratch.read("s.png") == texture && scratch.read("hard.png") == texture);
     assert!(!scratch.names().iter().any(|name| name.ends_with(".exr") || name.ends_with(".part")));
     let done = render(&scratch, &["s.json", "-o", "free"]);
     assert_eq!(done.code(), 0, "{}", done.stderr());
+}
+
+/// A missing image refuses an output only under its own name, and only if the mesh can show it. No
+/// render becomes the texture of the next.
+#[test]
+fn an_image_that_exists_nowhere_stops_no_other_output() {
+    let scratch = Scratch::new();
+    let without_uvs = PYRAMID.replace("ascii 1.0", "ascii 1.0\ncomment TextureFile plain.png");
+    let meshes = [
+        ("scan", textured("textures/scan.png"), &[][..]),
+        ("w", textured(r"C:\foo\w.png"), &[]),
+        ("null", textured("/dev/null"), &[]),
+        ("plain", without_uvs, &[]),
+        ("hidden", textured("textures/hidden.png"), &["--color", "none"]),
+    ];
+    for (name, mesh, flags) in meshes {
+        let (ply, png) = (format!("{name}.ply"), format!("{name}.png"));
+        scratch.write(&ply, &mesh);
+        let args = [&[ply.as_str()], flags].concat();
+        let first = (render(&scratch, &args).good().stderr(), scratch.read(&png));
+        let next = (render(&scratch, &args).good().stderr(), scratch.read(&png));
+        assert_eq!(first.0.contains("is not used"), name != "hidden", "{}", first.0);
+        assert!(first.1 == next.1, "{name}: {}", next.0);
+        assert_eq!(next.0.contains("is not used"), name != "hidden", "{}", next.0);
+    }
+    fs::remove_file(scratch.path("hidden.ply")).unwrap();
+    for more in [&[][..], &["--resume"]] {
+        let done = batch(&scratch, &[&[".", "-o", "."], more].concat()).good();
+        let rendered = if more.is_empty() { "4 frames rendered" } else { "4 kept" };
+        assert!(done.stderr().contains(rendered), "{}", done.stderr());
+    }
+    // An image that no render can have made stays the texture.
+    scratch.write("p.ply", &textured("textures/p.ppm"));
+    image(&scratch, "p.ppm");
+    for _ in 0..2 {
+        let said = render(&scratch, &["p.ply"]).good().stderr();
+        assert!(said.contains("there is no texture \"textures/p.ppm\"; p.ppm is used"), "{said}");
+    }
+    scratch.write("t.ply", &textured("t.png"));
+    // Without the flag, the next render would show it.
+    let hidden = render(&scratch, &["t.ply", "--color", "none"]);
+    for done in [batch(&scratch, &[".", "-o", "."]), hidden] {
+        let said = done.stderr();
+        let named = said.contains("t.png: would be the texture") && said.contains("t.ply names");
+        assert!(done.code() == 2 && named, "{said}");
+    }
 }
 
 /// Scanners write images beside a mesh without naming them in it.
@@ -99,6 +151,17 @@ fn render_never_overwrites_images_beside_a_scan() {
             assert_eq!(render(&scratch, &args).code(), 0);
         }
     }
+}
+
+/// Only the pictures have names that nobody has given.
+#[test]
+fn a_render_beside_a_mesh_replaces_the_files_that_flags_name() {
+    let scratch = Scratch::new();
+    scratch.write("m.ply", PYRAMID);
+    scratch.write("st.png", "of another program");
+    let args = ["m.ply", "--write-scene", "st.png"];
+    assert!(render(&scratch, &args).good().stdout().contains("st.png"));
+    assert!(scratch.read("st.png").starts_with(b"{"));
 }
 
 #[test]

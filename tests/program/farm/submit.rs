@@ -307,7 +307,7 @@ fn any_name_reaches_the_task_unchanged() {
 #[test]
 fn a_word_that_is_no_option_of_sbatch_is_refused() {
     let scratch = scratch(1);
-    for word in ["--sbatch=partition", "--sbatch="] {
+    for word in ["--sbatch=partition", "--sbatch=", "--sbatch=-"] {
         let done = scratch.run(&["submit", "slurm", "job.json", word, "--dry-run"]);
         assert_eq!(done.code(), 2, "{}", done.stderr());
         assert!(done.stderr().contains("expected an option of sbatch"), "{}", done.stderr());
@@ -320,6 +320,16 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
         assert_eq!(run(&words).code(), 2, "{words:?}");
     }
     assert_eq!(run(&["--sbatch=-p", "--sbatch=cpu", "--sbatch=x"]).code(), 2);
+    // Options that take no value, or have theirs in the same word.
+    for first in ["--exclusive", "--hold", "-pcpu", "-H", "-HQ", "-HQpcpu", "--"] {
+        let first = format!("--sbatch={first}");
+        assert_eq!(run(&[&first, "--sbatch=x"]).code(), 2, "{first}");
+        assert_eq!(run(&[&first]).code(), 0, "{first}");
+    }
+    for first in ["-Hp", "--partition", "--exclude"] {
+        assert_eq!(run(&[&format!("--sbatch={first}"), "--sbatch=x"]).code(), 0, "{first}");
+    }
+    assert_eq!(run(&["--sbatch=--", "--sbatch=-H"]).code(), 2);
 }
 
 #[test]
