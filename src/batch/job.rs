@@ -1,10 +1,10 @@
 //! Turns a job file and the command line's flags into a checked [`Job`], whose inputs all exist.
 
-use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::error::{Error, Failures, Result};
 use crate::output::exr::Sequence;
@@ -285,7 +285,7 @@ fn input(
     (flags, template): (&Flags, Option<&Template>),
     number: usize,
 ) -> Result<Vec<JobInput>> {
-    let none = BTreeMap::new();
+    let none = Map::new();
     let (path, up, rotate, camera, set) = match written {
         Written::Path(path) => (path, None, None, &none, &none),
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
@@ -349,13 +349,14 @@ fn common(file: &JobFile, places: &Places) -> Result<Overrides> {
     Ok(all)
 }
 
-/// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`.
+/// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`, in the
+/// order of the file.
 ///
 /// # Errors
 /// `Invalid` for a `lookat` and a `target` in one object: it has no order, so none is the last.
 fn patches(
-    camera: &BTreeMap<String, Value>,
-    set: &BTreeMap<String, Value>,
+    camera: &Map<String, Value>,
+    set: &Map<String, Value>,
     at: &str,
     places: &Places,
 ) -> Result<Overrides> {
