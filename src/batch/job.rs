@@ -221,9 +221,10 @@ impl Job {
     }
 
     /// Returns frame index and frame rate for the EXR header. There is no index if an input has
-    /// one frame.
+    /// one frame. A list of cameras is no sequence: its pictures have names, and stay what they are
+    /// when others join or leave the list.
     pub fn sequence(&self, frame: u32) -> Sequence {
-        let numbered = (self.frames() > 1).then_some(frame);
+        let numbered = (self.frames() > 1 && self.poses.is_none()).then_some(frame);
         Sequence {
             frame: numbered.and_then(|frame| i32::try_from(frame).ok()),
             per_second: self.per_second,
