@@ -16,6 +16,7 @@ use crate::scene::{Overrides, escaped};
 use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
 use crate::{paths, studio, units};
 
+use super::cameras::poses;
 use super::description::{Input as Written, JobFile, TurntableKeys};
 use super::inputs;
 use super::names::{self, NamePattern};
@@ -243,40 +244,6 @@ impl Job {
     }
 }
 
-/// Reads the list of cameras, if the job has one.
-///
-/// # Errors
-/// A list that cannot be read; a turntable, or a size or camera of the job, its entries or the
-/// flags.
-fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
-    let Some(Name(path)) = &file.cameras else {
-        return match file.undistort {
-            true => {
-                let place = flags.places.at("/undistort");
-                Err(Error::invalid(place, "found without a list of cameras"))
-            }
-            false => Ok(None),
-        };
-    };
-    let entry = |input: &Written| match input {
-        Written::Path(_) => false,
-        Written::Entry(e) => {
-            !e.camera.is_empty() || e.set.keys().any(|key| key.starts_with("/camera"))
-        }
-    };
-    let set = file.set.keys().any(|key| key.starts_with("/camera"));
-    let camera = !file.camera.is_empty() || set || file.inputs.iter().any(entry);
-    let size = file.size.is_some() || camera || flags.overrides.touches("/camera");
-    for (what, found) in [("/turntable", file.turntable.is_some()), ("/camera", size)] {
-        if found {
-            let message =
-                "found with a list of cameras, which has the size and pose of each picture";
-            return Err(Error::invalid(flags.places.at(what), message));
-        }
-    }
-    Poses::read(&base.join(path), file.undistort).map(Some)
-}
-
 /// Returns the files of one entry of `inputs`. Overrides are applied in this order: the job's, the
 /// entry's, the flags'. Later ones win.
 fn input(
@@ -354,7 +321,7 @@ fn common(file: &JobFile, places: &Places) -> Result<Overrides> {
 /// order of the file.
 ///
 /// # Errors
-/// `Invalid` for a `lookat` and a `target` in one object: it has no order, so none is the last.
+/// `Invalid` for a `lookat` and a `target` in one object: one of them would have no effect.
 fn patches(
     camera: &Map<String, Value>,
     set: &Map<String, Value>,

@@ -6,6 +6,7 @@
 //! workers, `resume` decides which frames may stay, `journal` records events, and `sheet` draws the
 //! contact sheet.
 
+mod cameras;
 mod description;
 mod file_hashes;
 mod fingerprint;

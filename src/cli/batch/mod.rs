@@ -289,7 +289,7 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     }
     if let Some(cameras) = &frames.cameras {
         file.cameras = Some(from_here(cameras)?);
-        file.turntable = None;
+        (file.turntable, file.margin) = (None, None);
     }
     file.undistort |= frames.undistort;
     let place = &mesh.placement;

@@ -296,6 +296,38 @@ fn a_frame_stays_when_others_join_its_list() {
 }
 
 #[test]
+fn flags_of_turntables_and_framing_are_refused() {
+    let scratch = scratch();
+    let shape = json!({ "type": "trimesh", "path": "scan.ply", "material": {} });
+    let template = json!({ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40,
+        "position": [0, 0, 6], "target": [0, 0, 0], "up": [0, 1, 0] }, "scene": { "shapes": [shape] } });
+    scratch.write("template.json", &template.to_string());
+    let refused = |more: &[&str], part: &str| {
+        let done = batch(&scratch, "list.json", &[&["--dry-run"], more].concat());
+        assert_eq!(done.code(), 2, "{more:?}: {}", done.stderr());
+        assert!(done.stderr().contains(part), "{more:?}: {}", done.stderr());
+    };
+    for flag in
+        [["--pivot", "0,0,0"], ["--start", "9"], ["--turn", "camera"], ["--lights", "object"]]
+    {
+        refused(&flag, &format!("'--cameras <FILE>' cannot be used with '{} ", flag[0]));
+    }
+    refused(&["--margin", "0.2"], "margin: found with a list of cameras");
+    let placed = "found with a list of cameras and a template";
+    for flag in [["--up", "z"], ["--rotate", "0,0,9"]] {
+        batch(&scratch, "list.json", &[&["--dry-run"], &flag[..]].concat()).good();
+        refused(&[&["--template", "template.json"], &flag[..]].concat(), placed);
+    }
+    let mut job = json!({ "inputs": [{ "path": "scan.ply", "up": "z" }], "cameras": "list.json" });
+    scratch.write("job.json", &job.to_string());
+    scratch.run(&["batch", "job.json", "--dry-run"]).good();
+    job["template"] = json!("template.json");
+    scratch.write("job.json", &job.to_string());
+    let done = scratch.run(&["batch", "job.json", "--dry-run"]);
+    assert!(done.code() == 2 && done.stderr().contains("(/inputs/0/up): "), "{}", done.stderr());
+}
+
+#[test]
 fn bad_lists_are_refused_with_their_place() {
     let scratch = scratch();
     let refused = |list: &str, more: &[&str], parts: &[&str]| {
