@@ -42,7 +42,9 @@ pub fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>
         }
     }
     refuse_placing(file, &flags.places)?;
-    Poses::read(&base.join(path), file.undistort).map(Some)
+    let poses = Poses::read(&base.join(path), file.undistort)?;
+    poses.check(flags.range.as_ref())?;
+    Ok(Some(poses))
 }
 
 /// Refuses what frames or places a mesh, beside a list of cameras: its cameras do not move, and in

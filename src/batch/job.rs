@@ -97,6 +97,9 @@ pub struct Flags {
     pub file: Option<PathBuf>,
     /// Where the job's settings were written.
     pub places: Places,
+    /// The frames that will be rendered, among all frames of the job; `None` for all. Cameras of
+    /// other frames are not checked.
+    pub range: Option<Range<u64>>,
 }
 
 impl Job {

@@ -204,6 +204,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
         places: Places { document, name_is_flag: args.name.is_some() },
+        range: args.frames.range.clone(),
     };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(own), beside)?;

@@ -269,7 +269,7 @@ fn a_model_may_have_more_points_than_memory() {
     assert!(scratch.path("out/scan/a.exr").is_file());
 }
 
-/// A camera before the others changes the number in the header of each frame.
+/// The pictures of a list have names, not numbers.
 #[test]
 fn a_frame_stays_when_others_join_its_list() {
     let scratch = scratch();
@@ -293,6 +293,43 @@ fn a_frame_stays_when_others_join_its_list() {
         assert!(!other.iter().any(|(name, _)| *name == *"imageCounter"), "{name}");
     }
     assert!(run("all.json").contains("0 frames rendered, 3 kept"));
+}
+
+#[test]
+fn a_camera_without_pictures_may_have_any_model() {
+    let scratch = scratch();
+    let text = cameras_txt() + "9 RAD_TAN_THIN_PRISM_FISHEYE 8 8 1 2\n";
+    scratch.write("text/cameras.txt", &text);
+    let mut binary = cameras_bin();
+    binary[0] = 4;
+    for (number, model) in [(9u32, 7i32), (8, 11)] {
+        let words = if model == 7 { 7 } else { 18 };
+        binary.splice(8..8, vec![0; 8 * words]);
+        binary.splice(8..8, [number.to_le_bytes(), model.to_le_bytes()].concat());
+    }
+    binary[0] = 5;
+    std::fs::write(scratch.path("binary/cameras.bin"), binary).unwrap();
+    for list in ["text", "binary"] {
+        batch(&scratch, list, &["--dry-run"]).good();
+    }
+}
+
+/// Only the cameras of frames that are rendered are checked.
+#[test]
+fn a_bad_camera_outside_of_the_range_is_no_error() {
+    let scratch = scratch();
+    scratch.write("other.ply", PYRAMID);
+    let mut list = own_list();
+    list["cameras"][1]["camera"]["distortion"]["k1"] = json!(-9);
+    scratch.write("list.json", &list.to_string());
+    for (range, code) in
+        [("0..1", 0), ("1..2", 2), ("2..4", 0), ("0..3", 2), ("5..6", 0), ("3..5", 2)]
+    {
+        let done = batch(&scratch, "list.json", &["other.ply", "--range", range]);
+        assert_eq!(done.code(), code, "{range}: {}", done.stderr());
+    }
+    assert!(scratch.path("out/scan/left/c d.exr").is_file());
+    assert!(scratch.path("out/other/left/c d.exr").is_file());
 }
 
 #[test]
@@ -409,6 +446,8 @@ fn bad_lists_are_refused_with_their_place() {
     cut("images.bin", &many, &["the file is cut short"]);
     let mut fov = cameras.clone();
     fov[12] = 7;
+    // It has 5 parameters instead of 8.
+    fov.drain(72..96);
     let mut twice = cameras.clone();
     twice[96] = 5;
     cut("cameras.bin", &twice, &["byte 96: found camera 5 a second time"]);
