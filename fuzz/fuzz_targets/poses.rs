@@ -29,7 +29,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             FOLDER.join(format!("cameras.{end}"))
         }
     };
-    match Poses::read(&path, format & 128 != 0) {
+    let read = Poses::read(&path, format & 128 != 0);
+    match read.and_then(|poses| poses.check(None).map(|()| poses)) {
         Err(error) => support::check(&error),
         Ok(poses) => {
             assert!(!poses.list.is_empty());

@@ -2,13 +2,11 @@
 //!
 //! These types are the only definition of the keys. The JSON Schema and the help in editors are
 //! generated from them. A [`Name`] is a text that is not empty: a path, a pattern, the name of a
-//! layer, a memory size or a frame rate.
-
-use std::collections::BTreeMap;
+//! layer, a memory size or a frame rate. A [`Map`] keeps the order of the file.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::output::exr::Compression;
 use crate::scene::written::{
@@ -68,11 +66,11 @@ pub struct JobFile {
     /// Repeated in the mesh's entry in `inputs`, it gives the same picture again.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
-    pub camera: BTreeMap<String, Value>,
-    /// Values set in every scene, by JSON pointer, as for `--set`.
+    pub camera: Map<String, Value>,
+    /// Values set in every scene, by JSON pointer, in this order, as for `--set`.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
-    pub set: BTreeMap<String, Value>,
+    pub set: Map<String, Value>,
     /// Renders several frames of each input: a full turn around it.
     pub turntable: Option<TurntableKeys>,
     /// Path of a list of cameras: a COLMAP model, transforms.json, or JSON with `cameras`. Each
@@ -133,11 +131,11 @@ pub struct Entry {
     /// Keys of the scene's `camera`, set after the job's `camera` and `set`.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
-    pub camera: BTreeMap<String, Value>,
+    pub camera: Map<String, Value>,
     /// Values set in the scene, by JSON pointer, after the job's `camera` and `set`.
     #[serde(default)]
     #[schemars(schema_with = "open_object")]
-    pub set: BTreeMap<String, Value>,
+    pub set: Map<String, Value>,
 }
 
 /// Frames at equal angles over one full turn. The object or the camera (`turn`) moves

@@ -1,10 +1,10 @@
 //! Turns a job file and the command line's flags into a checked [`Job`], whose inputs all exist.
 
-use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::error::{Error, Failures, Result};
 use crate::output::exr::Sequence;
@@ -16,6 +16,7 @@ use crate::scene::{Overrides, escaped};
 use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
 use crate::{paths, studio, units};
 
+use super::cameras::poses;
 use super::description::{Input as Written, JobFile, TurntableKeys};
 use super::inputs;
 use super::names::{self, NamePattern};
@@ -96,6 +97,9 @@ pub struct Flags {
     pub file: Option<PathBuf>,
     /// Where the job's settings were written.
     pub places: Places,
+    /// The frames that will be rendered, among all frames of the job; `None` for all. Cameras of
+    /// other frames are not checked.
+    pub range: Option<Range<u64>>,
 }
 
 impl Job {
@@ -221,9 +225,10 @@ impl Job {
     }
 
     /// Returns frame index and frame rate for the EXR header. There is no index if an input has
-    /// one frame.
+    /// one frame. A list of cameras is no sequence: its pictures have names, and stay what they are
+    /// when others join or leave the list.
     pub fn sequence(&self, frame: u32) -> Sequence {
-        let numbered = (self.frames() > 1).then_some(frame);
+        let numbered = (self.frames() > 1 && self.poses.is_none()).then_some(frame);
         Sequence {
             frame: numbered.and_then(|frame| i32::try_from(frame).ok()),
             per_second: self.per_second,
@@ -242,40 +247,6 @@ impl Job {
     }
 }
 
-/// Reads the list of cameras, if the job has one.
-///
-/// # Errors
-/// A list that cannot be read; a turntable, or a size or camera of the job, its entries or the
-/// flags.
-fn poses(file: &JobFile, base: &Path, flags: &Flags) -> Result<Option<Poses>> {
-    let Some(Name(path)) = &file.cameras else {
-        return match file.undistort {
-            true => {
-                let place = flags.places.at("/undistort");
-                Err(Error::invalid(place, "found without a list of cameras"))
-            }
-            false => Ok(None),
-        };
-    };
-    let entry = |input: &Written| match input {
-        Written::Path(_) => false,
-        Written::Entry(e) => {
-            !e.camera.is_empty() || e.set.keys().any(|key| key.starts_with("/camera"))
-        }
-    };
-    let set = file.set.keys().any(|key| key.starts_with("/camera"));
-    let camera = !file.camera.is_empty() || set || file.inputs.iter().any(entry);
-    let size = file.size.is_some() || camera || flags.overrides.touches("/camera");
-    for (what, found) in [("/turntable", file.turntable.is_some()), ("/camera", size)] {
-        if found {
-            let message =
-                "found with a list of cameras, which has the size and pose of each picture";
-            return Err(Error::invalid(flags.places.at(what), message));
-        }
-    }
-    Poses::read(&base.join(path), file.undistort).map(Some)
-}
-
 /// Returns the files of one entry of `inputs`. Overrides are applied in this order: the job's, the
 /// entry's, the flags'. Later ones win.
 fn input(
@@ -285,7 +256,7 @@ fn input(
     (flags, template): (&Flags, Option<&Template>),
     number: usize,
 ) -> Result<Vec<JobInput>> {
-    let none = BTreeMap::new();
+    let none = Map::new();
     let (path, up, rotate, camera, set) = match written {
         Written::Path(path) => (path, None, None, &none, &none),
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
@@ -349,13 +320,14 @@ fn common(file: &JobFile, places: &Places) -> Result<Overrides> {
     Ok(all)
 }
 
-/// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`.
+/// Returns the overrides of the keys `camera` and `set` of the job, or of the entry `at`, in the
+/// order of the file.
 ///
 /// # Errors
-/// `Invalid` for a `lookat` and a `target` in one object: it has no order, so none is the last.
+/// `Invalid` for a `lookat` and a `target` in one object: one of them would have no effect.
 fn patches(
-    camera: &BTreeMap<String, Value>,
-    set: &BTreeMap<String, Value>,
+    camera: &Map<String, Value>,
+    set: &Map<String, Value>,
     at: &str,
     places: &Places,
 ) -> Result<Overrides> {

@@ -6,6 +6,7 @@
 //! workers, `resume` decides which frames may stay, `journal` records events, and `sheet` draws the
 //! contact sheet.
 
+mod cameras;
 mod description;
 mod file_hashes;
 mod fingerprint;
@@ -28,7 +29,7 @@ mod workers;
 pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
 pub use job::{Flags, Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
-pub use outputs::{refuse_files, refuse_sheet};
+pub use outputs::{refuse_files, refuse_photographs, refuse_sheet};
 pub use places::Places;
 pub use scene::{check_settings, predict};
 pub use status::{Event, Status};
@@ -53,8 +54,8 @@ use journal::{Journal, now};
 /// The files of a frame get their final names as soon as the frame is finished.
 ///
 /// # Errors
-/// Errors that concern all inputs: an invalid range, an output that would overwrite an input, a
-/// pipe among the files of an input, a folder that cannot be written, a full disk.
+/// Errors that concern all inputs: an invalid range, an output that would overwrite an input or a
+/// photograph, a pipe among the files of an input, a folder that cannot be written, a full disk.
 pub fn run(
     job: &Job,
     options: &BatchOptions,
@@ -71,6 +72,7 @@ pub fn run(
     let inputs = loading.install(|| -> Result<_> {
         let inputs = outputs::inputs(job)?;
         outputs::refuse(job, &tasks, &path, &inputs)?;
+        outputs::refuse_photographs(job, &tasks)?;
         Ok(inputs)
     })?;
     std::fs::create_dir_all(&job.folder).map_err(|e| Error::io(&job.folder, "create", &e))?;

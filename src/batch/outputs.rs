@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::FileSet;
-use crate::output::{Outputs, atomic};
+use crate::output::{Outputs, atomic, finished};
 use crate::picture;
 use crate::world::{self, MissingImage, Sources};
 
@@ -62,6 +62,26 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
         })
     });
     checked.find_first(Result::is_err).unwrap_or(Ok(()))
+}
+
+/// Refuses frames of a list of cameras that would overwrite a picture that no batch has rendered.
+/// They are named after photographs, which the job need not read: only the folder tells the two
+/// apart.
+///
+/// # Errors
+/// The first such frame.
+pub fn refuse_photographs(job: &Job, tasks: &[Task]) -> Result<()> {
+    if job.poses.is_none() {
+        return Ok(());
+    }
+    let foreign = |task: &Task| {
+        let prefixes = task.frames.clone().map(|frame| job.prefix(task.input, frame));
+        prefixes.flat_map(|prefix| Outputs::names(&prefix)).find(|path| finished::is_foreign(path))
+    };
+    let Some(output) = tasks.par_iter().find_map_first(foreign) else { return Ok(()) };
+    let message = "found a picture that is no frame of a batch, which would be overwritten";
+    Err(Error::invalid(output.display().to_string(), message)
+        .help("choose another folder: -o DIR, or remove the picture"))
 }
 
 /// Refuses a contact sheet that would overwrite an input.

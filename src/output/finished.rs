@@ -6,6 +6,7 @@ use std::path::Path;
 
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::AttributeValue;
+use ::exr::meta::header::Header;
 
 use super::exr::read_sorted;
 
@@ -54,12 +55,15 @@ pub fn exr(path: &Path) -> FileState {
         let mut size = [0; 4];
         file.read_exact(&mut size).ok()?;
         let whole = size_at.checked_add(4 + u64::from(u32::from_le_bytes(size)))? == length;
-        let mut others = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
-        let fingerprint = others.find_map(|(name, value)| match value {
-            AttributeValue::Text(text) if *name == *FINGERPRINT => Some(text.to_string()),
-            _ => None,
-        });
-        whole.then_some(fingerprint)
+        whole.then_some(exr_fingerprint(header))
+    })
+}
+
+fn exr_fingerprint(header: &Header) -> Option<String> {
+    let mut others = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
+    others.find_map(|(name, value)| match value {
+        AttributeValue::Text(text) if *name == *FINGERPRINT => Some(text.to_string()),
+        _ => None,
     })
 }
 
@@ -68,16 +72,38 @@ pub fn png(path: &Path) -> FileState {
     /// Length, name and checksum of the last chunk of a PNG.
     const END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
     inspect(path, |file| {
-        let reader = ::png::Decoder::new(BufReader::new(&mut *file)).read_info().ok()?;
-        let mut texts = reader.info().uncompressed_latin1_text.iter();
-        let fingerprint =
-            texts.find(|text| text.keyword == FINGERPRINT).map(|text| text.text.clone());
-        drop(reader);
+        let fingerprint = png_fingerprint(file)?;
         let mut end = [0; END.len()];
         file.seek(SeekFrom::End(-(END.len() as i64))).ok()?;
         file.read_exact(&mut end).ok()?;
         (end == END).then_some(fingerprint)
     })
+}
+
+/// Returns the fingerprint of a PNG. The outer `None` is a file that is no PNG.
+fn png_fingerprint(file: &mut File) -> Option<Option<String>> {
+    let reader = ::png::Decoder::new(BufReader::new(file)).read_info().ok()?;
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    Some(texts.find(|text| text.keyword == FINGERPRINT).map(|text| text.text.clone()))
+}
+
+/// Returns true if a file is there that no batch has written: neither a PNG nor an EXR with a
+/// fingerprint in its header. A frame that is cut short still has one. An empty file does not
+/// count: nothing is lost with it.
+pub fn is_foreign(path: &Path) -> bool {
+    if !std::fs::metadata(path).is_ok_and(|data| data.is_file() && data.len() > 0) {
+        return false;
+    }
+    let Ok(mut file) = File::open(path) else { return true };
+    if let Some(Some(_)) = png_fingerprint(&mut file) {
+        return false;
+    }
+    let exr = || {
+        file.rewind().ok()?;
+        let meta = MetaData::read_from_buffered(BufReader::new(file), false).ok()?;
+        exr_fingerprint(meta.headers.first()?)
+    };
+    exr().is_none()
 }
 
 fn inspect(path: &Path, read: impl FnOnce(&mut File) -> Option<Option<String>>) -> FileState {

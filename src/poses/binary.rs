@@ -1,11 +1,10 @@
 //! `cameras.bin` and `images.bin` of COLMAP. All numbers are little-endian.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use super::colmap_model::{Image, MODELS, Sensor};
+use super::colmap_model::{Image, MODELS, OTHERS, Sensor, Sensors};
 use crate::error::{Error, Result};
 use crate::units::plural;
 
@@ -113,9 +112,9 @@ impl<'p> Reader<'p> {
 }
 
 /// Reads the cameras of a `cameras.bin`, by id.
-pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
+pub fn cameras(path: &Path) -> Result<Sensors> {
     let mut file = Reader::open(path)?;
-    let mut sensors = HashMap::new();
+    let mut sensors = Sensors::new();
     for _ in 0..file.u64("the number of cameras")? {
         let start = file.place();
         let id = file.u32("the number of a camera")?;
@@ -125,7 +124,14 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
             let names = MODELS.map(|(number, name, _)| format!("{number} {name}"));
             let message =
                 format!("found the camera model {number}, expected one of {}", names.join(", "));
-            return Err(Error::invalid(place, message));
+            let error = Error::invalid(place, message);
+            // The length of an entry is that of its model.
+            let Some((.., count)) = OTHERS.iter().find(|(other, ..)| *other == number) else {
+                return Err(error);
+            };
+            file.skip(2 * 8 + 8 * *count as u64, "the size and parameters of a camera")?;
+            add(&mut sensors, (start, id), Err(error))?;
+            continue;
         };
         let mut size = [0; 2];
         for side in &mut size {
@@ -138,12 +144,18 @@ pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
         let (_, name, count) = MODELS[model];
         let what = format!("{} of {name}", plural(count, "parameter"));
         let params = (0..count).map(|_| file.finite(&what)).collect::<Result<_>>()?;
-        if sensors.insert(id, Sensor { model, size, params }).is_some() {
-            return Err(Error::invalid(start, format!("found camera {id} a second time")));
-        }
+        add(&mut sensors, (start, id), Ok(Sensor { model, size, params }))?;
     }
     file.end()?;
     Ok(sensors)
+}
+
+/// Adds a camera; `start` is the place of its entry.
+fn add(sensors: &mut Sensors, (start, id): (String, u32), sensor: Result<Sensor>) -> Result<()> {
+    match sensors.insert(id, sensor) {
+        None => Ok(()),
+        Some(_) => Err(Error::invalid(start, format!("found camera {id} a second time"))),
+    }
 }
 
 /// Reads the pictures of an `images.bin`, in the order of the file.

@@ -1,12 +1,11 @@
 //! COLMAP models: `cameras` and `images`, as text or binary. Formats: "Output Format" in COLMAP's
 //! documentation.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::colmap_model::{Image, MODELS, Sensor};
+use super::colmap_model::{Image, MODELS, Sensor, Sensors};
 use super::pose::{Pose, Poses};
 use super::{binary, text};
 use crate::error::{Error, Result};
@@ -47,7 +46,7 @@ pub(super) fn read(path: &Path) -> Result<Poses> {
     Ok(Poses { list, files, bad_name: None })
 }
 
-fn pose(image: &Image, sensors: &HashMap<u32, Sensor>) -> Result<Pose> {
+fn pose(image: &Image, sensors: &Sensors) -> Result<Pose> {
     let Image { rotation: [w, x, y, z], translation: [tx, ty, tz], .. } = *image;
     let Some(sensor) = sensors.get(&image.camera) else {
         let mut ids: Vec<u32> = sensors.keys().copied().collect();
@@ -61,6 +60,7 @@ fn pose(image: &Image, sensors: &HashMap<u32, Sensor>) -> Result<Pose> {
         );
         return Err(Error::invalid(&image.place, message));
     };
+    let sensor = sensor.as_ref().map_err(Clone::clone)?;
     let quaternion = DQuat::from_xyzw(x, y, z, w);
     let length = quaternion.length();
     if !(0.5..2.0).contains(&length) {

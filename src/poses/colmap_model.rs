@@ -1,5 +1,7 @@
 //! What the files of a COLMAP model hold.
 
+use std::collections::HashMap;
+
 use crate::error::{Error, Result};
 use crate::scene::did_you_mean;
 
@@ -15,6 +17,14 @@ pub(super) const MODELS: [(i32, &str, usize); 9] = [
     (8, "SIMPLE_RADIAL_FISHEYE", 4),
     (9, "RADIAL_FISHEYE", 5),
 ];
+
+/// Camera models that none of OpenCV's covers, as [`MODELS`].
+pub(super) const OTHERS: [(i32, &str, usize); 3] =
+    [(7, "FOV", 5), (10, "THIN_PRISM_FISHEYE", 12), (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16)];
+
+/// The cameras of a model by id. The error of a camera whose model is unknown counts only if a
+/// picture has this camera.
+pub(super) type Sensors = HashMap<u32, Result<Sensor>>;
 
 /// A camera of `cameras.txt` or `cameras.bin`.
 #[derive(Debug, Clone)]

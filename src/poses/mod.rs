@@ -10,6 +10,7 @@ mod text;
 mod transforms;
 
 use std::collections::HashSet;
+use std::ops::Range;
 use std::path::{Component, Path};
 
 use self::bytes::bytes;
@@ -46,7 +47,7 @@ impl Poses {
     /// With `undistort`, leaves the distortion of lenses out.
     ///
     /// # Errors
-    /// All problems of the list; cameras that a scene would refuse.
+    /// All problems of the list, without those of its cameras: see [`Poses::check`].
     pub fn read(path: &Path, undistort: bool) -> Result<Self> {
         let json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
         let mut poses = if json && path.is_file() { from_json(path)? } else { colmap::read(path)? };
@@ -75,16 +76,26 @@ impl Poses {
                 }
             }
         }
-        poses.check()?;
         Ok(poses)
     }
 
-    /// Checks every camera as the camera of a scene. Intrinsics that many cameras share are checked
-    /// once.
-    fn check(&self) -> Result<()> {
+    /// Checks the cameras of a range of frames as cameras of a scene; `None` for all. Each input of
+    /// a batch has a frame for each camera. Intrinsics that many cameras share are checked once.
+    ///
+    /// # Errors
+    /// Cameras that a scene would refuse.
+    pub fn check(&self, range: Option<&Range<u64>>) -> Result<()> {
+        let count = self.list.len() as u64;
+        let in_range = |camera: u64| {
+            range.is_none_or(|range| {
+                let first = range.start + (camera + count - range.start % count) % count;
+                first < range.end
+            })
+        };
         let mut known = HashSet::new();
         let mut problems = Vec::new();
-        for pose in &self.list {
+        let cameras = (0..).zip(&self.list).filter(|(number, _)| in_range(*number));
+        for (_, pose) in cameras {
             let mut camera = pose.camera.clone();
             if let CameraDescription::Intrinsics(camera) = &mut camera {
                 let mut shared = camera.clone();

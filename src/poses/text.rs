@@ -1,11 +1,10 @@
 //! `cameras.txt` and `images.txt` of COLMAP.
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::str::FromStr;
 
 use super::bytes::bytes;
-use super::colmap_model::{Image, MODELS, Sensor, model};
+use super::colmap_model::{Image, MODELS, Sensor, Sensors, model};
 use crate::error::{Error, Result};
 use crate::units::plural;
 
@@ -57,26 +56,34 @@ impl<'t> Words<'t> {
 }
 
 /// Reads `cameras.txt`: `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`.
-pub fn cameras(path: &Path) -> Result<HashMap<u32, Sensor>> {
+pub fn cameras(path: &Path) -> Result<Sensors> {
     let text = read(path)?;
-    let mut sensors = HashMap::new();
+    let mut sensors = Sensors::new();
     for (number, line) in lines(&text, false) {
         let mut words = Words::new(path, number, line);
         let id = words.number("the number of a camera")?;
         let name = words.word("a camera model")?;
-        let model = model(&words.place, name)?;
-        let size = [words.number("a width in pixels")?, words.number("a height in pixels")?];
-        let (_, name, count) = MODELS[model];
-        let what = format!("{} of {name}", plural(count, "parameter"));
-        let params = (0..count).map(|_| words.finite(&what)).collect::<Result<_>>()?;
-        if let Some(more) = words.words.next() {
-            return Err(Error::invalid(&words.place, format!("found {more:?} after {what}")));
-        }
-        if sensors.insert(id, Sensor { model, size, params }).is_some() {
+        let sensor = match model(&words.place, name) {
+            Ok(model) => Ok(sensor(&mut words, model)?),
+            Err(error) => Err(error),
+        };
+        if sensors.insert(id, sensor).is_some() {
             return Err(Error::invalid(&words.place, format!("found camera {id} a second time")));
         }
     }
     Ok(sensors)
+}
+
+/// Reads the words after the model's name.
+fn sensor(words: &mut Words, model: usize) -> Result<Sensor> {
+    let size = [words.number("a width in pixels")?, words.number("a height in pixels")?];
+    let (_, name, count) = MODELS[model];
+    let what = format!("{} of {name}", plural(count, "parameter"));
+    let params = (0..count).map(|_| words.finite(&what)).collect::<Result<_>>()?;
+    match words.words.next() {
+        None => Ok(Sensor { model, size, params }),
+        Some(more) => Err(Error::invalid(&words.place, format!("found {more:?} after {what}"))),
+    }
 }
 
 /// Reads `images.txt`. A picture has two lines: `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and

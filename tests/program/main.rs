@@ -21,6 +21,7 @@ mod batch {
     mod kill;
     mod memory;
     mod origins;
+    mod photographs;
     mod sheet;
 }
 

@@ -62,16 +62,16 @@ pub struct FrameArgs {
     pub turntable: Option<u32>,
 
     /// Turn the object or the camera [default: object]
-    #[arg(long, value_name = "WHAT", requires = "turntable")]
+    #[arg(long, value_name = "WHAT", requires = "turntable", conflicts_with = "cameras")]
     pub turn: Option<Turning>,
 
     /// Keep the lights fixed to the camera or to the object [default: camera if the object turns,
     /// object if the camera turns]
-    #[arg(long, value_name = "WHAT", requires = "turntable")]
+    #[arg(long, value_name = "WHAT", requires = "turntable", conflicts_with = "cameras")]
     pub lights: Option<LightsFollow>,
 
     /// Angle of the first frame in degrees, from -360 to 360
-    #[arg(long, value_name = "DEG", requires = "turntable", value_parser = parse_start, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", requires = "turntable", conflicts_with = "cameras", value_parser = parse_start, allow_negative_numbers = true)]
     pub start: Option<f64>,
 
     /// Render each input from every camera of a list, in its own coordinates: a folder with a
@@ -85,7 +85,7 @@ pub struct FrameArgs {
 
     /// A point on the turntable's axis [default: the middle of a mesh, the target of a scene's
     /// camera]
-    #[arg(long, value_name = "X,Y,Z", requires = "turntable", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", requires = "turntable", conflicts_with = "cameras", value_parser = parse_point, allow_hyphen_values = true)]
     pub pivot: Option<[f64; 3]>,
 
     /// Render only frames A to B - 1, counted from 0 over all frames, mesh after mesh

@@ -204,6 +204,7 @@ pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
         turned: args.mesh.placement.up.is_some() || args.mesh.placement.rotate.is_some(),
         file: own.map(Path::to_owned),
         places: Places { document, name_is_flag: args.name.is_some() },
+        range: args.frames.range.clone(),
     };
     let mesh_key = file.mesh_key();
     let job = Job::check(file, folder_of(own), beside)?;
@@ -289,7 +290,7 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     }
     if let Some(cameras) = &frames.cameras {
         file.cameras = Some(from_here(cameras)?);
-        file.turntable = None;
+        (file.turntable, file.margin) = (None, None);
     }
     file.undistort |= frames.undistort;
     let place = &mesh.placement;
@@ -353,6 +354,7 @@ fn set_output(file: &mut JobFile, output: Option<&Path>) -> Result<()> {
 /// Prints the frames of a run, one JSON object per line.
 fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
+    batch::refuse_photographs(job, &tasks)?;
     for task in tasks {
         for frame in task.frames {
             let outputs = Outputs::names(&job.prefix(task.input, frame));

@@ -42,6 +42,7 @@ struct Coverage {
 /// Problems of the list or of the mesh; too little memory.
 pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) -> Result<()> {
     let poses = Poses::read(list, false)?;
+    poses.check(None)?;
     let monitor = Monitor::default();
     let subject = Subject {
         calibrated: true,

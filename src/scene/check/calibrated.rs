@@ -1,6 +1,8 @@
 //! Checks calibrated cameras. The pose must be a rotation and a translation, the intrinsics must
 //! belong to the frame, and the distortion must not fold inside the frame.
 
+use std::f64::consts::PI;
+
 use glam::{DMat3, DVec3};
 
 use crate::calibration::{Calibration, Distortion, Fold, Model, shared_inverse};
@@ -50,9 +52,7 @@ impl Check<'_, '_> {
             Err(fold) => {
                 let key = distortion.culprit(fold.radius).map(|key| format!("/{key}"));
                 let pointer = format!("/camera/distortion{}", key.unwrap_or_default());
-                let help =
-                    "calibrate with fewer coefficients, or render the part of the frame inside";
-                let message = fold_message(&distortion, &fold);
+                let (message, help) = fold_message(&distortion, &fold);
                 self.problems.error(&pointer, message, Some(help.into()));
                 None
             }
@@ -165,14 +165,22 @@ fn distortion(written: &DistortionDescription) -> Distortion {
     }
 }
 
-/// Returns the message of a distortion that folds.
-fn fold_message(distortion: &Distortion, fold: &Fold) -> String {
+/// Returns message and help of a distortion that folds.
+fn fold_message(distortion: &Distortion, fold: &Fold) -> (String, &'static str) {
     let [x, y] = fold.raster.map(f64::floor);
+    if distortion.model == Model::Fisheye && fold.radius > PI * (1.0 - 1e-6) {
+        let message = format!(
+            "found a frame that reaches beyond theta = 180 degrees, at pixel ({x}, {y}): pixels beyond have no direction"
+        );
+        return (message, "give a smaller `width` and `height` with `cx` and `cy` to match");
+    }
     let radius = match distortion.model {
         Model::BrownConrady => format!("r = {:.4}", fold.radius),
         Model::Fisheye => format!("theta = {:.2} degrees", fold.radius.to_degrees()),
     };
-    format!(
+    let message = format!(
         "found a distortion that folds inside the frame, at {radius}, pixel ({x}, {y}): pixels beyond have no direction, expected a fold outside"
-    )
+    );
+    let help = "calibrate with fewer coefficients, or give a smaller `width` and `height` with `cx` and `cy` to match";
+    (message, help)
 }

@@ -1,5 +1,7 @@
 //! Checks the shapes: area, convexity, mesh files, materials.
 
+use std::collections::{HashMap, HashSet};
+
 use glam::{DAffine3, DVec3};
 
 use crate::scene::checked::{
@@ -41,13 +43,13 @@ impl Check<'_, '_> {
                 mesh.transform = instances.next();
             }
             let of = shapes.len();
-            for (transform, number) in instances.zip(2..) {
-                let name = name.as_ref().map(|name| format!("{name}.{number}"));
-                let kind = ShapeKind::Instance { of, transform };
+            for transform in instances {
+                let (name, kind) = (name.clone(), ShapeKind::Instance { of, transform });
                 copies.push(CheckedShape { name, material, kind, visible, role, semantic });
             }
             shapes.push(CheckedShape { name, material, kind, visible, role, semantic });
         }
+        name_copies(&mut shapes, &mut copies);
         shapes.append(&mut copies);
         shapes
     }
@@ -214,6 +216,38 @@ impl Check<'_, '_> {
             let message =
                 "found `color` and a material with `tPath`; the texture hides the colours";
             self.problems.warn(&format!("{pointer}/color"), message, None);
+        }
+    }
+}
+
+/// Gives each copy of a mesh with `instances` a name of its own: the mesh's name, or the first of
+/// `NAME.2`, `NAME.3`... that no other shape has. `copies` follow the order of their meshes, and
+/// have the names of these. Shapes without `instances` keep a name that they share.
+fn name_copies(shapes: &mut [CheckedShape], copies: &mut [CheckedShape]) {
+    let is_copied = |shape: &CheckedShape| matches!(&shape.kind, ShapeKind::Trimesh(mesh) if mesh.transform.is_some());
+    let plain = shapes.iter().filter(|shape| !is_copied(shape));
+    let mut used: HashSet<String> = plain.filter_map(|shape| shape.name.clone()).collect();
+    let mut next: HashMap<String, u32> = HashMap::new();
+    let mut make_unique = |shape: &mut CheckedShape| {
+        let Some(name) = &mut shape.name else { return };
+        if used.insert(name.clone()) {
+            return;
+        }
+        let number = next.entry(name.clone()).or_insert(2);
+        let numbered = (*number..).map(|number| (number, format!("{name}.{number}")));
+        for (taken, numbered) in numbered {
+            if used.insert(numbered.clone()) {
+                (*number, *name) = (taken + 1, numbered);
+                break;
+            }
+        }
+    };
+    let mut copies = copies.iter_mut().peekable();
+    for (mesh, shape) in shapes.iter_mut().enumerate().filter(|(_, shape)| is_copied(shape)) {
+        make_unique(shape);
+        let is_of = |copy: &&mut CheckedShape| matches!(copy.kind, ShapeKind::Instance { of, .. } if of == mesh);
+        while let Some(copy) = copies.next_if(is_of) {
+            make_unique(copy);
         }
     }
 }

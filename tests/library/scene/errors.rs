@@ -283,6 +283,10 @@ fn calibrated_cameras() {
         ],
     );
     says(lens(r#""fisheye", "k2": -0.9"#), &["(/camera/distortion/k2): ", "theta = 39."]);
+    // 400 pixels from the middle at 50 pixels a radian.
+    let around = format!(r#"{TO_CAMERA}, "distortion": {{"type": "fisheye"}}"#);
+    let around = text(calibrated(&around).as_bytes(), &["/camera/fx=50"]).unwrap_err();
+    says(around.to_string(), &["(/camera/distortion): ", "beyond theta = 180 degrees, at pixel ("]);
     // A bad number is not taken for a fold.
     let fisheye = format!(r#"{TO_CAMERA}, "distortion": {{"type": "fisheye", "k2": -0.01}}"#);
     for bad in ["fx=0", "fy=1e-300", "cx=1e12", "skew=1e9"] {

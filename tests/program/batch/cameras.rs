@@ -269,9 +269,9 @@ fn a_model_may_have_more_points_than_memory() {
     assert!(scratch.path("out/scan/a.exr").is_file());
 }
 
-/// A camera before the others changes the number in the header of each frame.
+/// The pictures of a list have names, not numbers.
 #[test]
-fn a_frame_with_another_number_is_rendered_again() {
+fn a_frame_stays_when_others_join_its_list() {
     let scratch = scratch();
     let mut list = own_list();
     let cameras = list["cameras"].as_array_mut().unwrap();
@@ -285,15 +285,83 @@ fn a_frame_with_another_number_is_rendered_again() {
     };
     run("some.json");
     let said = run("all.json");
-    assert!(said.contains("3 frames rendered, 0 kept"), "{said}");
-    for (number, name) in (0..).zip(NAMES) {
+    assert!(said.contains("1 frame rendered, 2 kept"), "{said}");
+    for name in NAMES {
         let path = scratch.path(&format!("out/scan/{name}.exr"));
         let meta = exr::meta::MetaData::read_from_file(path, false).unwrap();
         let other = &meta.headers[0].own_attributes.other;
-        let counter = other.iter().find(|(name, _)| **name == *"imageCounter").unwrap().1;
-        assert_eq!(counter, &exr::meta::attribute::AttributeValue::I32(number), "{name}");
+        assert!(!other.iter().any(|(name, _)| *name == *"imageCounter"), "{name}");
     }
     assert!(run("all.json").contains("0 frames rendered, 3 kept"));
+}
+
+#[test]
+fn a_camera_without_pictures_may_have_any_model() {
+    let scratch = scratch();
+    let text = cameras_txt() + "9 RAD_TAN_THIN_PRISM_FISHEYE 8 8 1 2\n";
+    scratch.write("text/cameras.txt", &text);
+    let mut binary = cameras_bin();
+    binary[0] = 4;
+    for (number, model) in [(9u32, 7i32), (8, 11)] {
+        let words = if model == 7 { 7 } else { 18 };
+        binary.splice(8..8, vec![0; 8 * words]);
+        binary.splice(8..8, [number.to_le_bytes(), model.to_le_bytes()].concat());
+    }
+    binary[0] = 5;
+    std::fs::write(scratch.path("binary/cameras.bin"), binary).unwrap();
+    for list in ["text", "binary"] {
+        batch(&scratch, list, &["--dry-run"]).good();
+    }
+}
+
+/// Only the cameras of frames that are rendered are checked.
+#[test]
+fn a_bad_camera_outside_of_the_range_is_no_error() {
+    let scratch = scratch();
+    scratch.write("other.ply", PYRAMID);
+    let mut list = own_list();
+    list["cameras"][1]["camera"]["distortion"]["k1"] = json!(-9);
+    scratch.write("list.json", &list.to_string());
+    for (range, code) in
+        [("0..1", 0), ("1..2", 2), ("2..4", 0), ("0..3", 2), ("5..6", 0), ("3..5", 2)]
+    {
+        let done = batch(&scratch, "list.json", &["other.ply", "--range", range]);
+        assert_eq!(done.code(), code, "{range}: {}", done.stderr());
+    }
+    assert!(scratch.path("out/scan/left/c d.exr").is_file());
+    assert!(scratch.path("out/other/left/c d.exr").is_file());
+}
+
+#[test]
+fn flags_of_turntables_and_framing_are_refused() {
+    let scratch = scratch();
+    let shape = json!({ "type": "trimesh", "path": "scan.ply", "material": {} });
+    let template = json!({ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40,
+        "position": [0, 0, 6], "target": [0, 0, 0], "up": [0, 1, 0] }, "scene": { "shapes": [shape] } });
+    scratch.write("template.json", &template.to_string());
+    let refused = |more: &[&str], part: &str| {
+        let done = batch(&scratch, "list.json", &[&["--dry-run"], more].concat());
+        assert_eq!(done.code(), 2, "{more:?}: {}", done.stderr());
+        assert!(done.stderr().contains(part), "{more:?}: {}", done.stderr());
+    };
+    for flag in
+        [["--pivot", "0,0,0"], ["--start", "9"], ["--turn", "camera"], ["--lights", "object"]]
+    {
+        refused(&flag, &format!("'--cameras <FILE>' cannot be used with '{} ", flag[0]));
+    }
+    refused(&["--margin", "0.2"], "margin: found with a list of cameras");
+    let placed = "found with a list of cameras and a template";
+    for flag in [["--up", "z"], ["--rotate", "0,0,9"]] {
+        batch(&scratch, "list.json", &[&["--dry-run"], &flag[..]].concat()).good();
+        refused(&[&["--template", "template.json"], &flag[..]].concat(), placed);
+    }
+    let mut job = json!({ "inputs": [{ "path": "scan.ply", "up": "z" }], "cameras": "list.json" });
+    scratch.write("job.json", &job.to_string());
+    scratch.run(&["batch", "job.json", "--dry-run"]).good();
+    job["template"] = json!("template.json");
+    scratch.write("job.json", &job.to_string());
+    let done = scratch.run(&["batch", "job.json", "--dry-run"]);
+    assert!(done.code() == 2 && done.stderr().contains("(/inputs/0/up): "), "{}", done.stderr());
 }
 
 #[test]
@@ -378,6 +446,8 @@ fn bad_lists_are_refused_with_their_place() {
     cut("images.bin", &many, &["the file is cut short"]);
     let mut fov = cameras.clone();
     fov[12] = 7;
+    // It has 5 parameters instead of 8.
+    fov.drain(72..96);
     let mut twice = cameras.clone();
     twice[96] = 5;
     cut("cameras.bin", &twice, &["byte 96: found camera 5 a second time"]);

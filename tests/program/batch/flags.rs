@@ -57,6 +57,29 @@ fn a_flag_wins_over_every_input_and_job() {
 }
 
 #[test]
+fn values_are_set_in_the_order_of_the_file() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let png = |set: Value, entry: Value| {
+        let job = json!({ "inputs": [{ "path": "a.ply", "set": entry }], "set": set });
+        channels(&scratch, job, &[]);
+        scratch.read("out/a.png")
+    };
+    let brighter = || json!({ "/tonemap/exposure": 2 });
+    let then_none = || json!({ "/tonemap/exposure": 2, "/tonemap": {} });
+    let pixels_of = |bytes: Vec<u8>| {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        pixels
+    };
+    let plain = pixels_of(png(json!({ "/tonemap": {} }), json!({})));
+    assert!(pixels_of(png(brighter(), json!({}))) != plain);
+    assert!(pixels_of(png(then_none(), json!({}))) == plain);
+    assert!(pixels_of(png(json!({}), then_none())) == plain);
+}
+
+#[test]
 fn a_turntable_of_one_turned_frame_needs_an_axis() {
     let scratch = Scratch::new();
     scratch.write("a.ply", PYRAMID);

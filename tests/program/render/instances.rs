@@ -87,6 +87,31 @@ fn instances_have_ids_and_names() {
     }
 }
 
+/// The names of a scene's object mattes.
+fn mattes(scratch: &Scratch) -> Vec<String> {
+    render(scratch, "p", &["--crypto-sidecar"]);
+    let names: Value = serde_json::from_slice(&scratch.read("p.CryptoObject.json")).unwrap();
+    names.as_object().unwrap().keys().cloned().collect()
+}
+
+/// Equal names of copies would merge their mattes.
+#[test]
+fn copies_never_share_a_matte() {
+    let mut written = scene(Some("cow"), 2);
+    let shapes = written["scene"]["shapes"].as_array_mut().unwrap();
+    let herd = shapes[0].clone();
+    let mut single = herd.clone();
+    single.as_object_mut().unwrap().remove("instances");
+    shapes[1]["name"] = json!("cow.2");
+    let two = scratch(&written);
+    assert_eq!(mattes(&two), ["cow", "cow.2", "cow.3"]);
+    written["scene"]["shapes"].as_array_mut().unwrap().push(herd);
+    assert_eq!(mattes(&scratch(&written)), ["cow", "cow.2", "cow.3", "cow.4", "cow.5"]);
+    // Shapes of one name that are no copies stay one matte.
+    written["scene"]["shapes"] = json!([single.clone(), single, written["scene"]["shapes"][0]]);
+    assert_eq!(mattes(&scratch(&written)), ["cow", "cow.2", "cow.3"]);
+}
+
 /// A thousand instances need hardly more memory than one, as the prediction says.
 #[test]
 fn instances_share_their_mesh() {
