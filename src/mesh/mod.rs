@@ -1,16 +1,23 @@
 //! Triangle meshes: their arrays, the PLY reader, and smooth vertex normals.
 
 mod arrays;
+<<<<<<< HEAD
 mod check;
+=======
+mod closing;
+>>>>>>> 5966a22a27f02b9121fec120c3ec88cad36968fd
 mod creases;
 mod normals;
+mod places;
 mod ply;
 mod stitches;
 mod vertex_faces;
 
 pub use arrays::*;
+pub use closing::closing_stitches;
 pub use creases::{Normals, creased_normals};
 pub use normals::{VertexPosition, vertex_normals};
+pub use places::position_key;
 pub use ply::{
     ColorChoice, ColorRequest, ElementSummary, PlySummary, PropertySummary, ReadOptions, Scalar,
     TriangleCount, inspect as inspect_ply, inspect_with as inspect_ply_with, read as read_ply,

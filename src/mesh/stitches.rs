@@ -1,40 +1,41 @@
-//! Which triangles without area are stitches: those that close a T-junction.
+//! Which triangles beside an edge are stitches in a picture, and whose surface they continue.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::places::{Places, edges};
+
 /// Returns the `candidates` that lie along an edge of a triangle, each with this triangle: the one
 /// across its longest edge. If another candidate lies there, the search goes on across that one's
-/// longest edge. `vertices` is the number of vertices, above every index. `position` returns the
-/// place of a vertex, in any unit.
+/// longest edge. Vertices at the same place are one vertex. `vertices` is the number of vertices,
+/// above every index. `position` returns the place of a vertex, in any unit.
 pub fn kept_stitches(
     candidates: &[[u32; 3]],
     triangles: &[[u32; 3]],
     vertices: usize,
-    position: impl Fn(u32) -> DVec3,
+    position: impl Fn(u32) -> DVec3 + Sync,
 ) -> Vec<([u32; 3], u32)> {
     if candidates.is_empty() {
         return Vec::new();
     }
-    let longest: Vec<[u32; 2]> = candidates.iter().map(|&c| longest_edge(c, &position)).collect();
-    let mut marked = vec![false; vertices];
+    let places = Places::new(candidates, vertices, &position);
+    let mut longest = Vec::with_capacity(candidates.len());
     // For each edge of a candidate, the first candidate that has this edge and a longer one.
     let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
     for (index, &candidate) in candidates.iter().enumerate() {
-        candidate.iter().for_each(|&v| marked[v as usize] = true);
-        for edge in edges(candidate) {
+        let edges = edges(places.of(candidate));
+        let own = edges[longest_edge(candidate.map(&position))];
+        longest.push(own);
+        for edge in edges {
             let first = longer.entry(edge).or_default();
-            *first = first.or((edge != longest[index]).then_some(index));
+            *first = first.or((edge != own).then_some(index));
         }
     }
     let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
     for (prim, &triangle) in (0..).zip(triangles) {
-        let both = |[a, b]: &[u32; 2]| marked[*a as usize] && marked[*b as usize];
-        for edge in edges(triangle).into_iter().filter(both) {
-            if longer.contains_key(&edge) {
-                at_edge.entry(edge).or_insert(prim);
-            }
+        for edge in places.edges(triangle).filter(|edge| longer.contains_key(edge)) {
+            at_edge.entry(edge).or_insert(prim);
         }
     }
     let next = |index: usize| longer[&longest[index]];
@@ -43,12 +44,11 @@ pub fn kept_stitches(
     beside.filter_map(|(candidate, beside)| Some((*candidate, beside?))).collect()
 }
 
-/// Returns the longest edge of a triangle, the first of equal ones.
-fn longest_edge(triangle: [u32; 3], position: impl Fn(u32) -> DVec3) -> [u32; 2] {
-    let squared_length = |[a, b]: [u32; 2]| position(a).distance_squared(position(b));
-    let [a, b, c] = edges(triangle);
-    let longer = |p, q| if squared_length(p) >= squared_length(q) { p } else { q };
-    longer(longer(a, b), c)
+/// Returns which edge of a triangle is the longest, the first of equal ones.
+fn longest_edge([a, b, c]: [DVec3; 3]) -> usize {
+    let squared = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let longer = |p: usize, q: usize| if squared[p] >= squared[q] { p } else { q };
+    longer(longer(0, 1), 2)
 }
 
 /// Follows the chain of `next` from each of `count` indices. Returns for each the first `found`
@@ -80,11 +80,6 @@ fn follow(
     results.into_iter().map(Option::flatten).collect()
 }
 
-/// The edges, each with its lower vertex first.
-fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
-    [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,8 +87,8 @@ mod tests {
     #[test]
     fn the_longest_edge_is_found_at_any_place() {
         let position = |v: u32| DVec3::new([0.0, 4.0, 1.0][v as usize], 2.0, 3.0);
-        for stitch in [[0, 2, 1], [2, 1, 0], [1, 0, 2], [2, 0, 1]] {
-            assert_eq!(longest_edge(stitch, position), [0, 1]);
+        for (stitch, longest) in [([0, 2, 1], 2), ([2, 1, 0], 1), ([1, 0, 2], 0), ([2, 0, 1], 1)] {
+            assert_eq!(longest_edge(stitch.map(position)), longest);
         }
     }
 

@@ -54,7 +54,7 @@ impl RayScene {
                 self.collect_crossings(first, &crossings, &mut found);
             }
             let (mut counts, mut hits) = (vec![0; range.len()], Vec::with_capacity(found.len()));
-            self.refine(rays, &found, |found, refined| {
+            self.refine(rays, &found, 0.0, |found, refined| {
                 for (i, hit) in found.iter().enumerate().filter(|(i, _)| refined.counts[*i]) {
                     counts[hit.ray - range.start] += 1;
                     hits.push(RayHit {
@@ -123,7 +123,7 @@ impl RayScene {
                 }
                 found.clear();
                 self.collect_crossings(first, &crossings, &mut found);
-                self.refine(rays, &found, |found, refined| {
+                self.refine(rays, &found, 0.0, |found, refined| {
                     for (hit, counting) in found.iter().zip(refined.counts) {
                         counts[hit.ray - first] += u32::from(counting);
                     }

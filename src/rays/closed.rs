@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::arrays::MeshArrays;
 use crate::error::Result;
+use crate::mesh::position_key;
 use crate::monitor::Monitor;
 use crate::reserve;
 
@@ -17,9 +18,7 @@ const NO_EDGE: u64 = u64::MAX;
 /// `Retry` if there is too little memory; `Interrupted` if the monitor was stopped.
 pub(super) fn is_closed(mesh: &dyn MeshArrays, monitor: &Monitor) -> Result<bool> {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
-    // Adding 0 turns -0 into 0.
-    let key =
-        |i: usize| vertices.get(i).map_or([0; 3], |v| v.to_array().map(|x| (x + 0.0).to_bits()));
+    let key = |i: usize| vertices.get(i).map_or([0; 3], position_key);
     let mut order: Vec<u32> = Vec::new();
     reserve::exact(&mut order, vertices.len(), "vertices")?;
     order.extend(0..vertices.len() as u32);

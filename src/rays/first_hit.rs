@@ -44,6 +44,7 @@ impl RayScene {
     pub fn closest(&self, rays: &RayBatch, monitor: &Monitor) -> Result<FirstHits> {
         let count = rays.len();
         let (accelerator, rounding) = (self.accelerator(), self.rounding(rays)?);
+        let margin = self.margin();
         monitor.begin(Phase::Check, count as u64);
         let lengths = || (0..count).step_by(CHUNK).map(|first| CHUNK.min(count - first));
         let mut t = Filling::new(count, "t")?;
@@ -71,7 +72,7 @@ impl RayScene {
             }
             answers.clear();
             let mut left = Vec::new();
-            self.refine(rays, found, |hits, refined| {
+            self.refine(rays, found, margin, |hits, refined| {
                 answers.store(range.start, hits, refined, &mut left);
             });
             if !left.is_empty() {

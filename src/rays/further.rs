@@ -3,10 +3,14 @@
 //! The tree traces a segment that is a little longer than that from `tnear` to `tfar`, because its
 //! rays and triangles are rounded. The t of a hit in f64 tells whether the hit counts. If not,
 //! other hits may count that are as near but for the rounding. So all of these are computed. If
-//! none counts, the search goes on behind them.
+//! none counts, the search goes on behind them. A hit that counts, but is so near to a limit that
+//! the error of t may decide, is treated the same way: see [`super::at_limit`].
 //!
-//! Embree does not tell all hits. There the search goes on directly behind the hit.
+//! Embree does not tell all hits. There the search goes on directly behind a hit that does not
+//! count.
 
+use super::at_limit::{AtLimit, MARGIN, is_near_limit};
+use super::batch::RayBatch;
 use super::refine::{FoundHit, Refined};
 use super::rounded::{Rounded, Rounding};
 use super::scene::RayScene;
@@ -15,17 +19,26 @@ use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::ray::{LANES, Mask};
 
+/// About this many hits are held at once. All of one packet of rays are.
+const HITS_HELD: usize = 1 << 16;
+
 /// A ray whose hit is still searched for.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Unanswered {
     /// Index of the ray.
     pub ray: usize,
-    /// The rounded ray's parameter of the last hit, which does not count. There is no hit before
-    /// it that counts. `None` before the first hit.
+    /// The rounded ray's parameter of the last hit, which does not count or is at a limit. There is
+    /// no hit before it that counts. `None` before the first hit.
     pub last: Option<f32>,
 }
 
 impl RayScene {
+    /// The fraction of t by which hits must be within the limits if all hits around them can be
+    /// computed.
+    pub(super) fn margin(&self) -> f64 {
+        if self.bvh().is_ok() { MARGIN } else { 0.0 }
+    }
+
     /// Finds the first hits that count, of rays in ascending order. Calls `store` with hits, their
     /// values and the index of a hit among them that counts. Of several hits of a ray, the nearest
     /// is its first.
@@ -39,7 +52,7 @@ impl RayScene {
         mut left: Vec<Unanswered>,
         mut store: impl FnMut(&[FoundHit], &Refined, usize),
     ) -> Result<()> {
-        let bvh = self.bvh().ok();
+        let (bvh, margin) = (self.bvh().ok(), self.margin());
         let reach = if bvh.is_some() { 2.0 * self.rounding_slack() as f32 } else { 0.0 };
         let (mut rounded, mut found) = (Rounded::EMPTY, Vec::new());
         while !left.is_empty() {
@@ -56,7 +69,7 @@ impl RayScene {
                 self.collect_hits(first, &rounded, &mut found);
             }
             left.clear();
-            self.refine(rounding.rays(), &found, |hits, refined| {
+            self.refine(rounding.rays(), &found, margin, |hits, refined| {
                 for (i, hit) in hits.iter().enumerate() {
                     if refined.counts[i] {
                         store(hits, refined, i);
@@ -69,8 +82,9 @@ impl RayScene {
         Ok(())
     }
 
-    /// Computes all hits from the last one to `reach` behind it; without a last one, all hits of
-    /// the ray. Calls `store` for those that count. Removes rays that need no further search.
+    /// Computes all hits from `reach` before the last one to `reach` behind it; without a last one,
+    /// all hits of the ray. Calls `store` for those that count. Removes rays that need no further
+    /// search.
     fn search_around(
         &self,
         bvh: &Bvh,
@@ -80,24 +94,55 @@ impl RayScene {
         store: &mut impl FnMut(&[FoundHit], &Refined, usize),
     ) -> Result<()> {
         let (mut rounded, mut touches, mut found) = (Rounded::EMPTY, Vec::new(), Vec::new());
+        let mut answered = Vec::new();
         for packet in packets(left) {
             let first = packet[0].ray / LANES * LANES;
             rounding.round(first, &mut rounded)?;
             // Ends do not belong to a segment.
-            rounded.narrow(first, packet, |last| (below(last), above(behind(last, reach))));
+            rounded.narrow(first, packet, |last| {
+                (below((last - reach).max(0.0)), above(behind(last, reach)))
+            });
             touches.clear();
             bvh.touches(&rounded.active, &rounded.packet.rays, &mut touches);
             self.collect_crossings(first, &touches, &mut found);
+            if found.len() >= HITS_HELD {
+                self.store_counting(rounding.rays(), &found, &mut answered, store);
+                found.clear();
+            }
         }
-        let mut answered = Vec::new();
-        self.refine(rounding.rays(), &found, |hits, refined| {
-            for (i, hit) in hits.iter().enumerate().filter(|(i, _)| refined.counts[*i]) {
+        self.store_counting(rounding.rays(), &found, &mut answered, store);
+        answered.sort_unstable();
+        left.retain(|ray| ray.last.is_some() && answered.binary_search(&ray.ray).is_err());
+        Ok(())
+    }
+
+    /// Calls `store` for the hits that count, and appends their rays to `answered`. `found` has all
+    /// hits of its rays around a limit.
+    fn store_counting(
+        &self,
+        rays: &RayBatch,
+        found: &[FoundHit],
+        answered: &mut Vec<usize>,
+        store: &mut impl FnMut(&[FoundHit], &Refined, usize),
+    ) {
+        let mut at_limit = Vec::new();
+        self.refine(rays, found, 0.0, |hits, refined| {
+            for (i, &hit) in hits.iter().enumerate() {
+                let (t, counts) = (refined.t[i], refined.counts[i]);
+                if is_near_limit(t, rays.limits(hit.ray)) {
+                    at_limit.push(AtLimit { hit, t, counts });
+                } else if counts {
+                    store(hits, refined, i);
+                    answered.push(hit.ray);
+                }
+            }
+        });
+        self.refine(rays, &self.beyond_limits(rays, &at_limit), 0.0, |hits, refined| {
+            for (i, hit) in hits.iter().enumerate() {
                 store(hits, refined, i);
                 answered.push(hit.ray);
             }
         });
-        left.retain(|ray| ray.last.is_some() && answered.binary_search(&ray.ray).is_err());
-        Ok(())
     }
 }
 

@@ -2,11 +2,12 @@
 //!
 //! `arrays` reads the caller's arrays. `batch` checks rays, `rounded` rounds them for the tree, and
 //! `refine` computes their hits in f64. `further` goes on where a hit lies outside of a ray's
-//! limits. `filling` makes the arrays of answers. `first_hit`, `all_hits`, `inside`, `nearest` and
-//! `visible` are one kind of query each.
+//! limits, and `at_limit` decides where faces meet at one. `filling` makes the arrays of answers.
+//! `first_hit`, `all_hits`, `inside`, `nearest` and `visible` are one kind of query each.
 
 mod all_hits;
 mod arrays;
+mod at_limit;
 mod batch;
 mod closed;
 mod filling;

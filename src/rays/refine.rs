@@ -42,8 +42,9 @@ pub(super) struct FoundHit {
 pub(super) struct Refined {
     /// Ray parameters, finite and >= 0, in lengths of the caller's direction.
     pub t: Doubles,
-    /// Whether t is within the ray's own limits: tnear < t < tfar. A tnear of 0 is no limit, as t
-    /// of an origin on the surface is 0 only up to rounding.
+    /// Whether t is within the ray's own limits: tnear < t < tfar, by more than a fraction of t
+    /// that the caller names. A tnear of 0 is no limit, as t of an origin on the surface is 0 only
+    /// up to rounding.
     pub counts: [bool; LANES],
     /// Weights of the second and third corner.
     pub uv: [Doubles; 2],
@@ -70,12 +71,14 @@ impl RayScene {
         self.meshes[mesh as usize].faces().prefetch(face as usize);
     }
 
-    /// Computes the values of hits in f64, from the caller's arrays. Calls `store` with up to 16
-    /// hits and their values, in order.
+    /// Computes the values of hits in f64, from the caller's arrays. Hits count if they are within
+    /// the limits by more than the fraction `margin` of t. Calls `store` with up to 16 hits and
+    /// their values, in order.
     pub(super) fn refine(
         &self,
         rays: &RayBatch,
         found: &[FoundHit],
+        margin: f64,
         mut store: impl FnMut(&[FoundHit], &Refined),
     ) {
         // The vertices of a batch are prefetched while the batch before is computed.
@@ -92,8 +95,8 @@ impl RayScene {
                 }
             }
             let (corners, slack) = (&corners, self.rounding_slack());
-            let refined = simd::dispatch(Isa::detect(), Refine { rays, hits, corners, slack });
-            store(hits, &refined);
+            let refine = Refine { rays, hits, corners, slack, margin };
+            store(hits, &simd::dispatch(Isa::detect(), refine));
         }
     }
 
@@ -121,6 +124,8 @@ struct Refine<'a> {
     corners: &'a [Doubles3; 3],
     /// The places of t and of the weights may be this far apart.
     slack: f64,
+    /// The fraction of t by which hits that count are within the limits.
+    margin: f64,
 }
 
 impl Kernel for Refine<'_> {
@@ -128,7 +133,7 @@ impl Kernel for Refine<'_> {
 
     #[inline(always)]
     fn run(self) -> Refined {
-        let Self { rays, hits, corners: [v0, v1, v2], slack } = self;
+        let Self { rays, hits, corners: [v0, v1, v2], slack, margin } = self;
         let (mut from, mut direction) = ([[0.0; LANES]; 3], [[1.0; LANES]; 3]);
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
         for (i, hit) in hits.iter().enumerate().take(LANES) {
@@ -155,7 +160,7 @@ impl Kernel for Refine<'_> {
             agree[i] = is_near(corners, of_lane(&direction, i), (t, u, v), slack);
             (out.uv[0][i], out.uv[1][i]) = (u, v);
             out.t[i] = t.max(0.0);
-            out.counts[i] = counts(out.t[i], tnear[i], tfar[i]);
+            out.counts[i] = counts(out.t[i], [tnear[i], tfar[i]], margin);
             let shrink = 1.0 / dot(normal, normal).sqrt();
             for axis in 0..3 {
                 out.normals[axis][i] = normal[axis] * shrink;
@@ -171,7 +176,7 @@ impl Kernel for Refine<'_> {
             let (t, u, v) = settle(corners, of_lane(&direction, i), hit.uv, slack);
             (out.uv[0][i], out.uv[1][i]) = (u, v);
             out.t[i] = t;
-            out.counts[i] = counts(t, tnear[i], tfar[i]);
+            out.counts[i] = counts(t, [tnear[i], tfar[i]], margin);
         }
         out
     }
@@ -179,8 +184,8 @@ impl Kernel for Refine<'_> {
 
 /// Whether t is within tnear and tfar: see [`Refined::counts`].
 #[inline(always)]
-fn counts(t: f64, tnear: f64, tfar: f64) -> bool {
-    ((t > tnear) | (tnear == 0.0)) & (t < tfar)
+fn counts(t: f64, [tnear, tfar]: [f64; 2], margin: f64) -> bool {
+    ((t * (1.0 - margin) > tnear) | (tnear == 0.0)) & (t * (1.0 + margin) < tfar)
 }
 
 /// Returns t, u and v where a ray meets the plane of a triangle: Moeller and Trumbore 1997, eq. 6,

@@ -79,6 +79,7 @@ mod ply {
 
 /// Rays and points on arrays, without a scene.
 mod rays {
+    mod closing;
     mod limits;
     mod queries;
     mod stitches;

@@ -9,7 +9,7 @@ use super::vertex::PlyVertices;
 use super::{duplicates, points};
 use crate::error::{Error, Result};
 use crate::mesh::arrays::{FaceTextures, Mesh, MeshElement, Notes, Positions, Property, Uvs};
-use crate::mesh::kept_stitches;
+use crate::mesh::closing_stitches;
 use crate::units::counted;
 
 /// Everything that was read from a file.
@@ -69,10 +69,8 @@ pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) ->
         ..Notes::default()
     };
     tally.write(&mut notes);
-    let mut stitches = PlyFaces { triangles: tally.stitches.split_off(0), ..PlyFaces::default() };
-    duplicates::drop(&mut stitches, vertex_count, context)?;
     let position = |vertex: u32| vertices.positions.get(vertex as usize);
-    let kept = kept_stitches(&stitches.triangles, &triangles, vertex_count, position);
+    let stitches = closing_stitches(&tally.stitches, &triangles, vertex_count, position);
     notes.duplicates_dropped = duplicates;
     // If all triangles have the same texture, no index per triangle is needed.
     let several = tally.textures.len() > 1;
@@ -99,7 +97,7 @@ pub fn finish(found: ParsedFile, context: &ReadContext, options: ReadOptions) ->
     Ok(Mesh {
         positions: vertices.positions,
         triangles,
-        stitches: kept.into_iter().map(|(stitch, _)| stitch).collect(),
+        stitches,
         normals: vertices.normals,
         uvs: uvs.map(Uvs::PerCorner).or(vertices.uvs.map(Uvs::PerVertex)),
         colors: of_vertices.colors,

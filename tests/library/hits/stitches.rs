@@ -315,18 +315,18 @@ fn lonely_lines_are_dropped() {
     assert!(told.contains("1 triangle without area dropped"), "{told}");
 }
 
-/// A pentagon with a vertex in the middle of an edge, and a line of points beside it. `info` counts
+/// A pentagon with a vertex in the middle of an edge, where a triangle ends, and a line of points beside it. `info` counts
 /// the triangle that closes the T-junction apart from the line, which is dropped.
 #[test]
 fn info_counts_stitches_apart_from_dropped_triangles() {
     let scratch = Scratch::new();
-    let ply = "ply\nformat ascii 1.0\nelement vertex 9\nproperty double x\nproperty double y\nproperty double z\n\
-               element face 2\nproperty list uchar int vertex_indices\nend_header\n\
-               0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 0 0\n100 0 0\n101 1 1\n102 2 2\n9 9 9\n5 0 4 1 2 3\n3 5 6 7\n";
+    let ply = "ply\nformat ascii 1.0\nelement vertex 10\nproperty double x\nproperty double y\nproperty double z\n\
+               element face 3\nproperty list uchar int vertex_indices\nend_header\n\
+               0 0 0\n1 0 0\n1 1 0\n0 1 0\n0.5 0 0\n100 0 0\n101 1 1\n102 2 2\n9 9 9\n0 -1 0\n5 0 4 1 2 3\n3 5 6 7\n3 0 4 9\n";
     scratch.write("junction.ply", ply);
     let told = scratch.run(&["info", "junction.ply"]).stdout();
     for line in [
-        "  2 triangles\n",
+        "  3 triangles\n",
         "  1 triangle without area dropped\n",
         "  1 triangle without area kept: it closes a T-junction\n",
         // Vertices of the line and the last one, not the vertex that only the stitch uses.

@@ -5,12 +5,21 @@ use lightpath::{Limits, Mesh, Monitor, Positions, RayBatch, RayScene};
 
 use super::queries::{around, ball, difference, scene};
 
+/// The limit of a ray.
+fn value(limits: Limits, i: usize) -> f64 {
+    match limits {
+        Limits::All(limit) => limit,
+        Limits::Each(all) => all[i],
+    }
+}
+
 /// Compares `closest` and `occluded` with all hits. Each neighbour at a vertex has a t of its own,
 /// up to rounding, and a ray that only touches a surface has no hits among all. So the closest hit
-/// may be nearer than the first of all, but not farther. Returns the number of rays whose t
-/// differs, and of those that are occluded without a closest hit.
-fn disagreeing(scene: &RayScene, rays: &RayBatch) -> [usize; 2] {
+/// may be nearer than the first of all, but not farther, unless this one is at a limit. Returns
+/// the number of rays whose t differs, and of those that are occluded without a closest hit.
+fn disagreeing(scene: &RayScene, rays: &RayBatch, [tnear, tfar]: [Limits; 2]) -> [usize; 2] {
     let monitor = Monitor::default();
+    let rays = &rays.with_limits(tnear, tfar).expect("rays");
     let closest = scene.closest(rays, &monitor).expect("hits");
     let occluded = scene.occluded(rays, &monitor).expect("answers");
     let counts = scene.count(rays, &monitor).expect("counts");
@@ -20,7 +29,10 @@ fn disagreeing(scene: &RayScene, rays: &RayBatch) -> [usize; 2] {
         let hits = &all.t[all.offsets[i] as usize..all.offsets[i + 1] as usize];
         let (t, first) = (closest.t[i], hits.first().map_or(f64::INFINITY, |&t| t));
         assert_eq!(counts[i] as usize, hits.len());
-        assert!(t <= first + 1e-12, "ray {i}: {t} {first}");
+        let limits = [tnear, tfar].map(|limits| value(limits, i));
+        let inside = |t: &&f64| limits.iter().all(|limit| (*t - limit).abs() > 1e-12);
+        let beyond = hits.iter().find(inside).map_or(f64::INFINITY, |&t| t);
+        assert!(t <= beyond + 1e-12, "ray {i}: {t} {beyond}");
         assert!(occluded[i] || t == f64::INFINITY, "ray {i}");
         others[0] += usize::from(t != first);
         others[1] += usize::from(occluded[i] && t == f64::INFINITY);
@@ -87,7 +99,7 @@ fn limited_rays_have_the_first_of_all_hits() {
         (Limits::Each(&finite), far),
         (nothing, Limits::Each(&finite)),
     ] {
-        assert_eq!(disagreeing(&scene, &rays.with_limits(tnear, tfar).expect("rays")), [0; 2]);
+        assert_eq!(disagreeing(&scene, &rays, [tnear, tfar]), [0; 2]);
     }
     // At vertices, with ends there.
     let directions = to(&|i| vertices[i * 31 % vertices.len()]);
@@ -96,8 +108,80 @@ fn limited_rays_have_the_first_of_all_hits() {
     let first: Vec<_> = first.iter().map(|t| if t.is_finite() { *t } else { 1.0 }).collect();
     let one = Limits::All(1.0);
     for (tnear, tfar) in [(nothing, one), (one, far), (Limits::Each(&first), far)] {
-        let others = disagreeing(&scene, &rays.with_limits(tnear, tfar).expect("rays"));
+        let others = disagreeing(&scene, &rays, [tnear, tfar]);
         // Grazing faces: their t of the rounded ray is off by more than occlusion allows for.
         assert!(others[1] <= count / 1000, "{others:?}");
+    }
+}
+
+/// Limits at vertices and edges: the faces that meet there are one place, whatever their t are.
+#[test]
+fn a_vertex_is_no_second_layer() {
+    let mesh = ball(10, [0.0; 3]);
+    let Positions::F64(vertices) = mesh.positions.clone() else { panic!("f64") };
+    let middle = |i: usize, k: usize| {
+        let [a, b, _] = mesh.triangles[i % mesh.triangles.len()].map(|v| vertices[v as usize][k]);
+        a + (b - a) * (i as f64 * 0.618_034).fract()
+    };
+    let vertex = |i: usize, k: usize| vertices[i * 31 % vertices.len()][k];
+    let (count, monitor) = (3000, Monitor::default());
+    for goal in [&vertex as &dyn Fn(usize, usize) -> f64, &middle] {
+        let origins = around(count, 3.0);
+        let origins: Vec<_> = origins.iter().map(|o| o.map(|x| f64::from(x as f32))).collect();
+        let directions: Vec<_> =
+            (0..count).map(|i| difference([0, 1, 2].map(|k| goal(i, k)), origins[i])).collect();
+        let scene = scene(mesh.clone());
+        let rays = RayBatch::new(&origins, &directions).expect("rays");
+        let (mut near, mut again, mut layers) = (vec![0.0; count], 0, 0);
+        let mut occluded = 0;
+        for _ in 0..12 {
+            let peeled = rays.with_limits(Limits::Each(&near), Limits::All(f64::INFINITY));
+            let hits = scene.closest(&peeled.expect("rays"), &monitor).expect("hits");
+            let hit = |i: &usize| hits.t[*i].is_finite();
+            layers += (0..count).filter(hit).count();
+            let same = |i: &usize| near[*i] > 0.0 && hits.t[*i] - near[*i] < 1e-12;
+            again += (0..count).filter(hit).filter(same).count();
+            near = hits.t.iter().map(|&t| if t.is_finite() { t } else { f64::INFINITY }).collect();
+            let before = rays.with_limits(Limits::All(0.0), Limits::Each(&near)).expect("rays");
+            if layers <= count {
+                let answers = scene.occluded(&before, &monitor).expect("answers");
+                let closer = scene.closest(&before, &monitor).expect("hits");
+                occluded += (0..count).filter(|&i| hit(&i) && answers[i]).count();
+                occluded += (0..count).filter(|&i| hit(&i) && closer.t[i].is_finite()).count();
+            }
+        }
+        assert!(layers > count && layers < 4 * count, "{layers}");
+        assert_eq!((again, occluded), (0, 0), "of {layers}");
+    }
+}
+
+/// Two faces with a common edge, whose t differ by little at some distance from the edge.
+#[test]
+fn layers_that_share_an_edge_are_two() {
+    let monitor = Monitor::default();
+    for gap in [1e-12, 1e-9, 6e-8, 1e-3] {
+        for split in [false, true] {
+            let mut corners = vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.5, 0.0]];
+            corners.push([1.0, 0.5, gap]);
+            corners.extend([corners[0], corners[1]]);
+            let faces = vec![[0, 1, 2], if split { [4, 5, 3] } else { [0, 1, 3] }];
+            let scene = scene(Mesh::new(Positions::F64(corners), faces).expect("a mesh"));
+            let origins: Vec<_> = (1..9).map(|i| [f64::from(i) / 9.0, 0.5, -2.0]).collect();
+            let rays = RayBatch::new(&origins, &[[0.0, 0.0, 1.0]; 8]).expect("rays");
+            let limited = |tnear, tfar| {
+                let rays = rays.with_limits(Limits::All(tnear), tfar).expect("rays");
+                let occluded = scene.occluded(&rays, &monitor).expect("answers");
+                (scene.closest(&rays, &monitor).expect("hits"), occluded)
+            };
+            let (next, occluded) = limited(2.0, Limits::All(f64::INFINITY));
+            for (i, origin) in origins.iter().enumerate() {
+                let expected = 2.0 + gap * origin[0];
+                assert!((next.t[i] - expected).abs() < 1e-15, "{gap} {split}: {:?}", next.t);
+            }
+            assert!(next.primitive.iter().all(|&face| face == 1));
+            assert_eq!(occluded, [true; 8]);
+            let (first, occluded) = limited(0.0, Limits::Each(&next.t));
+            assert_eq!((first.t, occluded), (vec![2.0; 8], vec![true; 8]), "{gap} {split}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use lightpath::mesh::{ReadOptions, read_ply_bytes};
 use lightpath::{Mesh, Monitor, RayBatch, RayScene};
 
 /// Twelve faces of the unit cube around (0.5, 0.5, 0.5).
-const CUBE: [[u32; 3]; 12] = [
+pub(super) const CUBE: [[u32; 3]; 12] = [
     [0, 2, 1],
     [1, 2, 3],
     [4, 5, 6],
@@ -31,6 +31,11 @@ fn read(middle: [f64; 3], split: bool, stray: bool) -> Mesh {
     let mut faces = if stray { vec![[9, 10, 11]] } else { vec![] };
     faces.extend(if split { vec![[0, 8, 1], [0, 2, 8], [8, 2, 1]] } else { vec![CUBE[0]] });
     faces.extend(&CUBE[1..]);
+    parse(&vertices, &faces)
+}
+
+/// Reads a file of these vertices and faces.
+pub(super) fn parse(vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> Mesh {
     let mut ply = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\
          property double z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
