@@ -1,11 +1,8 @@
 //! Triangle meshes: their arrays, the PLY reader, and smooth vertex normals.
 
 mod arrays;
-<<<<<<< HEAD
 mod check;
-=======
 mod closing;
->>>>>>> 5966a22a27f02b9121fec120c3ec88cad36968fd
 mod creases;
 mod normals;
 mod places;
