@@ -70,14 +70,25 @@ pub(super) fn facing_warnings<'s>(
     boxes: &'s [Bounds],
 ) -> impl Iterator<Item = Problem> + 's {
     let corners = || boxes.iter().flat_map(|bounds| bounds.corners()).filter(|c| c.is_finite());
+    let is_empty = corners().next().is_none();
+    let whole = corners().fold(Bounds::EMPTY, |all, c| all.union(Bounds { min: c, max: c }));
+    // Corners in front of a light. Most lights have one of them in front, too, so not every light
+    // is compared with every shape.
+    let mut witnesses: Vec<DVec3> = Vec::new();
     scene.lights.iter().enumerate().filter_map(move |(number, light)| {
         let LightKind::Area { corner, edge, height, lambertian: true, .. } = light.kind else {
             return None;
         };
         let normal = edge.cross(height).normalize();
         // A shape in the light's plane receives nothing either, however its corners are rounded.
-        let behind = |point: DVec3| normal.dot(point - corner) <= ROUNDED * point.distance(corner);
-        if corners().next().is_none() || !corners().all(behind) {
+        let before = |point: &DVec3| normal.dot(*point - corner) > ROUNDED * point.distance(corner);
+        if is_empty || witnesses.iter().any(before) {
+            return None;
+        }
+        let is_behind_all = whole.corners().iter().all(|c| normal.dot(*c - corner) <= 0.0);
+        let witness = if is_behind_all { None } else { corners().find(before) };
+        if let Some(witness) = witness {
+            witnesses.push(witness);
             return None;
         }
         let message = "emits away from every shape: nothing receives its light";
