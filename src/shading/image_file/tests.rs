@@ -216,6 +216,11 @@ fn a_radiance_file_may_begin_with_its_other_name() {
     let long = [name, &b"a=\n".repeat(1 << 17), rest].concat();
     let long = error("long.hdr", &long);
     assert_eq!(long.kind, ErrorKind::Limit, "{long}");
+    // The size does not follow an empty line of a line feed alone, however long the pixels are.
+    let returns = b"#?RADIANCE\r\nFORMAT=32-bit_rle_rgbe\r\n\r\n-Y 300 +X 400\r\n";
+    let returns = error("crlf.hdr", &[&returns[..], &vec![7; 1 << 19]].concat()).to_string();
+    assert!(returns.contains("no end of its header in the first 262144 bytes"), "{returns}");
+    assert!(returns.contains("a line feed alone"), "{returns}");
 }
 
 #[test]
