@@ -32,6 +32,8 @@ pub struct Environment {
     /// Length of the shadow rays: they end outside of the scene, or at the distance of ambient
     /// occlusion.
     reach: f32,
+    /// Whether the reach is that of ambient occlusion, which rounding limits.
+    is_near: bool,
     map: Option<TurnedMap>,
 }
 
@@ -100,12 +102,32 @@ impl TurnedMap {
 impl Environment {
     /// The environment around these primitives.
     pub fn new(geometry: &Geometry, map: Option<TurnedMap>) -> Self {
-        Self { reach: reach(geometry) as f32, map }
+        Self { reach: reach(geometry) as f32, is_near: false, map }
     }
 
-    /// The hemisphere up to this distance, for ambient occlusion.
+    /// The hemisphere up to this distance in world units, for ambient occlusion. From each shading
+    /// point it is at least [`Environment::LEAST_SHARE`] of the point's largest coordinate.
     pub fn within(distance: f64) -> Self {
-        Self { reach: distance as f32, map: None }
+        Self { reach: distance as f32, is_near: true, map: None }
+    }
+
+    /// Shortest shadow ray of [`Environment::within`] over the largest coordinate of its start. The
+    /// coordinates of both ends are rounded by 2^-24 of themselves. So 1 in 10,000 rays of this
+    /// length ends below its surface, and most of those that are a hundredth as long.
+    pub const LEAST_SHARE: f32 = 1.0 / (1 << 19) as f32;
+
+    /// Lengths of the shadow rays from the points `from`.
+    #[inline(always)]
+    fn reaches(&self, from: &Lanes3) -> Lanes {
+        let mut reaches = [self.reach; LANES];
+        if self.is_near {
+            let [x, y, z] = from;
+            for i in 0..LANES {
+                let largest = x[i].abs().max(y[i].abs()).max(z[i].abs());
+                reaches[i] = self.reach.max(Self::LEAST_SHARE * largest);
+            }
+        }
+        reaches
     }
 
     /// The map of the radiance.
@@ -130,7 +152,7 @@ impl Environment {
     /// Revisited", JCGT 6(1).
     #[inline(always)]
     fn cosine_points(&self, [s, t]: &[Lanes; 2], from: &ShadowPoints) -> Lanes3 {
-        let mut q = [[0.0; LANES]; 3];
+        let (mut q, reaches) = ([[0.0; LANES]; 3], self.reaches(&from.position));
         for i in 0..LANES {
             let [x, y] = disk([s[i], t[i]]);
             let (x, y) = (x * RADIUS, y * RADIUS);
@@ -142,7 +164,7 @@ impl Environment {
             let across = Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x);
             let along = Vec3::new(b, sign + n.y * n.y * a, -n.y);
             let direction = across * x + along * y + n * up;
-            set_lane(&mut q, i, lane(&from.position, i) + direction * self.reach);
+            set_lane(&mut q, i, lane(&from.position, i) + direction * reaches[i]);
         }
         q
     }
@@ -183,7 +205,7 @@ mod tests {
 
     #[test]
     fn directions_have_the_density_of_the_cosine() {
-        let environment = Environment { reach: 4.0, map: None };
+        let environment = Environment { reach: 4.0, is_near: false, map: None };
         for n in [Vec3::Y, -Vec3::Z, Vec3::Z, Vec3::new(0.6, 0.0, -0.8)] {
             let mut points = ShadowPoints::EMPTY;
             for i in 0..LANES {
@@ -209,12 +231,34 @@ mod tests {
 
     #[test]
     fn directions_in_the_horizon_are_above_it() {
-        let environment = Environment { reach: 1.0, map: None };
+        let environment = Environment { reach: 1.0, is_near: false, map: None };
         let mut points = ShadowPoints::EMPTY;
         set_lane(&mut points.n, 0, Vec3::Y);
         for edge in [[0.0, 0.5], [0.5, 0.0], [0.999_999_94, 0.5], [0.0, 0.0]] {
             let q = environment.points(&edge.map(|x| [x; LANES]), &points);
             assert!(lane(&q, 0).y > 1e-4);
+        }
+    }
+
+    #[test]
+    fn short_rays_are_as_long_as_the_rounding_of_their_point_needs() {
+        let environment = Environment::within(1e-5);
+        let (n, mut points) = (Vec3::new(0.3, 1.0, 0.1).normalize(), ShadowPoints::EMPTY);
+        let starts = [Vec3::new(1e-3, -2.0, 0.5), Vec3::new(250.3, -999.7, 3.1)];
+        for (start, length) in starts.into_iter().zip([1e-5, 999.7 / 524_288.0]) {
+            for i in 0..LANES {
+                set_lane(&mut points.n, i, n);
+                set_lane(&mut points.position, i, start);
+            }
+            let at = |k: usize| [(k as f32 + 0.5) / 64.0; LANES];
+            let (mut below, mut sum) = (0, 0.0);
+            for (s, t) in (0..64).flat_map(|i| (0..64).map(move |k| (i, k))) {
+                let way = lane(&environment.points(&[at(s), at(t)], &points), 7) - start;
+                below += u32::from(way.dot(n) <= 0.0);
+                sum += way.length() / 4096.0;
+            }
+            assert!(below < 4, "{start}: {below} of 4096");
+            assert!((sum / length - 1.0).abs() < 0.02, "{start}: {sum}");
         }
     }
 }

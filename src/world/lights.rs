@@ -26,36 +26,42 @@ impl VisibleEnvironment {
 
 /// Returns the white light of the hemisphere whose shadow rays give the layer of ambient occlusion.
 /// `None` if the scene lacks the layer.
-pub(super) fn occlusion(scene: &Scene, geometry: &Geometry, origin: &Origin) -> Option<Light> {
+pub(super) fn occlusion(scene: &Scene, geometry: &Geometry) -> Option<Light> {
     if !scene.layers.contains(&Layer::Occlusion) {
         return None;
     }
     let OcclusionRays { distance, samples } = scene.occlusion;
     let hemisphere = match distance {
-        Some(distance) => Environment::within(distance.max(shortest_occlusion(origin))),
+        Some(distance) => Environment::within(distance),
         None => Environment::new(geometry, None),
     };
     let area = Area::from_distant(Distant::Environment(hemisphere), samples);
     Some(Light { diffuse: Vec3::ONE, specular: Vec3::ZERO, emitter: Emitter::Area(area) })
 }
 
-/// Returns the shortest distance for ambient occlusion, in world units. Rounding would turn the
-/// rays of a shorter one below the surface. Coordinates are as large as the scene's box, or as the
-/// distance from the camera if that is their origin.
-fn shortest_occlusion(origin: &Origin) -> f64 {
-    let nearest = if origin.nearest.is_finite() { origin.nearest } else { 0.0 };
-    let largest = if origin.at_camera { nearest } else { origin.extent };
-    largest / (1u64 << 20) as f64
-}
-
-/// Returns a warning if `aodistance` is shorter than positions can express.
+/// Returns a warning if `aodistance` is shorter than positions can express at the largest
+/// coordinate that any surface may have.
 pub(super) fn occlusion_warning(scene: &Scene, origin: &Origin) -> Option<Problem> {
     let distance = scene.occlusion.distance.filter(|_| scene.layers.contains(&Layer::Occlusion))?;
-    let shortest = shortest_occlusion(origin);
-    let message = format!(
-        "found {distance:e}, which the rounding of positions exceeds: {shortest:.1e} is used"
+    raised(distance, origin).map(|message| Problem::new("/output/aodistance", message))
+}
+
+/// Returns where [`Environment::within`] raises a distance, if any surface can be there.
+fn raised(distance: f64, origin: &Origin) -> Option<String> {
+    let Origin { at_camera, extent, nearest, .. } = *origin;
+    let beside = if nearest.is_finite() { nearest } else { 0.0 };
+    let largest = if at_camera { extent + beside } else { extent / 2.0 };
+    let (share, place) = (
+        f64::from(Environment::LEAST_SHARE),
+        if at_camera { "the camera" } else { "the middle of the scene" },
     );
-    (distance < shortest).then(|| Problem::new("/output/aodistance", message))
+    (distance < largest * share).then(|| {
+        format!(
+            "found {distance:e}, which the rounding of positions exceeds farther than {:.1e} from {place}: there, up to {:.1e} is used",
+            distance / share,
+            largest * share
+        )
+    })
 }
 
 /// Returns a warning for each one-sided area light that has all boxes of shapes behind it.
@@ -64,14 +70,25 @@ pub(super) fn facing_warnings<'s>(
     boxes: &'s [Bounds],
 ) -> impl Iterator<Item = Problem> + 's {
     let corners = || boxes.iter().flat_map(|bounds| bounds.corners()).filter(|c| c.is_finite());
+    let is_empty = corners().next().is_none();
+    let whole = corners().fold(Bounds::EMPTY, |all, c| all.union(Bounds { min: c, max: c }));
+    // Corners in front of a light. Most lights have one of them in front, too, so not every light
+    // is compared with every shape.
+    let mut witnesses: Vec<DVec3> = Vec::new();
     scene.lights.iter().enumerate().filter_map(move |(number, light)| {
         let LightKind::Area { corner, edge, height, lambertian: true, .. } = light.kind else {
             return None;
         };
         let normal = edge.cross(height).normalize();
         // A shape in the light's plane receives nothing either, however its corners are rounded.
-        let behind = |point: DVec3| normal.dot(point - corner) <= ROUNDED * point.distance(corner);
-        if corners().next().is_none() || !corners().all(behind) {
+        let before = |point: &DVec3| normal.dot(*point - corner) > ROUNDED * point.distance(corner);
+        if is_empty || witnesses.iter().any(before) {
+            return None;
+        }
+        let is_behind_all = whole.corners().iter().all(|c| normal.dot(*c - corner) <= 0.0);
+        let witness = if is_behind_all { None } else { corners().find(before) };
+        if let Some(witness) = witness {
+            witnesses.push(witness);
             return None;
         }
         let message = "emits away from every shape: nothing receives its light";
@@ -132,10 +149,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn short_occlusion_rays_are_limited_by_the_rounding_of_positions() {
-        let position = DVec3::ZERO;
+    fn a_distance_that_positions_exceed_is_told_with_its_place() {
         let middle = Origin {
-            position,
+            position: DVec3::ZERO,
             at_camera: false,
             extent: 1e6,
             nearest: 3.0,
@@ -143,9 +159,14 @@ mod tests {
             pixels: 0.0,
             parallel: false,
         };
-        assert!((0.9..1.0).contains(&shortest_occlusion(&middle)));
+        assert_eq!(raised(1.0, &middle), None);
+        let message = raised(0.5, &middle).unwrap();
+        assert!(message.contains("farther than 2.6e5 from the middle of the scene"), "{message}");
+        assert!(message.ends_with("up to 9.5e-1 is used"), "{message}");
+        // The far side of the scene may be seen from its edge.
         let camera = Origin { at_camera: true, ..middle };
-        assert!((2.8e-6..3e-6).contains(&shortest_occlusion(&camera)));
-        assert_eq!(shortest_occlusion(&Origin { nearest: f64::INFINITY, ..camera }), 0.0);
+        let message = raised(1.0, &camera).unwrap();
+        assert!(message.contains("farther than 5.2e5 from the camera"), "{message}");
+        assert_eq!(raised(2.0, &Origin { nearest: f64::INFINITY, ..camera }), None);
     }
 }

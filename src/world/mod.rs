@@ -270,7 +270,7 @@ impl World {
             visible_environments: visible_environments(scene, &maps),
             maps,
             ambient: scene.ambient,
-            occlusion: occlusion(scene, &geometry, &chosen),
+            occlusion: occlusion(scene, &geometry),
             falloff: scene.falloff,
             transparent: scene.transparent,
             resolutions: Vec::new(),

@@ -8,8 +8,17 @@ use crate::units::counted;
 
 use super::context::Check;
 
-/// Cosine between the view and -y above which the camera looks straight down.
-const LOOKS_DOWN: f64 = 0.99;
+/// Cosine between the view and the y axis above which the camera looks straight up or down.
+const ALONG_Y: f64 = 0.99;
+
+/// The same cosine at 45 degrees above or below the horizon.
+const STEEP: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Cosine between two directions below which they are about at right angles.
+const ACROSS: f64 = 0.5;
+
+/// Sine of the angle of an exported `up` to the picture's plane: 0 but for rounding.
+const IN_PICTURE: f64 = 1e-3;
 
 impl Check<'_, '_> {
     /// Warns about a camera or a light inside a sphere, suns below the horizon, poles without a
@@ -93,17 +102,15 @@ impl Check<'_, '_> {
         self.warn_about_another_up(scene);
     }
 
-    /// Warns if another axis than y seems to point up, and lights count on y. The view straight
-    /// down has such an `up` in any scene.
+    /// Warns if another axis than y seems to point up, and lights count on y.
     fn warn_about_another_up(&mut self, scene: &Scene) {
-        let up = scene.camera.up.abs();
-        let looks_down = scene.camera.lookat.normalize().y < -LOOKS_DOWN;
+        let up = scene.camera.up;
         // The `up` of a matrix is that of the picture.
         let is_named = self.document.get("/camera/up").is_some();
-        if up.y >= up.x.max(up.z) || looks_down || !is_named {
+        if !is_named || !is_another_up(scene.camera.lookat, up) {
             return;
         }
-        let axis = if up.x > up.z { "x" } else { "z" };
+        let axis = if up.x.abs() > up.z.abs() { "x" } else { "z" };
         for (l, light) in scene.lights.iter().enumerate() {
             let key = match light.kind {
                 LightKind::Sun { .. } => "elevation",
@@ -112,13 +119,34 @@ impl Check<'_, '_> {
             };
             let pointer = format!("/scene/lightsources/{l}/{key}");
             if self.document.get(&pointer).is_some() {
-                let message = format!("y is up in the sky, but the camera's `up` is mainly {axis}");
+                let message = format!(
+                    "y is up in the sky, but the camera's `up` is mainly {axis}: is {axis} up in the scene?"
+                );
                 let help = match key {
-                    "elevation" => "give the sun a `direction`, or turn the scene",
-                    _ => "turn the scene, for example meshes with \"rotate\": [-90, 0, 0]",
+                    "elevation" => "if so, give the sun a `direction`, or turn the scene",
+                    _ => "if so, turn the scene, for example meshes with \"rotate\": [-90, 0, 0]",
                 };
                 self.problems.warn(&pointer, message, Some(help.into()));
             }
         }
     }
+}
+
+/// Returns true if the camera's `up` tells that another axis than y is up in the scene, or that the
+/// camera is rolled, which looks the same.
+///
+/// An `up` in the picture's plane, as programs export it, leans with the view. So it tells nothing
+/// where the view is steep. There, an `up` out of that plane tells it: someone wrote the scene's
+/// axis. It then points along the axis, not against it.
+fn is_another_up(view: DVec3, up: DVec3) -> bool {
+    let (view, up) = (view.normalize(), up.normalize());
+    let main = if up.x.abs() > up.z.abs() { up.x } else { up.z };
+    if up.y.abs() >= main.abs() || view.y.abs() > ALONG_Y {
+        return false;
+    }
+    if view.y.abs() > STEEP {
+        return main > 0.0 && up.dot(view).abs() > IN_PICTURE;
+    }
+    let in_picture = |axis: DVec3| (axis - view * view.dot(axis)).normalize();
+    in_picture(up).dot(in_picture(DVec3::Y)).abs() < ACROSS
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::SampleType;
+use exr::meta::attribute::{ChannelList, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, read};
 
@@ -33,6 +33,8 @@ pub struct ExrLayout {
     first: [i64; 2],
     /// Whether its only colour is the luminance Y.
     is_grey: bool,
+    /// All channels of the part with the texture.
+    channels: Box<ChannelList>,
     /// Whether the file has an alpha channel.
     pub has_alpha: bool,
 }
@@ -51,8 +53,9 @@ impl ExrLayout {
             header.channels.list.iter().any(|channel| channel.name.eq(name))
         };
         let is_color = |h: &&Header| !h.deep && ["R", "G", "B"].iter().all(|name| has(h, name));
-        // RY and BY are the chroma of a colour file.
-        let is_grey = |h: &&Header| !h.deep && has(h, "Y") && !has(h, "RY") && !has(h, "BY");
+        // Beside these channels, Y is no grey: RY and BY are chroma, X Y Z is another colour space.
+        let colors = ["R", "G", "B", "X", "RY", "BY"];
+        let is_grey = |h: &&Header| !h.deep && has(h, "Y") && !colors.iter().any(|c| has(h, c));
         let color = meta.headers.iter().find(is_color);
         let Some(header) = color.or_else(|| meta.headers.iter().find(is_grey)) else {
             let message = "cannot read this EXR: found no part with the channels R, G and B, or Y";
@@ -83,6 +86,7 @@ impl ExrLayout {
             rows: within(first[1], data.y(), size.y()),
             first,
             is_grey: color.is_none(),
+            channels: Box::new(header.channels.clone()),
             has_alpha: has(header, "A"),
         })
     }
@@ -125,19 +129,44 @@ impl ExrLayout {
         let pixels = if self.is_grey {
             let black = move |_: Vec2<usize>, _: &_| vec![0.0f32; count];
             let store = move |all: &mut Vec<f32>, at, (y,): (f32,)| layout.store(all, at, [y; 3]);
-            let channels = level.specific_channels().required("Y").collect_pixels(black, store);
-            let image = channels.first_valid_layer().all_attributes().from_buffered(file);
+            let read = level.specific_channels().required("Y").collect_pixels(black, store);
+            let image = Part { channels: &self.channels, read }
+                .first_valid_layer()
+                .all_attributes()
+                .from_buffered(file);
             image.map(|image| image.layer_data.channel_data.pixels)
         } else {
             let black = move |_: Vec2<usize>, _: &_| vec![0.0f32; count];
             let store = move |all: &mut Vec<f32>, at, (r, g, b, _): (f32, f32, f32, f32)| {
                 layout.store(all, at, [r, g, b]);
             };
-            let channels = level.rgba_channels(black, store);
-            let image = channels.first_valid_layer().all_attributes().from_buffered(file);
+            let read = level.rgba_channels(black, store);
+            let image = Part { channels: &self.channels, read }
+                .first_valid_layer()
+                .all_attributes()
+                .from_buffered(file);
             image.map(|image| image.layer_data.channel_data.pixels)
         };
         pixels.map_err(|error| exr_error(path, error))
+    }
+}
+
+/// Reads the first part with exactly these channels, which is the one that
+/// [`ExrLayout::read_header`] chose. The crate alone takes the first part that has the channels of
+/// a colour, whatever else it has.
+struct Part<'c, C> {
+    channels: &'c ChannelList,
+    read: C,
+}
+
+impl<'s, C: ReadChannels<'s>> ReadChannels<'s> for Part<'_, C> {
+    type Reader = C::Reader;
+
+    fn create_channels_reader(&'s self, header: &Header) -> exr::error::Result<Self::Reader> {
+        if header.deep || header.channels != *self.channels {
+            return Err(exr::error::Error::Invalid("another part holds the texture".into()));
+        }
+        self.read.create_channels_reader(header)
     }
 }
 

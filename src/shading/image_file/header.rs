@@ -161,8 +161,9 @@ fn check_radiance_header(path: &Path, file: &mut BufReader<File>) -> Result<()> 
     if header.limit() > 0 {
         return Ok(());
     }
-    let message = format!("its header is longer than {MAX_RADIANCE_HEADER} bytes");
-    Err(Error::new(ErrorKind::Limit, Problem::new(name(path), message)))
+    let message = format!("found no end of its header in the first {MAX_RADIANCE_HEADER} bytes");
+    let help = "a header is lines as FORMAT=32-bit_rle_rgbe, then an empty line, all ending with a line feed alone";
+    Err(Error::new(ErrorKind::Limit, Problem::new(name(path), message).help(help)))
 }
 
 fn limits(max_bytes: u64) -> Limits {

@@ -216,6 +216,11 @@ fn a_radiance_file_may_begin_with_its_other_name() {
     let long = [name, &b"a=\n".repeat(1 << 17), rest].concat();
     let long = error("long.hdr", &long);
     assert_eq!(long.kind, ErrorKind::Limit, "{long}");
+    // The size does not follow an empty line of a line feed alone, however long the pixels are.
+    let returns = b"#?RADIANCE\r\nFORMAT=32-bit_rle_rgbe\r\n\r\n-Y 300 +X 400\r\n";
+    let returns = error("crlf.hdr", &[&returns[..], &vec![7; 1 << 19]].concat()).to_string();
+    assert!(returns.contains("no end of its header in the first 262144 bytes"), "{returns}");
+    assert!(returns.contains("a line feed alone"), "{returns}");
 }
 
 #[test]
@@ -258,11 +263,32 @@ fn an_exr_with_luminance_alone_is_grey() {
         let found = texels.map(|(u, v)| nearest(&texture, u, v));
         assert_eq!(found, [0.25, -1.0, 7.5, 0.0].map(Vec3::splat));
     }
-    // Chroma makes it a colour file, which is not read.
-    for names in [&["Y", "RY", "BY"][..], &["Z"]] {
+    // Chroma makes it a colour file, which is not read. X and R belong to other colours.
+    let colors = [&["Y", "RY", "BY"][..], &["X", "Y", "Z"], &["R", "G", "Y"], &["Z"]];
+    for names in colors {
         let message = saved(names).1.unwrap_err().to_string();
         assert!(message.contains("no part with the channels R, G and B, or Y"), "{message}");
     }
+}
+
+#[test]
+fn an_exr_texture_is_one_part() {
+    use ::exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+    use ::exr::prelude::{Encoding, ImageAttributes, IntegerBounds, Layer, LayerAttributes};
+    let (_folder, path) = file("parts.exr", b"");
+    let part = |names: &[&'static str], value: f32| {
+        let channel =
+            |name: &&'static str| AnyChannel::new(*name, FlatSamples::F32(vec![value; 4]));
+        let channels = AnyChannels::sort(names.iter().map(channel).collect());
+        let attributes = LayerAttributes::named(names.concat().as_str());
+        Layer::new((2, 2), attributes, Encoding::FAST_LOSSLESS, channels)
+    };
+    let parts = [part(&["BY", "RY", "Y"], 0.9), part(&["Y"], 0.25)];
+    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((2, 2)));
+    let image = Image::empty(attributes).with_layer(parts[0].clone()).with_layer(parts[1].clone());
+    image.write().to_file(&path).unwrap();
+    let texture = read(&path, None, DEFAULT_MAX_BYTES).unwrap();
+    assert_eq!(nearest(&texture, 0.25, 0.25), Vec3::splat(0.25));
 }
 
 #[test]

@@ -72,6 +72,30 @@ fn ambient_occlusion_has_its_closed_forms() {
     }
 }
 
+/// A bare slope, 1,000 below a camera that is the origin of coordinates because of a near ball.
+#[test]
+fn far_ground_does_not_shade_itself() {
+    let at = |x: f64, z: f64| [x, -1000.0 - 0.3 * x - 0.1 * z, z];
+    let (low, high) = (-2e4, 2e4);
+    let slope = quad([at(low, low), at(high, low), at(high, high), at(low, high)]);
+    let ball = json!({ "type": "sphere", "center": [0, -0.7, -1], "radius": 0.2, "material": {} });
+    for backend in ["bvh", "embree"] {
+        let scene = json!({
+            "camera": { "type": "pinhole", "width": 32, "height": 32, "fov": 60,
+                        "position": [0, 0, 0], "lookat": [0, -0.9, -1], "up": [0, 1, 0] },
+            "output": { "layers": ["ao"], "aodistance": 1e-5, "aosamples": 64 },
+            "scene": { "shapes": [slope, ball], "accelerator": backend }
+        });
+        let loaded = LoadedScene::from_json(&scene.to_string(), &[]).unwrap();
+        let told: Vec<String> = loaded.warnings().iter().map(ToString::to_string).collect();
+        assert!(told.iter().any(|text| text.contains("from the camera: there, up to")), "{told:?}");
+        let film = loaded.renderer().unwrap().render().unwrap();
+        let ao = film.planes.index("ao.Y").unwrap();
+        let mean = (0..1024).map(|i| film.planes.float(ao, i)).sum::<f32>() / 1024.0;
+        assert!((0.999..=1.0).contains(&mean), "{backend}: {mean}");
+    }
+}
+
 #[test]
 fn the_beauty_does_not_change_with_the_layer() {
     let ball = json!({ "type": "sphere", "center": [0, 1.25, 0], "radius": 0.5, "material": {} });
