@@ -14,6 +14,7 @@ mod cones;
 mod crevices;
 mod drawn_lights;
 mod empty_blocks;
+mod expectation;
 mod joint;
 mod layers;
 mod light_batch;
