@@ -80,6 +80,13 @@ pub struct MeanWithError {
     pub standard_error: Option<f64>,
 }
 
+impl MeanWithError {
+    /// Standard error relative to the value; `None` for a single render or a value of 0.
+    fn relative_error(&self) -> Option<f64> {
+        self.standard_error.map(|error| error / self.value).filter(|error| error.is_finite())
+    }
+}
+
 /// Results of one setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PointResult {
@@ -287,7 +294,7 @@ fn root(square: MeanWithError) -> MeanWithError {
 
 /// Collects the series along spp, and along light samples, of every backend and sampler.
 fn series(points: &[PointResult]) -> Vec<Series> {
-    let mut series: Vec<(Series, Vec<[f64; 2]>)> = Vec::new();
+    let mut series: Vec<Series> = Vec::new();
     for (i, point) in points.iter().enumerate() {
         let lights = point.light_samples;
         let fixed = [
@@ -297,29 +304,28 @@ fn series(points: &[PointResult]) -> Vec<Series> {
         // Only spp varies if no light has samples.
         for fixed in fixed.into_iter().take(if lights.is_some() { 2 } else { 1 }) {
             let (backend, sampler) = point.backend_and_sampler();
-            let same = |s: &(Series, Vec<[f64; 2]>)| {
-                (s.0.backend.as_str(), s.0.sampler.as_str(), &s.0.fixed)
-                    == (backend, sampler, &fixed)
+            let same = |s: &Series| {
+                (s.backend.as_str(), s.sampler.as_str(), &s.fixed) == (backend, sampler, &fixed)
             };
             let at = series.iter().position(same).unwrap_or_else(|| {
                 let (backend, sampler) = (backend.to_string(), sampler.to_string());
-                let new = Series { backend, sampler, fixed, points: Vec::new(), slope: None };
-                series.push((new, Vec::new()));
+                series.push(Series { backend, sampler, fixed, points: Vec::new(), slope: None });
                 series.len() - 1
             });
             if !(point.at_floor || point.not_antialiased) {
-                series[at].0.points.push(i);
-                series[at].1.push([point.samples as f64, point.rmse.value]);
+                series[at].points.push(i);
             }
         }
     }
-    let fitted = series.into_iter().map(|(mut series, mut values)| {
+    for series in &mut series {
         series.points.sort_by_key(|&i| points[i].samples);
-        values.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        series.slope = slope(&values);
-        series
-    });
-    fitted.filter(|series| series.points.len() > 1).collect()
+        let own = || series.points.iter().map(|&i| &points[i]);
+        let values: Vec<_> = own().map(|p| [p.samples as f64, p.rmse.value]).collect();
+        let errors: Vec<_> = own().map(|p| p.rmse.relative_error().unwrap_or(0.0)).collect();
+        series.slope = slope(&values, &errors);
+    }
+    series.retain(|series| series.points.len() > 1);
+    series
 }
 
 fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {
