@@ -254,6 +254,19 @@ fn a_reference_may_be_a_file() {
     );
 }
 
+#[test]
+fn the_number_of_light_samples_of_a_study_decides_about_adaptive_shadows() {
+    let scratch = scratch();
+    scratch.write("s.json", &SCENE.replace("\"id\":", "\"samples\": 1, \"id\":"));
+    for (samples, warned) in [("4", true), ("64", false), ("1,64", false)] {
+        let flags = ["s.json", "--set", "/adaptiveshadows=true", "--light-samples", samples];
+        let grid = ["--spp", "1", "--sampler", "sobol", "--repeats", "1", "--threads", "2"];
+        let done = scratch.run(&[&["converge"], &flags[..], &grid].concat()).good();
+        let message = "no area light has more than 4 `samples`";
+        assert_eq!(done.stderr().contains(message), warned, "{samples}: {}", done.stderr());
+    }
+}
+
 /// A sun of size 0 has one direction, whatever its number of samples.
 #[test]
 fn a_sun_of_size_0_has_no_light_samples() {
