@@ -255,6 +255,21 @@ fn a_reference_may_be_a_file() {
 }
 
 #[test]
+fn a_reference_of_another_scene_is_noted() {
+    let scratch = scratch();
+    let darker = SCENE.replace("\"id\": [4, 4, 4]", "\"id\": [3, 4, 4]");
+    for (name, scene, warned) in [("same", SCENE, false), ("other", &darker, true)] {
+        scratch.write("r.json", scene);
+        let render = ["render", "r.json", "-o", "r", "--float", "--spp", "64", "--quiet"];
+        scratch.run(&render).good();
+        let grid = ["--reference", "r.exr", "--spp", "1,4,16", "--light-samples", "1,4"];
+        let done = study(&scratch, &[&grid[..], &["--sampler", "sobol"]].concat()).good();
+        let message = "all settings differ from r.exr by the same mean error of";
+        assert_eq!(done.stdout().contains(message), warned, "{name}: {}", done.stdout());
+    }
+}
+
+#[test]
 fn the_number_of_light_samples_of_a_study_decides_about_adaptive_shadows() {
     let scratch = scratch();
     scratch.write("s.json", &SCENE.replace("\"id\":", "\"samples\": 1, \"id\":"));
