@@ -180,7 +180,7 @@ pub fn notes(report: &StudyReport) -> Vec<String> {
                 .into(),
         );
     }
-    if report.points.iter().any(|p| p.not_antialiased) {
+    if report.points.iter().any(PointResult::lacks_antialiasing) {
         notes.push(
             "1 spp is not antialiased: most of its error comes from edges, and it is in no slope"
                 .into(),

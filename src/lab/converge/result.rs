@@ -270,6 +270,11 @@ impl PointResult {
         shown(&self.backend, &self.sampler, self.spp, self.light_samples)
     }
 
+    /// Whether most of the error comes from edges without antialiasing.
+    pub fn lacks_antialiasing(&self) -> bool {
+        self.not_antialiased && self.rmse.value > 0.0
+    }
+
     fn backend_and_sampler(&self) -> (&str, &str) {
         (&self.backend, &self.sampler)
     }

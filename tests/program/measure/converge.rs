@@ -282,6 +282,25 @@ fn the_number_of_light_samples_of_a_study_decides_about_adaptive_shadows() {
     }
 }
 
+#[test]
+fn a_picture_without_edges_needs_no_antialiasing() {
+    let scratch = scratch();
+    scratch.write(
+        "flat.json",
+        r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 50,
+               "position": [0, 1, 0], "target": [0, 0, 0], "up": [0, 0, 1] },
+             "scene": { "ambient": [1, 1, 1], "shapes": [{ "type": "plane", "v0": [-9, 0, 9],
+               "v1": [9, 0, 9], "v2": [9, 0, -9], "v3": [-9, 0, -9],
+               "material": { "ka": 0.5, "kd": 0 } }] } }"#,
+    );
+    for (scene, noted) in [("flat.json", false), ("s.json", true)] {
+        let flags = ["converge", scene, "--spp", "1,4", "--budget", "5", "--quiet"];
+        let done = scratch.run(&flags).good();
+        let note = done.stdout().contains("1 spp is not antialiased");
+        assert_eq!(note, noted, "{scene}: {}", done.stdout());
+    }
+}
+
 /// A sun of size 0 has one direction, whatever its number of samples.
 #[test]
 fn a_sun_of_size_0_has_no_light_samples() {
