@@ -147,8 +147,8 @@ impl Area {
     fn nearest(&self, point: Vec3) -> Vec3 {
         let part = |side: Vec3| {
             let part = side.dot(point - self.corner) / side.dot(side);
-            // Not `clamp`, which keeps NaN.
-            side * part.max(0.0).min(1.0)
+            // NaN becomes 0.
+            side * if part > 0.0 { part.min(1.0) } else { 0.0 }
         };
         self.corner + part(self.edge) + part(self.height)
     }
