@@ -1,13 +1,9 @@
 //! The light of shadow catchers. It is computed as for a white surface, once with and once without
 //! shadows. Alpha is the luminance that shadows take over the expected luminance without shadows.
-//!
-//! The expectation needs several points of a light. With the camera sample's own point alone, the
-//! quotient is 0 or 1, and its mean is the hidden share of the light instead of the lost share of
-//! its light.
+//! `expectation` computes the latter.
 
 use super::camera_packet::CameraPacket;
 use super::light_sums::LightSums;
-use super::plate::Plate;
 use super::record::{Beauty, Record};
 use super::sampled_light::SampledLight;
 use super::shadows::ShadowRays;
@@ -15,18 +11,7 @@ use super::whitted::WhittedIntegrator;
 use crate::math::luminance;
 use crate::ray::{LANES, Mask};
 use crate::scene::Role;
-use crate::shading::{Area, Emitter, Lanes3, Light};
-
-/// Fewest points of a light for the expectation of its light without shadows. They cost no rays.
-const EXPECTED_POINTS: u32 = 8;
-
-/// Returns the area of a light whose own points are too few for its expectation.
-fn few_points(light: &Light) -> Option<&Area> {
-    match &light.emitter {
-        Emitter::Area(area) if area.samples < EXPECTED_POINTS => Some(area),
-        _ => None,
-    }
-}
+use crate::shading::{Area, Lanes3};
 
 impl WhittedIntegrator<'_> {
     /// Finds the holdouts and catchers that camera rays hit. Returns `hit` without the holdouts,
@@ -60,7 +45,6 @@ impl WhittedIntegrator<'_> {
         for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
             let ambient = f64::from(self.points.ka[i]) * ambient;
             (plate.arrived[i], plate.unshadowed[i]) = (ambient, ambient);
-            plate.expected[i] = ambient;
             (self.points.ka[i], self.points.kr[i]) = (0.0, 0.0);
             self.points.base.iter_mut().for_each(|axis| axis[i] = 0.0);
         }
@@ -120,19 +104,18 @@ impl WhittedIntegrator<'_> {
         area: &Area,
         camera_packet: &CameraPacket,
     ) {
-        let whole = self.without_shadows(sampled_light, (area, area.samples), camera_packet);
+        let whole = self.without_shadows(sampled_light, area, camera_packet);
         self.catch(sampled_light, &whole);
     }
 
-    /// Returns the mean light without shadows of `count` points of an area light. If `count` is the
-    /// light's own number, they are the points of [`WhittedIntegrator::area_light`].
+    /// Returns the mean light without shadows of the points of [`WhittedIntegrator::area_light`].
     fn without_shadows(
         &mut self,
         sampled_light: &SampledLight,
-        (area, count): (&Area, u32),
+        area: &Area,
         camera_packet: &CameraPacket,
     ) -> Lanes3 {
-        let falloff = self.world.falloff;
+        let (falloff, count) = (self.world.falloff, area.samples);
         let mut number = camera_packet.sample.map(|sample| sample.wrapping_mul(count));
         let source = (sampled_light.index, sampled_light.bounce);
         let pixels = [&camera_packet.x, &camera_packet.y];
@@ -179,34 +162,9 @@ impl WhittedIntegrator<'_> {
             let unshadowed = luminance([0, 1, 2].map(|axis| whole[axis][i]));
             plate.arrived[i] += arrived;
             plate.unshadowed[i] += unshadowed;
-            if few_points(sampled_light.light).is_none() {
-                plate.expected[i] += unshadowed;
-            }
+            plate.whole[sampled_light.index as usize][i] = unshadowed;
             plate.taken[sampled_light.index as usize][i] = unshadowed - arrived;
             self.radiance.iter_mut().for_each(|axis| axis[i] = 0.0);
-        }
-    }
-
-    /// Completes the expected light of catchers after the last light. Only shadows make alpha other
-    /// than 0, so without any there is nothing to do.
-    #[cold]
-    #[inline(never)]
-    pub(super) fn expect_light(&mut self, camera_packet: &CameraPacket) {
-        let shadowed = |plate: &Plate| {
-            (0..LANES).any(|i| plate.catchers.0[i] != 0 && plate.arrived[i] != plate.unshadowed[i])
-        };
-        if !self.plate.as_deref().is_some_and(shadowed) {
-            return;
-        }
-        let world = self.world;
-        for (index, light) in (0..).zip(&world.lights) {
-            let Some(area) = few_points(light) else { continue };
-            let sampled_light = SampledLight { light, index, bounce: 0, glossy: true };
-            let mean = self.without_shadows(&sampled_light, (area, EXPECTED_POINTS), camera_packet);
-            let Some(plate) = &mut self.plate else { return };
-            for i in (0..LANES).filter(|&i| plate.catchers.0[i] != 0) {
-                plate.expected[i] += luminance([0, 1, 2].map(|axis| mean[axis][i]));
-            }
         }
     }
 

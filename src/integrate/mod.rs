@@ -14,6 +14,7 @@ mod crevices;
 mod differentials;
 mod drawn_lights;
 mod empty_blocks;
+mod expectation;
 mod joint;
 mod layers;
 mod light_batch;

@@ -18,8 +18,10 @@ pub struct Plate {
     pub(super) arrived: [f64; LANES],
     /// Luminance of the same light without shadows.
     pub(super) unshadowed: [f64; LANES],
-    /// Luminance that is expected without shadows: its mean over more points of the lights.
+    /// Expected luminance without shadows.
     pub(super) expected: [f64; LANES],
+    /// By light: its part of `unshadowed`.
+    pub(super) whole: Vec<[f64; LANES]>,
     /// By light: the luminance that shadows take, `unshadowed` minus `arrived`.
     pub(super) taken: Vec<[f64; LANES]>,
     /// Alpha of catchers: the share of the light that shadows take.
@@ -36,6 +38,7 @@ impl Plate {
             arrived: [0.0; LANES],
             unshadowed: [0.0; LANES],
             expected: [0.0; LANES],
+            whole: vec![[0.0; LANES]; lights],
             taken: vec![[0.0; LANES]; lights],
             alpha: [0.0; LANES],
         }

@@ -77,11 +77,18 @@ impl Scene {
     /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
     /// environment without image that has more points than are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {
+        self.can_skip_shadow_rays_with(None)
+    }
+
+    /// [`Scene::can_skip_shadow_rays`] if every such light has `points` points.
+    pub fn can_skip_shadow_rays_with(&self, points: Option<u32>) -> bool {
         let spares = |light: &CheckedLight| match light.kind {
             LightKind::Point { .. } => false,
             LightKind::Area { samples, .. }
             | LightKind::Sun { samples, .. }
-            | LightKind::Environment { samples, map: None } => samples > FIRST_SHADOW_POINTS,
+            | LightKind::Environment { samples, map: None } => {
+                points.unwrap_or(samples) > FIRST_SHADOW_POINTS
+            }
             LightKind::Environment { map: Some(_), .. } => false,
         };
         self.adaptive_shadows && self.lights.iter().any(spares)

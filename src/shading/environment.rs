@@ -145,6 +145,11 @@ impl Environment {
         }
     }
 
+    /// End of the shadow ray from `position` in a direction of length 1.
+    pub fn point(&self, position: Vec3, direction: Vec3) -> Vec3 {
+        position + direction * self.reach
+    }
+
     /// [`Environment::points`] by the cosine alone.
     ///
     /// Malley's method: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition,

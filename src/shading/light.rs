@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::environment::{Environment, TurnedMap};
-use super::points::{Lanes, Lanes3, ShadowPoints, set_lane};
+use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use super::sun::Cone;
 use crate::ray::LANES;
 pub use crate::scene::Falloff;
@@ -112,6 +112,45 @@ impl Area {
             set_lane(&mut q, i, self.corner + self.edge * s[i] + self.height * t[i]);
         }
         q
+    }
+}
+
+impl Area {
+    /// Light points that may send the most light to `from`: the nearest one, and the one in the
+    /// mirrored direction of view. Of a sun, both are the centre.
+    pub fn brightest(&self, from: &ShadowPoints) -> [Lanes3; 2] {
+        let mut found = [self.points(&[[0.5; LANES]; 2], from); 2];
+        for i in 0..LANES {
+            let (n, view) = (lane(&from.n, i), lane(&from.view, i));
+            let position = lane(&from.position, i);
+            let mirrored = n * (2.0 * n.dot(view)) - view;
+            let q = match &self.distant {
+                Some(Distant::Sun(_)) => continue,
+                Some(Distant::Environment(environment)) => {
+                    [n, mirrored].map(|direction| environment.point(position, direction))
+                }
+                None => {
+                    let plane = self.plane.as_vec3();
+                    let height = plane.dot(self.corner - position);
+                    let along = height / plane.dot(mirrored);
+                    let hit = if along > 0.0 { mirrored * along } else { plane * height };
+                    [plane * height, hit].map(|to_plane| self.nearest(position + to_plane))
+                }
+            };
+            set_lane(&mut found[0], i, q[0]);
+            set_lane(&mut found[1], i, q[1]);
+        }
+        found
+    }
+
+    /// The point of the rectangle that is nearest to a point of its plane.
+    fn nearest(&self, point: Vec3) -> Vec3 {
+        let part = |side: Vec3| {
+            let part = side.dot(point - self.corner) / side.dot(side);
+            // NaN becomes 0.
+            side * if part > 0.0 { part.min(1.0) } else { 0.0 }
+        };
+        self.corner + part(self.edge) + part(self.height)
     }
 }
 

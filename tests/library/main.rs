@@ -53,6 +53,7 @@ mod output {
 mod pictures {
     mod ambient_occlusion;
     mod cameras;
+    mod catchers;
     mod closed_forms;
     mod data_layers;
     mod environment;

@@ -167,6 +167,12 @@ fn samples(spp: u32, lights: Option<u32>) -> String {
 /// Returns notes that a reader needs to interpret the numbers.
 pub fn notes(report: &StudyReport) -> Vec<String> {
     let mut notes = Vec::new();
+    if let (Some(file), Some(bias)) = (&report.reference.file, report.common_bias()) {
+        let note = format!(
+            "warning: all settings differ from {file} by the same mean error of {bias:.2e}: it may show another scene"
+        );
+        notes.push(printable(&note).into_owned());
+    }
     if report.reference.spp == Some(1) && report.points.iter().all(|point| point.spp == 1) {
         notes.push(
             "the reference and all settings trace one ray through each pixel's centre: errors come from the \
@@ -174,7 +180,7 @@ pub fn notes(report: &StudyReport) -> Vec<String> {
                 .into(),
         );
     }
-    if report.points.iter().any(|p| p.not_antialiased) {
+    if report.points.iter().any(PointResult::lacks_antialiasing) {
         notes.push(
             "1 spp is not antialiased: most of its error comes from edges, and it is in no slope"
                 .into(),

@@ -16,6 +16,15 @@ pub const VERSION: u32 = 1;
 /// Below it, the reference adds more than a tenth.
 const FLOOR: f64 = 10.0;
 
+/// Least number of standard errors that a bias of all settings has.
+const BIAS_ERRORS: f64 = 10.0;
+
+/// Largest deviation of a setting from the bias of all, relative to it.
+const BIAS_SPREAD: f64 = 0.1;
+
+/// Least share of a bias of all settings in the smallest RMSE. An exact reference has a smaller one.
+const BIAS_SHARE: f64 = 0.2;
+
 /// Results of one study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StudyReport {
@@ -78,6 +87,13 @@ pub struct MeanWithError {
     pub value: f64,
     /// Standard error of the mean; `None` for a single render.
     pub standard_error: Option<f64>,
+}
+
+impl MeanWithError {
+    /// Standard error relative to the value; `None` for a single render or a value of 0.
+    fn relative_error(&self) -> Option<f64> {
+        self.standard_error.map(|error| error / self.value).filter(|error| error.is_finite())
+    }
 }
 
 /// Results of one setting.
@@ -226,6 +242,22 @@ pub fn report(
     }
 }
 
+impl StudyReport {
+    /// Mean signed error that all settings share, if it is most likely that of the reference: it is
+    /// far beyond the noise and does not depend on the number of samples.
+    pub fn common_bias(&self) -> Option<f64> {
+        let points = || self.points.iter().filter(|point| !point.not_antialiased);
+        let common = mean(&points().map(|point| point.bias.value).collect::<Vec<_>>());
+        let shared = |point: &PointResult| {
+            let MeanWithError { value, standard_error } = point.bias;
+            standard_error.is_some_and(|error| value.abs() > BIAS_ERRORS * error)
+                && (value - common).abs() <= BIAS_SPREAD * common.abs()
+        };
+        let least = points().map(|point| point.rmse.value).fold(f64::INFINITY, f64::min);
+        (points().all(shared) && common.abs() > BIAS_SHARE * least).then_some(common)
+    }
+}
+
 /// Name of a setting in tables: `embree, sobol, 16 spp x 4`.
 pub fn shown(backend: &str, sampler: &str, spp: u32, light_samples: Option<u32>) -> String {
     let lights = light_samples.map_or(String::new(), |n| format!(" x {n}"));
@@ -236,6 +268,11 @@ impl PointResult {
     /// Name of the setting in tables and messages.
     pub fn name(&self) -> String {
         shown(&self.backend, &self.sampler, self.spp, self.light_samples)
+    }
+
+    /// Whether most of the error comes from edges without antialiasing.
+    pub fn lacks_antialiasing(&self) -> bool {
+        self.not_antialiased && self.rmse.value > 0.0
     }
 
     fn backend_and_sampler(&self) -> (&str, &str) {
@@ -287,7 +324,7 @@ fn root(square: MeanWithError) -> MeanWithError {
 
 /// Collects the series along spp, and along light samples, of every backend and sampler.
 fn series(points: &[PointResult]) -> Vec<Series> {
-    let mut series: Vec<(Series, Vec<[f64; 2]>)> = Vec::new();
+    let mut series: Vec<Series> = Vec::new();
     for (i, point) in points.iter().enumerate() {
         let lights = point.light_samples;
         let fixed = [
@@ -297,29 +334,28 @@ fn series(points: &[PointResult]) -> Vec<Series> {
         // Only spp varies if no light has samples.
         for fixed in fixed.into_iter().take(if lights.is_some() { 2 } else { 1 }) {
             let (backend, sampler) = point.backend_and_sampler();
-            let same = |s: &(Series, Vec<[f64; 2]>)| {
-                (s.0.backend.as_str(), s.0.sampler.as_str(), &s.0.fixed)
-                    == (backend, sampler, &fixed)
+            let same = |s: &Series| {
+                (s.backend.as_str(), s.sampler.as_str(), &s.fixed) == (backend, sampler, &fixed)
             };
             let at = series.iter().position(same).unwrap_or_else(|| {
                 let (backend, sampler) = (backend.to_string(), sampler.to_string());
-                let new = Series { backend, sampler, fixed, points: Vec::new(), slope: None };
-                series.push((new, Vec::new()));
+                series.push(Series { backend, sampler, fixed, points: Vec::new(), slope: None });
                 series.len() - 1
             });
             if !(point.at_floor || point.not_antialiased) {
-                series[at].0.points.push(i);
-                series[at].1.push([point.samples as f64, point.rmse.value]);
+                series[at].points.push(i);
             }
         }
     }
-    let fitted = series.into_iter().map(|(mut series, mut values)| {
+    for series in &mut series {
         series.points.sort_by_key(|&i| points[i].samples);
-        values.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        series.slope = slope(&values);
-        series
-    });
-    fitted.filter(|series| series.points.len() > 1).collect()
+        let own = || series.points.iter().map(|&i| &points[i]);
+        let values: Vec<_> = own().map(|p| [p.samples as f64, p.rmse.value]).collect();
+        let errors: Vec<_> = own().map(|p| p.rmse.relative_error().unwrap_or(0.0)).collect();
+        series.slope = slope(&values, &errors);
+    }
+    series.retain(|series| series.points.len() > 1);
+    series
 }
 
 fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {

@@ -254,6 +254,53 @@ fn a_reference_may_be_a_file() {
     );
 }
 
+#[test]
+fn a_reference_of_another_scene_is_noted() {
+    let scratch = scratch();
+    let darker = SCENE.replace("\"id\": [4, 4, 4]", "\"id\": [3, 4, 4]");
+    for (name, scene, warned) in [("same", SCENE, false), ("other", &darker, true)] {
+        scratch.write("r.json", scene);
+        let render = ["render", "r.json", "-o", "r", "--float", "--spp", "64", "--quiet"];
+        scratch.run(&render).good();
+        let grid = ["--reference", "r.exr", "--spp", "1,4,16", "--light-samples", "1,4"];
+        let done = study(&scratch, &[&grid[..], &["--sampler", "sobol"]].concat()).good();
+        let message = "all settings differ from r.exr by the same mean error of";
+        assert_eq!(done.stdout().contains(message), warned, "{name}: {}", done.stdout());
+    }
+}
+
+#[test]
+fn the_number_of_light_samples_of_a_study_decides_about_adaptive_shadows() {
+    let scratch = scratch();
+    scratch.write("s.json", &SCENE.replace("\"id\":", "\"samples\": 1, \"id\":"));
+    for (samples, warned) in [("4", true), ("64", false), ("1,64", false)] {
+        let flags = ["s.json", "--set", "/adaptiveshadows=true", "--light-samples", samples];
+        let grid = ["--spp", "1", "--sampler", "sobol", "--repeats", "1", "--threads", "2"];
+        let done = scratch.run(&[&["converge"], &flags[..], &grid].concat()).good();
+        let message = "no area light has more than 4 `samples`";
+        assert_eq!(done.stderr().contains(message), warned, "{samples}: {}", done.stderr());
+    }
+}
+
+#[test]
+fn a_picture_without_edges_needs_no_antialiasing() {
+    let scratch = scratch();
+    scratch.write(
+        "flat.json",
+        r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 50,
+               "position": [0, 1, 0], "target": [0, 0, 0], "up": [0, 0, 1] },
+             "scene": { "ambient": [1, 1, 1], "shapes": [{ "type": "plane", "v0": [-9, 0, 9],
+               "v1": [9, 0, 9], "v2": [9, 0, -9], "v3": [-9, 0, -9],
+               "material": { "ka": 0.5, "kd": 0 } }] } }"#,
+    );
+    for (scene, noted) in [("flat.json", false), ("s.json", true)] {
+        let flags = ["converge", scene, "--spp", "1,4", "--budget", "5", "--quiet"];
+        let done = scratch.run(&flags).good();
+        let note = done.stdout().contains("1 spp is not antialiased");
+        assert_eq!(note, noted, "{scene}: {}", done.stdout());
+    }
+}
+
 /// A sun of size 0 has one direction, whatever its number of samples.
 #[test]
 fn a_sun_of_size_0_has_no_light_samples() {
