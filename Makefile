@@ -73,21 +73,7 @@ docs: setup ## the API documentation, no warnings
 
 # Not `install: build`: `sudo make install` must not compile as root.
 install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
-	install -D -m 755 $(BINARY) $(DESTDIR)$(PREFIX)/bin/lightpath
-	@if [ -d "$(EMBREE)" ]; then \
-	    set -ex; \
-	    install -d -m 755 $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    install -m 644 $(EMBREE)/lib*-*.so.* $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	    cp -P $(EMBREE)/libembree4.so.4 $(DESTDIR)$(PREFIX)/lib/lightpath; \
-	fi
-	install -d -m 755 $(addprefix $(DESTDIR)$(PREFIX)/share/, doc/lightpath man/man1 \
-	    bash-completion/completions zsh/site-functions fish/vendor_completions.d)
-	install -m 644 LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md $(DESTDIR)$(PREFIX)/share/doc/lightpath
-	install -D -m 644 -t $(DESTDIR)$(PREFIX)/share/lightpath/farm farm/openjd-template.yaml
-	$(SPEAKER) man > $(DESTDIR)$(PREFIX)/share/man/man1/lightpath.1
-	$(SPEAKER) completions bash > $(DESTDIR)$(PREFIX)/share/bash-completion/completions/lightpath
-	$(SPEAKER) completions zsh > $(DESTDIR)$(PREFIX)/share/zsh/site-functions/_lightpath
-	$(SPEAKER) completions fish > $(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/lightpath.fish
+	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
 	scripts/dist.sh

@@ -45,7 +45,7 @@ if [ -d "$deb/usr/lib/lightpath" ]; then
     depends="$depends, libstdc++6"
     carries=" This package carries Embree 4 and TBB (Apache-2.0) in /usr/lib/lightpath."
 else
-    depends="$depends, libembree4-4"
+    depends="$depends, libembree4-4 (>= 4.3)"
     carries=
 fi
 doc=$deb/usr/share/doc/lightpath

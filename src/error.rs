@@ -47,13 +47,22 @@ pub struct Problem {
     pub cause: Option<io::ErrorKind>,
     /// The file or folder that `cause` is about.
     pub file: Option<PathBuf>,
+    /// The operating system's number of `cause`, if that came from it.
+    pub errno: Option<i32>,
 }
 
 impl Problem {
     /// Makes a problem at `place` without help.
     #[doc(hidden)]
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { place: place.into(), message: message.into(), help: None, cause: None, file: None }
+        Self {
+            place: place.into(),
+            message: message.into(),
+            help: None,
+            cause: None,
+            file: None,
+            errno: None,
+        }
     }
 
     /// Adds a next step to the problem.
@@ -74,6 +83,12 @@ impl Problem {
     #[doc(hidden)]
     pub fn cause_of(self, file: &Path, cause: io::ErrorKind) -> Self {
         Self { file: Some(file.to_owned()), ..self.cause(cause) }
+    }
+
+    /// Adds an error of the operating system about a file.
+    #[doc(hidden)]
+    pub fn failed_file(self, file: &Path, error: &io::Error) -> Self {
+        Self { errno: error.raw_os_error(), ..self.cause_of(file, error.kind()) }
     }
 }
 
@@ -165,7 +180,7 @@ impl Error {
         };
         let place = path.display().to_string();
         let problem = Problem::new(place, format!("cannot {what}: {error}"));
-        Self::new(kind, problem.cause_of(path, error.kind()))
+        Self::new(kind, problem.failed_file(path, error))
     }
 
     /// Makes an error about a file or folder that is not of the kind that is needed. `cause` is

@@ -103,4 +103,4 @@ pub use rays::{
     AllHits, ClosestPoints, Faces, FirstHits, Limits, MeshArrays, RayBackend, RayBatch, RayScene,
     Vertices,
 };
-pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer};
+pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer, WrittenPicture};

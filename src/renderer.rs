@@ -162,7 +162,7 @@ impl LoadedScene {
     /// let [red, green, blue, _] = film.pixels[48 * 24 + 24];
     /// assert!(red > 0.05 && green > 0.05 && blue > 0.05);
     ///
-    /// let [exr, png] = renderer.write(&film, folder.path().join("roof"))?;
+    /// let [exr, png] = renderer.write(&film, folder.path().join("roof"))?.files;
     /// assert!(exr.ends_with("roof.exr") && std::fs::metadata(exr)?.len() > 0);
     /// assert!(png.ends_with("roof.png") && std::fs::metadata(png)?.len() > 0);
     /// # Ok(())
@@ -433,29 +433,45 @@ impl Renderer<'_> {
         packets.flat_map_iter(|rays| occlusion(rays).into_iter().take(rays.len())).collect()
     }
 
-    /// Writes a film to `PREFIX.exr` and `PREFIX.png` and returns these paths. Neither file ever
-    /// appears incomplete. The EXR's header is the header of `lightpath render`. It has no
-    /// `lightpath:sceneHash` if a mesh is from memory, or if a file of the scene has changed.
+    /// Writes a film to `PREFIX.exr` and `PREFIX.png`. Neither file ever appears incomplete. The
+    /// EXR's header is the header of `lightpath render`. It has no `lightpath:sceneHash` if a mesh
+    /// is from memory, or if a file of the scene has changed.
     ///
     /// # Errors
     /// A folder that cannot be written to; a full disk.
-    pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<[PathBuf; 2]> {
+    pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
         self.writer().write(self.loaded, film, prefix)
     }
 
     /// Returns a writer for films of this renderer. It may outlive the renderer.
     pub fn writer(&self) -> PictureWriter {
-        PictureWriter { info: self.accelerator.info() }
+        PictureWriter { info: self.accelerator.info(), float: false }
     }
+}
+
+/// The files that a [`PictureWriter`] wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrittenPicture {
+    /// Paths of the EXR and the PNG.
+    pub files: [PathBuf; 2],
+    /// Warnings about values that the files do not hold: numbers that are not finite or beyond a
+    /// half, coverage beyond the ranks of cryptomattes.
+    pub warnings: Vec<Problem>,
 }
 
 /// Writes the films of a [`Renderer`], also after the renderer is dropped.
 #[derive(Debug, Clone)]
 pub struct PictureWriter {
     info: BuildInfo,
+    float: bool,
 }
 
 impl PictureWriter {
+    /// Selects 32-bit floats for the EXR, or 16-bit floats, the default.
+    pub fn float(self, float: bool) -> Self {
+        Self { float, ..self }
+    }
+
     /// Writes a film of `loaded`: see [`Renderer::write`].
     ///
     /// # Errors
@@ -465,7 +481,7 @@ impl PictureWriter {
         loaded: &LoadedScene,
         film: &Film,
         prefix: impl AsRef<Path>,
-    ) -> Result<[PathBuf; 2]> {
+    ) -> Result<WrittenPicture> {
         let LoadedScene { loaded: Loaded { scene, .. }, plan, .. } = loaded;
         film.check()?;
         let frame = [scene.camera.width, scene.camera.height];
@@ -480,10 +496,12 @@ impl PictureWriter {
             legend: loaded.world.legend.as_ref(),
             ..PictureHeader::default()
         };
-        let storage = Storage::default();
+        let storage = Storage { float: self.float, ..Storage::default() };
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
-        picture::write(files, film, scene, header, storage, &Monitor::default())?;
-        Ok(Outputs::names(prefix.as_ref()))
+        let (_, oddities) =
+            picture::write(files, film, scene, header, storage, &Monitor::default())?;
+        let warnings = picture::oddity_warnings(&oddities);
+        Ok(WrittenPicture { files: Outputs::names(prefix.as_ref()), warnings })
     }
 }
 

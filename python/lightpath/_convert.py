@@ -8,6 +8,8 @@ MAX_COUNT = 2**32
 
 def _numbers(name, value, kinds, expected):
     """Return the value as an array of one of the dtype kinds. An empty array may have any dtype."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: found masked values, expected an array without them")
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -28,7 +30,7 @@ def points(name, value):
         raise ValueError(f"{name}: found shape {array.shape}, expected (n, 3)")
     if array.shape[0] >= MAX_COUNT:
         raise ValueError(f"{name}: found {array.shape[0]} rows, expected fewer than 2**32")
-    return np.ascontiguousarray(array, dtype=np.float64)
+    return _native(array, np.float64)
 
 
 def limits(name, value, count):
@@ -38,7 +40,7 @@ def limits(name, value, count):
         array = array[np.newaxis]
     if array.ndim != 1 or array.shape[0] not in (1, count):
         raise ValueError(f"{name}: found shape {array.shape}, expected a number or ({count},)")
-    return np.ascontiguousarray(array, dtype=np.float64)
+    return _native(array, np.float64)
 
 
 def rays(origins, directions, tnear, tfar):
@@ -99,13 +101,19 @@ def open3d_arrays(source):
     raise wrong_type("mesh", source, "a triangle mesh of Open3D")
 
 
+def _parts(source, name):
+    """Return an attribute that is a collection; an empty one if it is None or missing."""
+    value = getattr(source, name, None)
+    return () if value is None else value
+
+
 def _vertex_colors(source):
     """Return the colours of vertices of a mesh of trimesh or Open3D, or None."""
     if getattr(getattr(source, "visual", None), "kind", None) == "vertex":
         return source.visual.vertex_colors
-    if len(getattr(source, "vertex_colors", ())) > 0:
+    if len(_parts(source, "vertex_colors")) > 0:
         return source.vertex_colors
-    if "colors" in getattr(source, "vertex", ()):
+    if "colors" in _parts(source, "vertex"):
         return source.vertex.colors.numpy()
     return None
 
@@ -121,8 +129,12 @@ def colors(source, count):
     found = np.asarray(found)
     if found.dtype.kind == "f":
         found = np.round(np.clip(np.nan_to_num(found), 0.0, 1.0) * 65535).astype(np.uint16)
+    if found.dtype.kind in "iu" and found.dtype != np.uint16:
+        if found.size > 0 and not 0 <= found.min() <= found.max() <= 255:
+            raise ValueError(f"colors: found {found.min()} to {found.max()}, expected 0 to 255")
+        found = found.astype(np.uint8)
     if found.dtype not in (np.uint8, np.uint16) or found.shape not in ((count, 3), (count, 4)):
-        expected = f"({count}, 3) or ({count}, 4) of uint8, uint16 or floats"
+        expected = f"({count}, 3) or ({count}, 4) of integers or floats"
         raise ValueError(f"colors: found {found.shape} of {found.dtype}, expected {expected}")
     opaque = np.full((count, 4 - found.shape[1]), np.iinfo(found.dtype).max, dtype=found.dtype)
     return np.ascontiguousarray(np.concatenate([found, opaque], axis=1))
@@ -132,8 +144,8 @@ def left_out(source):
     """Return warnings about what a picture of a mesh of trimesh or Open3D does not show."""
     kind = getattr(getattr(source, "visual", None), "kind", None)
     lost = {"face": "the colours of faces", "texture": "texture and material"}.get(kind)
-    in_triangles = {"colors", "texture_uvs"} & set(getattr(source, "triangle", ()))
-    if len(getattr(source, "triangle_uvs", ())) > 0 or in_triangles:
+    in_triangles = {"colors", "texture_uvs"} & set(_parts(source, "triangle"))
+    if len(_parts(source, "triangle_uvs")) > 0 or in_triangles:
         lost = "colours of triangles and textures"
     return [f"mesh: {lost} are not shown; help: write it to PLY"] if lost else []
 

@@ -6,10 +6,11 @@ import os
 from ._lightpath import Error
 
 
-class FileError(Error, OSError):
+class FileError(OSError, Error):
     """A file that cannot be read or written.
 
-    `errno` and `filename` are those of the first problem, None where they are not known.
+    `errno` and `filename` are those of the first problem, None where they are not known. It is also
+    an instance of the class that Python has for `errno`, such as PermissionError.
     """
 
     __module__ = "lightpath"
@@ -31,10 +32,41 @@ class MissingFileError(FileError, FileNotFoundError):
     __module__ = "lightpath"
 
 
+class NotAFileError(FileError, IsADirectoryError):
+    """A folder where a file is needed."""
+
+
+class NotAFolderError(FileError, NotADirectoryError):
+    """A file where a folder is needed."""
+
+
+class ForbiddenFileError(FileError, PermissionError):
+    """A file that the user may not read or write."""
+
+
+class ExistingFileError(FileError, FileExistsError):
+    """A file that exists already."""
+
+
+_CLASSES = {
+    numbers.ENOENT: MissingFileError,
+    numbers.EISDIR: NotAFileError,
+    numbers.ENOTDIR: NotAFolderError,
+    numbers.EACCES: ForbiddenFileError,
+    numbers.EPERM: ForbiddenFileError,
+    numbers.EEXIST: ExistingFileError,
+}
+
+
+def of_file(text, errno, filename, specific=True):
+    """Return the exception for a file: of the class of `errno` if it is `specific`."""
+    kind = _CLASSES.get(errno, FileError) if specific else FileError
+    return kind(text, errno, filename)
+
+
 def cannot_write(path, errno, reason):
     """Return the exception for an output file."""
-    kind = MissingFileError if errno == numbers.ENOENT else FileError
     message = f"cannot write {os.fspath(path)!r}: {reason}"
-    error = kind(f"path: {message}", errno, path)
+    error = of_file(f"path: {message}", errno, path)
     error.problems = [("path", message, None)]
     return error

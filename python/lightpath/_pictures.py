@@ -1,5 +1,6 @@
 """Pictures of scenes, meshes and files."""
 
+import copy
 import errno
 import json
 import os
@@ -25,7 +26,8 @@ class Picture(dict):
     Attributes
     ----------
     warnings : list of str
-        Problems of the scene that did not prevent the render.
+        Problems of the scene that did not prevent the render, and values that a written EXR does
+        not hold.
     """
 
     def __init__(self, picture):
@@ -54,16 +56,41 @@ class Picture(dict):
         return _restored(dict(self), self.warnings, self._picture)
 
     def __deepcopy__(self, memo):
-        return self.__copy__()  # the arrays are read-only
+        read_only = self._read_only()
+        layers = {name: layer if name in read_only else copy.deepcopy(layer, memo)
+                  for name, layer in self.items()}
+        return _restored(layers, list(self.warnings), self._picture)
 
     def __reduce__(self):
-        return _restored, (dict(self), self.warnings)
+        return _restored, (dict(self), self.warnings, None, self._read_only())
 
-    def write(self, prefix):
+    def _read_only(self):
+        """Return the names of the arrays that cannot change: of all but those that a user added."""
+        return [name for name, layer in self.items()
+                if isinstance(layer, np.ndarray) and not layer.flags.writeable]
+
+    def write(self, prefix, *, float=False):
         """Write PREFIX.exr and PREFIX.png, and return their paths.
 
-        An ending .exr or .png of the prefix is dropped.
+        An ending .exr or .png of the prefix is dropped. `warnings` tells of values that the EXR does
+        not hold.
+
+        Parameters
+        ----------
+        prefix : str or path-like
+            Path of the files without their endings.
+        float : bool, optional
+            Whether the EXR holds 32-bit floats instead of 16-bit floats, which end at 65504.
         """
+        paths, warnings = self._write(prefix, float)
+        self._add_warnings(warnings)
+        return paths
+
+    def _add_warnings(self, warnings):
+        self.warnings += [text for text in warnings if text not in self.warnings]
+
+    def _write(self, prefix, float=False):
+        """Write both files, and return their paths and warnings."""
         if self._picture is None:
             raise ValueError("found the picture of a pickle, which has only arrays: write its files "
                              "where it was rendered")
@@ -72,23 +99,27 @@ class Picture(dict):
             raise ValueError(f"prefix: found the folder {prefix!r}, expected a name of files")
         start, end = os.path.splitext(prefix)
         prefix = start if end.lower() in (".exr", ".png") else prefix
-        return [Path(path) for path in self._picture.write(prefix)]
+        paths, warnings = self._picture.write(prefix, bool(float))
+        return [Path(path) for path in paths], warnings
 
-    def write_exr(self, path):
+    def write_exr(self, path, *, float=False):
         """Write an EXR with all layers. The file appears only when it is complete.
 
         Parameters
         ----------
         path : str or path-like
             Name of the file, with its ending .exr.
+        float : bool, optional
+            As for `write`.
         """
-        self._write_one(path, 0, ".exr")
+        self._add_warnings(self._write_one(path, 0, ".exr", float))
 
     def write_png(self, path):
         """Write a tone-mapped PNG. The file appears only when it is complete."""
         self._write_one(path, 1, ".png")
 
-    def _write_one(self, path, which, ending):
+    def _write_one(self, path, which, ending, float=False):
+        """Write one of the two files, and return the warnings of both."""
         path = Path(path)
         if path.suffix.lower() != ending:
             raise ValueError(f"path: found {str(path)!r}, expected a name with the ending {ending}")
@@ -96,7 +127,9 @@ class Picture(dict):
             raise cannot_write(path, errno.ENOENT, f"there is no folder {path.parent}")
         try:
             with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
-                os.replace(self.write(Path(folder) / "picture")[which], path)
+                paths, warnings = self._write(Path(folder) / "picture", float)
+                os.replace(paths[which], path)
+                return warnings
         except OSError as error:  # its message names the hidden folder
             reason = os.strerror(error.errno) if error.errno else error
             raise cannot_write(path, error.errno, reason) from None
@@ -105,14 +138,17 @@ class Picture(dict):
         if self._picture is None:
             return None
         with tempfile.TemporaryDirectory() as folder:
-            return self.write(Path(folder) / "picture")[1].read_bytes()
+            paths, _ = self._write(Path(folder) / "picture")
+            return paths[1].read_bytes()
 
 
-def _restored(layers, warnings, picture=None):
+def _restored(layers, warnings, picture=None, read_only=()):
     """Return a picture of arrays. Without a picture of the native module it writes no files."""
     restored = Picture.__new__(Picture)
     restored.update(layers)
     restored.warnings, restored._picture = warnings, picture
+    for name in read_only:  # a pickle does not hold this
+        restored[name].flags.writeable = False
     return restored
 
 
@@ -133,7 +169,7 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
         Members of ``/camera`` to set, e.g. ``{"width": 640, "fov": 30}``.
     spp : int, optional
         Samples per pixel.
-    layers : list of str, optional
+    layers : str or list of str, optional
         Layers of the picture in addition to RGBA, e.g. ``["Z", "N"]``.
     backend : str, optional
         ``"bvh"`` or ``"embree"``, which needs an Embree 4 on the system.
@@ -167,11 +203,13 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     """
     overrides = {}
     for key, value in (camera or {}).items():
+        if "=" in str(key):
+            raise ValueError(f"camera: found {key!r}, expected a key without `=`")
         overrides[f"/camera/{key}"] = value
     if spp is not None:
         overrides["/spp"] = spp
     if layers is not None:
-        overrides["/output/layers"] = list(layers)
+        overrides["/output/layers"] = [layers] if isinstance(layers, str) else list(layers)
     if backend is not None:
         overrides["/scene/accelerator"] = backend
     overrides.update(settings or {})

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 class Picture(dict[str, NDArray[Any]]):
     warnings: list[str]
-    def write(self, prefix: str | PathLike[str]) -> list[Path]: ...
-    def write_exr(self, path: str | PathLike[str]) -> None: ...
+    def write(self, prefix: str | PathLike[str], *, float: bool = False) -> list[Path]: ...
+    def write_exr(self, path: str | PathLike[str], *, float: bool = False) -> None: ...
     def write_png(self, path: str | PathLike[str]) -> None: ...
 
 def render(
@@ -17,7 +17,7 @@ def render(
     meshes: Mapping[str, tuple[str, ArrayLike, ArrayLike]] | None = None,
     camera: Mapping[str, Any] | None = None,
     spp: int | None = None,
-    layers: Sequence[str] | None = None,
+    layers: str | Sequence[str] | None = None,
     backend: str | None = None,
     settings: Mapping[str, Any] | None = None,
     threads: int | None = None,

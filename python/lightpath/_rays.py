@@ -1,5 +1,6 @@
 """Queries about meshes: `RayScene` and the tuples that it returns."""
 
+import os
 from typing import NamedTuple
 
 import numpy as np
@@ -187,6 +188,8 @@ class RayScene:
         Faces that repeat a point or an earlier face are dropped. Faces without area that close
         T-junctions come last. ``scene.meshes[0]`` has the arrays that `primitive` counts in.
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"path: found {type(path).__name__}, expected a string or a path")
         arrays = read_mesh(path, _convert.threads(threads))
         return cls(*arrays, threads=threads, backend=backend, progress=progress)
 

@@ -52,7 +52,12 @@ class RayMeshIntersector:
         if origins.size == 0:
             origins = directions = np.empty((0, 3))
         valid = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1)
-        lengths = np.linalg.norm(np.where(valid[:, None], directions, 0.0), axis=1)
+        # Scaled by powers of two, which rounds nothing: squares of very long and very short ones
+        # are beyond the range of numbers.
+        directions[~valid] = 0.0
+        largest = np.abs(directions).max(axis=1)
+        directions = np.ldexp(directions, -np.frexp(largest)[1][:, None])
+        lengths = np.linalg.norm(directions, axis=1)
         valid &= lengths > 0.0
         origins[~valid], directions[~valid], lengths[~valid] = 0.0, 1.0, 1.0
         directions /= lengths[:, None]

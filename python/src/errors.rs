@@ -16,7 +16,7 @@ create_exception!(
 
 /// Converts an error. `Interrupted` becomes `KeyboardInterrupt`, a `Retry` for lack of memory
 /// `MemoryError`. All others become `lightpath.Error`, a `ValueError`; a `Retry`, or if all problems
-/// are those of files, one of its classes that are also `OSError`s.
+/// are those of files, one of its classes that are also `OSError`s: that of their common cause.
 pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
     error.problems = error.problems.into_iter().map(translated).collect();
     let lines: Vec<String> = error.problems.iter().map(|problem| problem.to_string()).collect();
@@ -28,13 +28,11 @@ pub fn to_python(py: Python<'_>, mut error: lightpath::Error) -> PyErr {
             PyMemoryError::new_err(text)
         }
         _ => {
-            let all =
-                |is: fn(io::ErrorKind) -> bool| causes.iter().all(|cause| cause.is_some_and(is));
             let first = &error.problems[0];
-            let exception = if all(|cause| cause == io::ErrorKind::NotFound) {
-                of_file(py, "MissingFileError", text, first)
-            } else if error.kind == ErrorKind::Retry || all(|_| true) {
-                of_file(py, "FileError", text, first)
+            let same = causes.iter().all(|cause| *cause == first.cause);
+            let of_files = causes.iter().all(Option::is_some);
+            let exception = if error.kind == ErrorKind::Retry || of_files {
+                of_file(py, text, first, same)
             } else {
                 Error::new_err(text)
             };
@@ -59,17 +57,17 @@ pub fn translated(mut problem: Problem) -> Problem {
 }
 
 /// Makes an exception of a class in `lightpath._errors`: a native class has only one base. Its
-/// `errno` and `filename` are those of a problem.
-fn of_file(py: Python<'_>, class: &str, text: String, problem: &Problem) -> PyErr {
-    let class = py.import("lightpath._errors").and_then(|module| module.getattr(class));
-    let number = problem.cause.and_then(number);
-    match class.and_then(|class| class.call1((text, number, problem.file.as_ref()))) {
+/// `errno` and `filename` are those of a problem. `errno` selects the class if it is `specific`.
+fn of_file(py: Python<'_>, text: String, problem: &Problem, specific: bool) -> PyErr {
+    let number = problem.errno.or_else(|| problem.cause.and_then(number));
+    let make = py.import("lightpath._errors").and_then(|module| module.getattr("of_file"));
+    match make.and_then(|make| make.call1((text, number, problem.file.as_ref(), specific))) {
         Ok(exception) => PyErr::from_value(exception),
         Err(error) => error,
     }
 }
 
-/// The number of an error on Linux, for those of files.
+/// The number of an error on Linux, for those of files that the program itself found.
 fn number(cause: io::ErrorKind) -> Option<i32> {
     use io::ErrorKind as E;
     Some(match cause {

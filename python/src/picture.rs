@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use lightpath::scene::IN_MEMORY;
-use lightpath::{ChannelKind, Film, LoadedScene, MeshArrays, Monitor, PictureWriter};
+use lightpath::{ChannelKind, Film, LoadedScene, MeshArrays, Monitor, PictureWriter, Problem};
 use pyo3::prelude::*;
 
 use crate::arrays::column;
@@ -102,6 +102,11 @@ impl Source {
     }
 }
 
+/// Returns warnings as texts, one each.
+fn texts(warnings: Vec<Problem>) -> Vec<String> {
+    warnings.into_iter().map(|warning| errors::translated(warning).to_string()).collect()
+}
+
 #[pymethods]
 impl Picture {
     /// Height and width in pixels.
@@ -113,8 +118,7 @@ impl Picture {
     /// Warnings of the scene, as texts.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        let warnings = self.loaded.warnings().iter().cloned();
-        warnings.map(|warning| errors::translated(warning).to_string()).collect()
+        texts(self.loaded.warnings().to_vec())
     }
 
     /// R, G, B, A of all pixels, row by row, as an array of one dimension.
@@ -134,11 +138,18 @@ impl Picture {
         column(py, self.film.planes.words.clone())
     }
 
-    /// Writes PREFIX.exr and PREFIX.png. Returns their paths.
-    fn write(&self, py: Python<'_>, prefix: PathBuf) -> PyResult<Vec<PathBuf>> {
+    /// Writes PREFIX.exr, of 32-bit floats or of halves, and PREFIX.png. Returns their paths, and
+    /// warnings about values that they do not hold.
+    fn write(
+        &self,
+        py: Python<'_>,
+        prefix: PathBuf,
+        float: bool,
+    ) -> PyResult<(Vec<PathBuf>, Vec<String>)> {
         let pool = pools::pool(py, None)?;
-        let files =
-            py.detach(|| pool.install(|| self.writer.write(&self.loaded, &self.film, &prefix)));
-        Ok(files.map_err(|error| errors::to_python(py, error))?.to_vec())
+        let writer = self.writer.clone().float(float);
+        let written = py.detach(|| pool.install(|| writer.write(&self.loaded, &self.film, prefix)));
+        let written = written.map_err(|error| errors::to_python(py, error))?;
+        Ok((written.files.to_vec(), texts(written.warnings)))
     }
 }

@@ -50,6 +50,13 @@ def test_trimesh_methods():
         rays.intersects_any(origins, directions[:2])
 
 
+@pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-161, 1e160, 1.7e308])
+def test_trimesh_directions_of_any_length(length):
+    rays = RayMeshIntersector(Mesh(*cube()))
+    locations, index_ray, _ = rays.intersects_location([[0.1, 0.2, 5]], [[0, 0, -length]])
+    assert index_ray.tolist() == [0, 0] and np.allclose(locations[:, 2], [1, -1])
+
+
 def test_open3d_methods():
     scene = RaycastingScene()
     assert scene.add_triangles(*cube()) == 0 and scene.add_triangles(cube()[0] + 5, cube()[1]) == 1

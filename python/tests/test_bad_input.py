@@ -42,6 +42,7 @@ MESHES = [
     (VERTICES, FACES[:0].astype(bool), ValueError, "faces: found no face, expected at least one"),
     (VERTICES[:0], FACES, ValueError, r"faces\[0, 0\]: found vertex 0, expected 0 to -1"),
     (None, FACES, TypeError, "vertices: found dtype object"),
+    (np.ma.array(VERTICES, mask=VERTICES > 0), FACES, ValueError, "vertices: found masked values"),
 ]
 
 
@@ -84,6 +85,7 @@ POINTS = [
     ([[0, 0, 0], [0, np.nan, 0]], ValueError, r"\[1\]: found \[0.0, NaN, 0.0\]"),
     ([[0, 0, 1e19]], ValueError, r"\[0\]: .* up to 1e18"),
     ([["x", "y", "z"]], TypeError, ": found dtype"),
+    (np.ma.array([[0.0, 0, 0]], mask=[[1, 0, 0]]), ValueError, ": found masked values"),
 ]
 
 
@@ -145,6 +147,7 @@ def test_errors_of_files_are_errors_of_the_system(tmp_path):
     folder = tmp_path / "folder.exr"
     folder.mkdir()
     picture = lightpath.render((VERTICES, FACES), camera={"width": 4, "height": 4}, spp=1)
+    kinds = {errno.ENOENT: FileNotFoundError, errno.EISDIR: IsADirectoryError, errno.ENOTDIR: NotADirectoryError}
     scene["scene"]["shapes"] = [{"type": "trimesh", "path": str(tmp_path / "no.ply"), "material": {}}]
     scene["camera"] = {"type": "pinhole", "width": 4, "height": 4, "fov": 40, "position": [0, 0, 6],
                        "target": [0, 0, 0], "up": [0, 1, 0]}
@@ -163,11 +166,34 @@ def test_errors_of_files_are_errors_of_the_system(tmp_path):
             call()
         error = caught.value
         assert (error.errno, error.filename) == (number, str(tmp_path / name)), str(error)
-        assert isinstance(error, FileNotFoundError) == (number == errno.ENOENT)
+        for of, kind in kinds.items():
+            assert isinstance(error, kind) == (number == of)
         assert "/.lightpath-" not in str(error) and str(error).endswith(error.problems[-1][2] or "")
         again = pickle.loads(pickle.dumps(error))
         assert (str(again), again.errno, again.problems) == (str(error), error.errno, error.problems)
+        assert type(again) is type(error)
     assert issubclass(lightpath.FileError, OSError) and issubclass(lightpath.FileError, ValueError)
+
+
+def test_a_passing_error_of_a_file_has_its_number():
+    """The first page of a process's memory cannot be read."""
+    with pytest.raises(lightpath.FileError) as caught:
+        lightpath.RayScene.from_ply("/proc/self/mem")
+    assert caught.value.errno == errno.EIO and caught.value.filename == "/proc/self/mem"
+
+
+def test_the_name_of_a_file_is_a_string_or_a_path():
+    for path in [b"a.ply", 3, None]:
+        with pytest.raises(TypeError, match="path: found .*, expected a string or a path"):
+            lightpath.RayScene.from_ply(path)
+
+
+def test_arrays_need_not_be_aligned():
+    shifted = np.frombuffer(b"x" + np.full((2, 3), 0.1).tobytes(), np.float64, offset=1)
+    points = shifted.reshape(2, 3)
+    assert not points.flags.aligned and SCENE.contains(points).all()
+    hits = SCENE.closest(points, [0, 0, 1], shifted[:2] * 0, shifted[:2])
+    assert (hits.primitive == -1).all()
 
 
 def test_messages_have_no_flags_of_the_program(tmp_path):
@@ -184,6 +210,8 @@ def test_messages_have_no_flags_of_the_program(tmp_path):
     assert caught.value.problems[0][0] == "/camera/fov"
     with pytest.raises(ValueError, match="settings: found '/a=b', expected a JSON pointer without"):
         lightpath.render((VERTICES, FACES), settings={"/a=b": 4})
+    with pytest.raises(ValueError, match="camera: found 'a=b', expected a key without"):
+        lightpath.render((VERTICES, FACES), camera={"a=b": 4})
 
 
 def test_the_error_lists_its_problems():

@@ -97,6 +97,38 @@ def test_a_pickle_holds_the_arrays(tmp_path):
     assert (tmp_path / "0.exr").read_bytes() == (tmp_path / "1.exr").read_bytes()
 
 
+def test_deep_copies_share_nothing_that_can_change():
+    picture = lightpath.render(cube(), **SMALL)
+    picture["own"] = np.zeros(3)
+    for source in [picture, pickle.loads(pickle.dumps(picture))]:
+        deep = copy.deepcopy(source)
+        deep["own"][0], deep.warnings[:] = 5, ["new"]
+        assert source["own"][0] == 0 and source.warnings == []
+        for one in [source, deep]:
+            with pytest.raises(ValueError, match="read-only"):
+                one["RGBA"][:] = -1
+
+
+def test_a_file_that_holds_not_every_value_gives_warnings(tmp_path):
+    scene = copy.deepcopy(SCENE)
+    scene["scene"]["lightsources"][0]["id"] = [1e6] * 3
+    picture = lightpath.render(scene, meshes={"box": ("clay", *cube())})
+    picture.write_png(tmp_path / "a.png")
+    picture.write_exr(tmp_path / "float.exr", float=True)
+    picture.write(tmp_path / "both", float=True)
+    assert picture.warnings == [] and picture["RGBA"].max() > 65504
+    assert (tmp_path / "float.exr").read_bytes() == (tmp_path / "both.exr").read_bytes()
+    for _ in range(2):
+        picture.write_exr(tmp_path / "half.exr")
+        (warning,) = picture.warnings
+        assert "brighter than a half can hold" in warning and "--" not in warning
+    assert (tmp_path / "float.exr").read_bytes() != (tmp_path / "half.exr").read_bytes()
+
+
+def test_one_layer_may_be_a_string():
+    assert list(lightpath.render(cube(), **SMALL, layers="albedo")) == ["RGBA", "albedo"]
+
+
 def test_arrays_are_read_only():
     picture = lightpath.render(cube(), **SMALL, layers=["Z", "N", "primid"])
     for array in picture.values():
@@ -160,6 +192,12 @@ def test_colours_of_vertices_are_shown(tmp_path):
     for mesh in [Trimesh(Visual("vertex", rgba)), Open3d(floats), Open3dTensors(rgba[:, :3])]:
         picture = lightpath.render(mesh, **SMALL, layers=["albedo"])
         assert np.allclose(picture["albedo"], expected, atol=1e-3) and picture.warnings == []
+    whole = lightpath.render(Trimesh(Visual("vertex", rgba.astype(np.int64))), **SMALL, layers=["albedo"])
+    assert np.allclose(whole["albedo"], expected, atol=1e-3)
+    with pytest.raises(ValueError, match="colors: found 0 to 256, expected 0 to 255"):
+        lightpath.render(Trimesh(Visual("vertex", rgba * np.int64(256) // 255)), **SMALL)
+    bare = lightpath.render(Open3d(None, None), **SMALL)
+    assert bare.warnings == [] and (bare["RGBA"] == lightpath.render(cube(), **SMALL)["RGBA"]).all()
     half = rgba // [1, 1, 1, 2]
     picture = lightpath.render(Trimesh(Visual("vertex", half.astype(np.uint8))), **SMALL, layers=["albedo"])
     assert picture["albedo"].shape == expected.shape

@@ -55,6 +55,7 @@ pub struct JobFile {
     /// false: removes the template's plane named `ground`. Default: true.
     pub ground: Option<bool>,
     /// Picture width and height in pixels.
+    #[schemars(inner(range(min = 1, max = 2147483647)))]
     pub size: Option<[u32; 2]>,
     /// Names of layers to add to the EXR, as for `--aov`.
     pub layers: Option<Vec<Name>>,

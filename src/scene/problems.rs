@@ -47,7 +47,7 @@ impl<'a> Problems<'a> {
     /// Adds what the operating system said about the file `path` to the last error.
     pub fn failed_file(&mut self, path: &Path, error: &io::Error) {
         if let Some((_, problem)) = self.errors.last_mut() {
-            *problem = problem.clone().cause_of(path, error.kind());
+            *problem = problem.clone().failed_file(path, error);
         }
         let kind = Error::io(path, "read", error).kind;
         self.passing += usize::from(kind == ErrorKind::Retry);

@@ -56,6 +56,8 @@ mod measure {
     mod crosscheck;
 }
 
+#[cfg(target_os = "linux")]
+mod installed;
 mod merge;
 mod pages;
 

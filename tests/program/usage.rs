@@ -137,8 +137,12 @@ fn help_version_schema_completions_man() {
     // An editor learns that a camera has one of `lookat` and `target`.
     let cameras = schema["$defs"]["Camera"]["oneOf"].as_array().unwrap();
     assert!(cameras.len() == 5 && cameras.iter().all(|camera| camera["oneOf"].is_array()));
+    // Nor is a sun without a direction valid.
+    let lights = schema["$defs"]["Light"]["oneOf"].as_array().unwrap();
+    assert_eq!(lights.iter().filter(|light| light["oneOf"].is_array()).count(), 2);
     let job = lightpath(&["schema", "job"]).stdout();
     let job: serde_json::Value = serde_json::from_str(&job).unwrap();
+    assert_eq!(job["properties"]["size"]["items"]["minimum"], 1);
     let bits = &job["$defs"]["OutputKeys"]["properties"]["pngbits"];
     assert_eq!(bits["enum"], serde_json::json!([8, 16, null]), "{bits}");
     for shell in ["bash", "zsh", "fish"] {

@@ -16,10 +16,11 @@ use crate::batch::{
 };
 use crate::error::{Error, ErrorKind, Problem, Result, printable};
 use crate::monitor::Monitor;
+use crate::nearest::nearest;
 use crate::output::Outputs;
 use crate::output::tonemap::Depth;
 use crate::scene::written::{Angles, Name, Point};
-use crate::scene::{self, Document};
+use crate::scene::{self, Document, Member, NodeKind};
 use crate::studio::{self, Appearance, Template, Turning};
 use crate::{memory, paths, units};
 
@@ -252,15 +253,16 @@ fn folder_of(job_file: Option<&Path>) -> &Path {
     job_file.and_then(Path::parent).unwrap_or(Path::new(""))
 }
 
-/// Parses a file that has `inputs` as a job, whatever its name is; `None` for any other file. The
-/// path of the output folder is then relative to the working folder.
+/// Parses a file that has `inputs` as a job, whatever its name is; `None` for any other file. A
+/// misspelt `inputs` is an error, if no key tells of a scene. The path of the output folder is
+/// then relative to the working folder.
 fn read_job_file(path: &Path) -> Result<Option<(JobFile, Document)>> {
     if !path.is_file() || studio::is_mesh(path) {
         return Ok(None);
     }
     let text = Template::file(path)?;
     let document = Document::parse(&text.name, &text.text)?;
-    if document.get("/inputs").is_none() {
+    if document.get("/inputs").is_none() && !misspells_inputs(&document) {
         return Ok(None);
     }
     let mut file: JobFile = scene::read_as(&document)?;
@@ -269,6 +271,14 @@ fn read_job_file(path: &Path) -> Result<Option<(JobFile, Document)>> {
         folder.0 = paths::named(&folder_of(Some(path)).join(&folder.0))?;
     }
     Ok(Some((file, document)))
+}
+
+/// Returns true for an object without the keys of a scene that has a key similar to `inputs`.
+fn misspells_inputs(document: &Document) -> bool {
+    let NodeKind::Object(members) = &document.root.kind else { return false };
+    let has = |key| document.root.member(key).is_some();
+    let is_near = |member: &Member| nearest(&member.key, ["inputs"]).is_some();
+    !has("scene") && !has("camera") && members.iter().any(is_near)
 }
 
 fn inputs(paths: &[PathBuf]) -> Result<JobFile> {

@@ -105,6 +105,9 @@ impl EnvironmentDescription {
 
 /// Parallel light from beyond the scene. It has no falloff.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(extend(
+    "oneOf" = [{ "required": ["direction"] }, { "required": ["azimuth", "elevation"] }]
+))]
 pub struct Directional {
     /// Name of the light in the EXR.
     pub name: Option<Name>,
@@ -124,6 +127,9 @@ pub struct Directional {
 
 /// A disc in the sky with soft shadows. It has no falloff.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(extend(
+    "oneOf" = [{ "required": ["direction"] }, { "required": ["azimuth", "elevation"] }]
+))]
 pub struct Sun {
     /// Name of the light in the EXR.
     pub name: Option<Name>,

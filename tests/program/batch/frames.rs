@@ -471,7 +471,7 @@ fn invalid_jobs_are_refused_before_rendering() {
     }
     for (key, value, place) in [
         ("layers", r#"["Q"]"#, "34 (/layers)"),
-        ("size", "[0, 48]", "32 (/size)"),
+        ("size", "[0, 48]", "33 (/size/0)"),
         ("camera", r#"{ "fov": 0 }"#, "43 (/camera/fov)"),
         ("set", r#"{ "/nope/x": 3 }"#, "44 (/set/~1nope~1x)"),
         ("camera", r#"{ "lookat": [1, 0, 0], "target": [0, 0, 9] }"#, "67 (/camera/target)"),

@@ -197,6 +197,23 @@ fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
 }
 
 #[test]
+fn a_misspelt_key_of_inputs_is_an_error_of_a_job() {
+    let scratch = Scratch::with("{}");
+    scratch.write("job.json", r#"{ "input": ["p.ply"], "size": [8, 8] }"#);
+    let done = scratch.run(&["batch", "job.json", "--dry-run"]);
+    assert_eq!(done.code(), 2);
+    for text in
+        ["missing key `inputs`", "found the unknown key \"input\"", "did you mean `inputs`?"]
+    {
+        assert!(done.stderr().contains(text), "{}", done.stderr());
+    }
+    // A scene may have the same mistake: it is rendered as what it is.
+    scratch.write("scene.json", r#"{ "input": 1, "camera": {}, "scene": {} }"#);
+    let done = scratch.run(&["batch", "scene.json", "--dry-run"]);
+    assert!(!done.stderr().contains("`inputs`"), "{}", done.stderr());
+}
+
+#[test]
 fn a_job_file_may_have_any_name() {
     let scratch = Scratch::new();
     scratch.write("a.ply", PYRAMID);

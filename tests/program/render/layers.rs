@@ -342,6 +342,24 @@ fn pngs_of_sixteen_bits() {
 }
 
 #[test]
+fn the_library_warns_of_values_that_a_file_does_not_hold() {
+    let scratch = Scratch::with(SCENE);
+    let bright =
+        r#"/scene/lightsources=[{"type":"pointlight","position":[0,3,4],"id":[1e6,1e6,1e6]}]"#;
+    let scene = lightpath::LoadedScene::read(scratch.path("s.json"), &[bright]).unwrap();
+    let renderer = scene.renderer().unwrap();
+    let film = renderer.render().unwrap();
+    let warnings = |writer: lightpath::PictureWriter| {
+        let written = writer.write(&scene, &film, scratch.path("x")).unwrap();
+        written.warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(warnings(renderer.writer().float(true)), [""; 0]);
+    let [warning] = &warnings(renderer.writer())[..] else { panic!("expected one warning") };
+    let said = scratch.run(&["render", "s.json", "-o", "y", "--set", bright]).stderr();
+    assert!(said.contains(&format!("warning: {warning}")), "{warning}\n{said}");
+}
+
+#[test]
 fn the_library_writes_what_the_program_writes() {
     let scratch = Scratch::new();
     let output =
@@ -353,6 +371,11 @@ fn the_library_writes_what_the_program_writes() {
     let renderer = scene.renderer().unwrap();
     renderer.write(&renderer.render().unwrap(), scratch.path("library")).unwrap();
     assert!(scratch.read("library.png") == scratch.read("program.png"));
+    let writer = renderer.writer().float(true);
+    writer.write(&scene, &renderer.render().unwrap(), scratch.path("floats")).unwrap();
+    assert_eq!(render(&scratch, &["-o", "program_floats", "--float"]).code(), 0);
+    assert_eq!(scratch.channels("floats.exr"), scratch.channels("program_floats.exr"));
+    assert_ne!(scratch.channels("floats.exr"), scratch.channels("library.exr"));
     let [library, program] = ["library", "program"].map(|n| part(&scratch, &format!("{n}.exr"), 0));
     assert!(library["attributes"]["lightpath:sceneHash"].is_string());
     assert_eq!(library, program);

@@ -1,0 +1,58 @@
+#!/bin/bash
+# Copies the program, Embree, licences, man page and completions: install.sh DESTINATION, for `make
+# install`. From the environment: BINARY, the program; SPEAKER, a program of the same version that
+# runs here; EMBREE, a folder with the libraries of Embree 4, which may be missing.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+destination=$1
+umask 022
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+put() { # MODE FILE FOLDER
+    mkdir -p "$destination/$3"
+    install -m "$1" "$2" "$destination/$3"
+    printf 'install: %s\n' "$destination/$3/${2##*/}"
+}
+
+# Everything that can fail comes first, so that a failure leaves no half of an installation.
+"$SPEAKER" man >"$scratch/lightpath.1"
+"$SPEAKER" completions bash >"$scratch/lightpath"
+"$SPEAKER" completions zsh >"$scratch/_lightpath"
+"$SPEAKER" completions fish >"$scratch/lightpath.fish"
+
+# The run path ends behind ../lib/lightpath. The folders of the checkout, relative to the program,
+# would be folders of anybody: /home/vendor/embree for /home/ann/.local/bin/lightpath.
+mkdir "$scratch/bin"
+# shellcheck disable=SC2016
+LC_ALL=C sed 's|:\($ORIGIN/\.\./\.\./vendor/embree\)|\x00\1|' "$BINARY" >"$scratch/bin/lightpath"
+
+# The loader asks for libraries by their sonames, which end after the first number.
+libraries=()
+if [ -d "$EMBREE" ]; then
+    for library in "$EMBREE"/libembree4*.so.4 "$EMBREE"/libtbb*.so.{2,12}; do
+        [ ! -e "$library" ] || libraries+=("$library")
+    done
+    [[ "${libraries[*]}" == *libembree4* ]] || { echo "install: no libembree4.so.4 in $EMBREE" >&2; exit 1; }
+fi
+for library in "${libraries[@]}"; do
+    to=$destination/lib/lightpath/${library##*/}
+    linked=$(readlink "$library" || true)
+    # A second name of another library stays a link. All others become files.
+    if [[ " ${libraries[*]##*/} " == *" $linked "* ]]; then
+        mkdir -p "${to%/*}"
+        ln -sfn "$linked" "$to"
+    else
+        put 644 "$library" lib/lightpath
+    fi
+done
+
+put 755 "$scratch/bin/lightpath" bin
+for file in LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md; do
+    put 644 "$file" share/doc/lightpath
+done
+put 644 farm/openjd-template.yaml share/lightpath/farm
+put 644 "$scratch/lightpath.1" share/man/man1
+put 644 "$scratch/lightpath" share/bash-completion/completions
+put 644 "$scratch/_lightpath" share/zsh/site-functions
+put 644 "$scratch/lightpath.fish" share/fish/vendor_completions.d

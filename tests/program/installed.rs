@@ -1,0 +1,73 @@
+//! `scripts/install.sh`, which `make install` and the packages use.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
+
+use crate::support::program::{Done, Scratch, names_in};
+
+/// Installs the tested program under a strict umask, in a folder whose name has a space.
+fn install(scratch: &Scratch, speaker: &str) -> Done {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Done::of(
+        Command::new("bash")
+            .args(["-c", "umask 077; exec \"$0\" \"$1\""])
+            .args([root.join("scripts/install.sh"), scratch.path("to here")])
+            .env("BINARY", env!("CARGO_BIN_EXE_lightpath"))
+            .env("SPEAKER", speaker)
+            .env("EMBREE", scratch.path("the embree")),
+    )
+}
+
+#[test]
+fn all_users_can_read_an_installation_that_loads_no_library_from_elsewhere() {
+    let scratch = Scratch::new();
+    let embree = scratch.path("the embree");
+    fs::create_dir(&embree).unwrap();
+    for (file, link) in [
+        ("libembree4.so.4.4.0", "libembree4.so.4"),
+        ("libtbb-1a.so.12", "libtbb.so.12"),
+        ("libother.so.4", "libtbb.so"),
+    ] {
+        fs::write(embree.join(file), file).unwrap();
+        std::os::unix::fs::symlink(file, embree.join(link)).unwrap();
+    }
+    install(&scratch, env!("CARGO_BIN_EXE_lightpath")).good();
+    let to = scratch.path("to here");
+    let mode = |name: &str| fs::metadata(to.join(name)).unwrap().permissions().mode() & 0o777;
+    let manual = "share/man/man1/lightpath.1";
+    assert_eq!(["", "share/man", "bin/lightpath", manual].map(mode), [0o755, 0o755, 0o755, 0o644]);
+    assert!(fs::read_to_string(to.join(manual)).unwrap().contains("lightpath"));
+    // By the names that the loader asks for; a second name of a file stays a link.
+    let libraries = to.join("lib/lightpath");
+    assert_eq!(names_in(&libraries), ["libembree4.so.4", "libtbb-1a.so.12", "libtbb.so.12"]);
+    assert_eq!(
+        fs::read_to_string(libraries.join("libembree4.so.4")).unwrap(),
+        "libembree4.so.4.4.0"
+    );
+    assert!(!libraries.join("libembree4.so.4").is_symlink());
+    assert_eq!(
+        fs::read_link(libraries.join("libtbb.so.12")).unwrap().to_str(),
+        Some("libtbb-1a.so.12")
+    );
+
+    let has =
+        |path: &Path, text: &[u8]| fs::read(path).unwrap().windows(text.len()).any(|at| at == text);
+    let built = Path::new(env!("CARGO_BIN_EXE_lightpath"));
+    let run_path = b"$ORIGIN/../lib/lightpath";
+    if has(built, run_path) {
+        assert!(has(built, &[run_path, &b":"[..]].concat()));
+        assert!(has(&to.join("bin/lightpath"), &[run_path, &b"\0"[..]].concat()));
+    }
+}
+
+#[test]
+fn a_failed_installation_leaves_nothing() {
+    let scratch = Scratch::new();
+    assert_ne!(install(&scratch, "false").code(), 0);
+    fs::create_dir(scratch.path("the embree")).unwrap();
+    let done = install(&scratch, env!("CARGO_BIN_EXE_lightpath"));
+    assert!(done.stderr().contains("no libembree4.so.4 in "), "{}", done.stderr());
+    assert_eq!(scratch.names(), ["the embree"]);
+}
