@@ -475,7 +475,8 @@ impl PictureWriter {
     /// Writes a film of `loaded`: see [`Renderer::write`].
     ///
     /// # Errors
-    /// A film of another scene's size, or with too few values; a folder that cannot be written to; a full disk.
+    /// A film of another scene's size, or with too few values; a folder that cannot be written to;
+    /// a full disk.
     pub fn write(
         &self,
         loaded: &LoadedScene,

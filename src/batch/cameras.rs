@@ -7,7 +7,7 @@ use crate::poses::Poses;
 use crate::scene::written::Name;
 
 use super::description::{Input as Written, JobFile};
-use super::job::Flags;
+use super::flags::Flags;
 use super::places::Places;
 
 /// Reads the list of cameras, if the job has one.

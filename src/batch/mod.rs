@@ -10,6 +10,7 @@ mod cameras;
 mod description;
 mod file_hashes;
 mod fingerprint;
+mod flags;
 mod gate;
 mod inputs;
 mod job;
@@ -27,7 +28,8 @@ mod tasks;
 mod workers;
 
 pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
-pub use job::{Flags, Job, without_mesh};
+pub use flags::Flags;
+pub use job::{Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
 pub use outputs::{refuse_files, refuse_photographs, refuse_sheet};
 pub use places::Places;

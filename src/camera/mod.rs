@@ -153,9 +153,9 @@ impl Camera {
         self.general_projection.as_ref().is_some_and(|projection| projection.sees_behind)
     }
 
-    /// Changes per pixel, to the right and down, of the point that a ray has in the plane at distance
-    /// 1 along the unit direction of view, and this direction. For cameras without a general
-    /// projection; through a lens, of the ray from one point of the lens.
+    /// Changes per pixel, to the right and down, of the point that a ray has in the plane at
+    /// distance 1 along the unit direction of view, and this direction. For cameras without a
+    /// general projection; through a lens, of the ray from one point of the lens.
     pub fn steps(&self) -> ([DVec3; 2], DVec3) {
         let distance = self.corner.dot(self.forward);
         ([self.right / distance, self.down / distance], self.forward)

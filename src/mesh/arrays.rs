@@ -6,10 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::check;
-use crate::error::{Error, Result};
 use crate::files::Stamp;
-use crate::units::{counted, plural};
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -212,37 +209,6 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Makes a mesh from arrays, without normals, texture coordinates and colours. These fields can
-    /// be set afterwards; a scene refuses arrays of a wrong length. Triangles without area are kept.
-    ///
-    /// # Errors
-    /// `Invalid` for a triangle with an index beyond the vertices, with a vertex that is not
-    /// finite, or with the same vertex twice. Also if there is no triangle, or if there are more
-    /// than 2^32 - 2 vertices.
-    pub fn new(positions: Positions, triangles: Vec<[u32; 3]>) -> Result<Self> {
-        let count = positions.len();
-        let refused = |message: String| Err(Error::invalid("mesh", message));
-        if triangles.is_empty() || count >= u32::MAX as usize {
-            let vertices = counted(count as u64, ["vertex", "vertices"]);
-            return refused(format!("found {}, {vertices}", plural(triangles.len(), "triangle")));
-        }
-        check::triangles("mesh", &positions, &triangles)?;
-        Ok(Self {
-            positions,
-            triangles,
-            stitches: Vec::new(),
-            normals: None,
-            uvs: None,
-            colors: None,
-            face_colors: None,
-            alpha: None,
-            property: None,
-            texture_file: None,
-            textures: None,
-            notes: Notes::default(),
-        })
-    }
-
     /// Returns the size in bytes of all arrays, `stitches` not included.
     pub fn bytes(&self) -> u64 {
         let positions = match &self.positions {

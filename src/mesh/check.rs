@@ -1,9 +1,10 @@
-//! Checks of meshes whose arrays a caller has set.
+//! Meshes from arrays of a caller, and their checks.
 
 use rayon::prelude::*;
 
-use super::arrays::{Colors, Mesh, MeshElement, Positions, Uvs};
+use super::arrays::{Colors, Mesh, MeshElement, Notes, Positions, Uvs};
 use crate::error::{Error, Result};
+use crate::units::{counted, plural};
 
 /// Triangles that a thread checks at a time.
 const RUN: usize = 1 << 14;
@@ -13,7 +14,7 @@ const RUN: usize = 1 << 14;
 ///
 /// # Errors
 /// `Invalid` for the first such triangle.
-pub fn triangles(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> Result<()> {
+fn checked(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> Result<()> {
     let count = positions.len();
     let problem = |(index, triangle): (usize, &[u32; 3])| {
         if let Some(vertex) = triangle.iter().find(|&&vertex| vertex as usize >= count) {
@@ -36,15 +37,47 @@ pub fn triangles(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> 
 }
 
 impl Mesh {
-    /// Checks the arrays, which a caller may have set: indices, vertices and lengths. `place` is the
-    /// name of the mesh in errors.
+    /// Makes a mesh from arrays, without normals, texture coordinates and colours. These fields can
+    /// be set afterwards; a scene refuses arrays of a wrong length. Triangles without area are
+    /// kept.
+    ///
+    /// # Errors
+    /// `Invalid` for a triangle with an index beyond the vertices, with a vertex that is not
+    /// finite, or with the same vertex twice. Also if there is no triangle, or if there are more
+    /// than 2^32 - 2 vertices.
+    pub fn new(positions: Positions, triangles: Vec<[u32; 3]>) -> Result<Self> {
+        let count = positions.len();
+        let refused = |message: String| Err(Error::invalid("mesh", message));
+        if triangles.is_empty() || count >= u32::MAX as usize {
+            let vertices = counted(count as u64, ["vertex", "vertices"]);
+            return refused(format!("found {}, {vertices}", plural(triangles.len(), "triangle")));
+        }
+        checked("mesh", &positions, &triangles)?;
+        Ok(Self {
+            positions,
+            triangles,
+            stitches: Vec::new(),
+            normals: None,
+            uvs: None,
+            colors: None,
+            face_colors: None,
+            alpha: None,
+            property: None,
+            texture_file: None,
+            textures: None,
+            notes: Notes::default(),
+        })
+    }
+
+    /// Checks the arrays, which a caller may have set: indices, vertices and lengths. `place` is
+    /// the name of the mesh in errors.
     ///
     /// # Errors
     /// `Invalid` for triangles as in [`Mesh::new`], and for an array of another length than the
     /// vertices or triangles whose values it has.
     pub(crate) fn check(&self, place: &str) -> Result<()> {
-        triangles(place, &self.positions, &self.triangles)?;
-        triangles(place, &self.positions, &self.stitches)?;
+        checked(place, &self.positions, &self.triangles)?;
+        checked(place, &self.positions, &self.stitches)?;
         let (vertices, faces) = (self.positions.len(), self.triangles.len());
         let colors = |colors: &Colors| match colors {
             Colors::U8(all) => all.len(),

@@ -93,7 +93,7 @@ pub fn own_images(path: &Path) -> Vec<PathBuf> {
 /// Returns where the one image is that the mesh at `path` names, if it names one.
 ///
 /// # Errors
-/// As for [`own_image`].
+/// `Retry` if the disk fails while the image is looked for.
 pub fn own_texture(path: &Path, mesh: &Mesh) -> Result<Option<OwnImage>> {
     mesh.texture_file.as_ref().map(|name| own_image(path, name)).transpose()
 }

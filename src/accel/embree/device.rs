@@ -79,7 +79,8 @@ pub fn load_library() -> Result<Arc<Api>> {
 const LIBRARY_BYTES: usize = 128 << 20;
 
 /// Address space for a device, and for each of its threads. With less, TBB may abort the process or
-/// wait without end. With this much, of 133 renders and batches under limits of 300 to 740 MB none did.
+/// wait without end. With this much, of 133 renders and batches under limits of 300 to 740 MB none
+/// did.
 const DEVICE_BYTES: usize = 128 << 20;
 const THREAD_BYTES: usize = 32 << 20;
 

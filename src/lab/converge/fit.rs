@@ -80,8 +80,8 @@ mod tests {
         let found = slope(&points, &[0.0; 4]).unwrap();
         assert!((found.slope + 1.0).abs() < 1e-12);
         assert!((found.standard_error - (0.04f64 / 2.0 / 5.0).sqrt()).abs() < 1e-12);
-        // Points on a line by chance: only their own errors remain. At ln x = 0, 1, 2 the middle one
-        // does not matter.
+        // Points on a line by chance: only their own errors remain. At ln x = 0, 1, 2 the middle
+        // one does not matter.
         let line: Vec<[f64; 2]> = (0..3).map(|i| [e.powi(i), e.powi(-i)]).collect();
         let found = slope(&line, &[0.03, 0.5, 0.04]).unwrap();
         assert!((found.standard_error - 0.05 / 2.0).abs() < 1e-12, "{found:?}");

@@ -22,7 +22,8 @@ const BIAS_ERRORS: f64 = 10.0;
 /// Largest deviation of a setting from the bias of all, relative to it.
 const BIAS_SPREAD: f64 = 0.1;
 
-/// Least share of a bias of all settings in the smallest RMSE. An exact reference has a smaller one.
+/// Least share of a bias of all settings in the smallest RMSE. An exact reference has a smaller
+/// one.
 const BIAS_SHARE: f64 = 0.2;
 
 /// Results of one study.

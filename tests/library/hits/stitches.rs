@@ -315,8 +315,9 @@ fn lonely_lines_are_dropped() {
     assert!(told.contains("1 triangle without area dropped"), "{told}");
 }
 
-/// A pentagon with a vertex in the middle of an edge, where a triangle ends, and a line of points beside it. `info` counts
-/// the triangle that closes the T-junction apart from the line, which is dropped.
+/// A pentagon with a vertex in the middle of an edge, where a triangle ends, and a line of points
+/// beside it. `info` counts the triangle that closes the T-junction apart from the line, which is
+/// dropped.
 #[test]
 fn info_counts_stitches_apart_from_dropped_triangles() {
     let scratch = Scratch::new();
