@@ -8,7 +8,6 @@ use super::part::{self, PartDescription, PictureFormat};
 use crate::error::{Error, Problem, Result};
 use crate::film::{Channel, ChannelKind};
 use crate::layers::{BEAUTY, PartialSumsLayout};
-use crate::output::exr::CameraMatrices;
 use crate::output::exr_read::ExrReader;
 
 /// Name of the fact that all parts must have in common.
@@ -137,7 +136,6 @@ impl OpenPart {
             channels.map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(" ")
         };
         facts.extend(fields(&other.part.files, &self.part.files));
-        facts.extend(camera_fields(other.reader.view.as_ref(), self.reader.view.as_ref()));
         facts.extend([
             both("frame number", &|open| {
                 open.reader.sequence.frame.map_or_else(none, |number| number.to_string())
@@ -174,36 +172,14 @@ impl OpenPart {
 fn fields(theirs: &PictureFormat, ours: &PictureFormat) -> Vec<(String, String, String)> {
     let compared = |format: &PictureFormat| json!(PictureFormat { over: false, ..format.clone() });
     let (theirs, ours) = (compared(theirs), compared(ours));
-    values("of the files", &theirs, &ours)
-}
-
-/// Returns the names of all attributes of two cameras, the shortest first, with their values.
-fn camera_fields(
-    theirs: Option<&CameraMatrices>,
-    ours: Option<&CameraMatrices>,
-) -> Vec<(String, String, String)> {
-    let text = |numbers: &[f32]| numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(" ");
-    let attributes = |view: Option<&CameraMatrices>| match view {
-        None => json!({}),
-        Some(view) => json!({
-            "screenWindowWidth": view.screen_window_width.to_string(),
-            "screenWindowCenter": text(&view.screen_window_center),
-            "pixelAspectRatio": view.pixel_aspect.to_string(),
-            "worldToCamera": text(&view.world_to_camera),
-            "worldToNDC": view.world_to_ndc.as_ref().map(|matrix| text(matrix)),
-        }),
-    };
-    values("of the camera", &attributes(theirs), &attributes(ours))
-}
-
-/// Returns the names in two objects, followed by `owner`, with the values of both.
-fn values(owner: &str, theirs: &Value, ours: &Value) -> Vec<(String, String, String)> {
     let objects = [theirs.as_object(), ours.as_object()];
     let names = objects.iter().flatten().flat_map(|object| object.keys());
     let text = |format: &Value, name: &str| match format.get(name) {
-        None | Some(Value::Null) => "none".to_string(),
+        None => "none".to_string(),
         Some(Value::String(text)) => text.clone(),
         Some(value) => value.to_string(),
     };
-    names.map(|name| (format!("{name} {owner}"), text(theirs, name), text(ours, name))).collect()
+    names
+        .map(|name| (format!("{name} of the files"), text(&theirs, name), text(&ours, name)))
+        .collect()
 }

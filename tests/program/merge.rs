@@ -475,7 +475,7 @@ fn parts_of_different_pictures_are_refused() {
         (&["--size", "75x54"], "frame"),
         (&["--float"], "another float of the files: true, expected false"),
         (&["--exposure", "1"], "another exposure of the files: 1.0, expected 0.0"),
-        (&["--set", "/camera/fov=50"], "another screenWindowWidth of the camera: 1.3"),
+        (&["--set", "/camera/fov=50"], "another lightpath:camera: "),
         (&["--aov", "Z"], "fingerprint"),
     ];
     for (flags, what) in others {
