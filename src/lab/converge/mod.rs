@@ -9,6 +9,7 @@
 //! from render to render.
 
 mod clock;
+mod common_bias;
 mod crop;
 mod fit;
 mod grid;
