@@ -112,16 +112,19 @@ impl GeneralProjection {
     /// to one a pixel below. Zero where the camera has no rays.
     #[inline(never)]
     pub fn changes(&self, at: [f64; 2]) -> [[DVec3; 2]; 2] {
-        let here = self.exact_ray(at);
-        let between = |step: DVec2| {
-            let (origin, direction) = self.exact_ray((DVec2::from(at) + step).to_array());
-            [origin - here.0, direction.normalize() - here.1.normalize()]
+        let ray = |at: DVec2| {
+            let (origin, direction) = self.exact_ray(at.to_array());
+            [origin, direction.normalize()]
         };
+        let at = DVec2::from(at);
+        let [origin, direction] = ray(at);
         [DVec2::X, DVec2::Y].map(|step| {
             // Beyond the last pixel of the frame and its overscan there may be no ray.
-            let [ahead, behind] = [between(step), between(-step).map(|change| -change)];
-            let known = |change: &[DVec3; 2]| change[0].is_finite() && change[1].is_finite();
-            [ahead, behind].into_iter().find(known).unwrap_or_default()
+            let mut changes = [1.0, -1.0].into_iter().map(|side| {
+                let [o, d] = ray(at + step * side);
+                [(o - origin) * side, (d - direction) * side]
+            });
+            changes.find(|[o, d]| o.is_finite() && d.is_finite()).unwrap_or_default()
         })
     }
 }

@@ -27,7 +27,7 @@ impl Differentials {
     /// The differentials of a world's rays, without any rays yet.
     pub fn new(world: &World) -> Self {
         // n samples a pixel are 1/sqrt(n) pixels apart.
-        let share = 1.0 / f64::from(world.cone_spp).sqrt();
+        let share = 1.0 / f64::from(world.area_spp).sqrt();
         Self { share, directions: [[[0.0; LANES]; 3]; 2], positions: [[[0.0; LANES]; 3]; 2] }
     }
 
@@ -86,7 +86,7 @@ fn start_side(directions: &mut Lanes3, step: [f32; 3], forward: [f32; 3], rays: 
     }
 }
 
-/// Igehy 1999, equations 10 to 12, for one side.
+/// Moves one side to the plane of the surface: Igehy's "transfer".
 #[inline(always)]
 fn advance_side(positions: &mut Lanes3, directions: &Lanes3, rays: &Rays, surfaces: &Surfaces) {
     for i in 0..LANES {
@@ -110,7 +110,7 @@ fn advance_side(positions: &mut Lanes3, directions: &Lanes3, rays: &Rays, surfac
     }
 }
 
-/// Igehy 1999, equation 15, without the curvature of the surface.
+/// Igehy's "reflection" of one side, without the curvature of the surface.
 #[inline(always)]
 fn reflect_side(directions: &mut Lanes3, normals: &Lanes3) {
     for i in 0..LANES {

@@ -75,9 +75,9 @@ pub struct World {
     pub adaptive_shadows: bool,
     /// Camera samples per pixel; the maximum in an adaptive render.
     pub spp: u32,
-    /// Camera samples that share the cone of a pixel; those of the first pass in an adaptive
+    /// Camera samples that share the area of a pixel; those of the first pass in an adaptive
     /// render.
-    pub cone_spp: u32,
+    pub area_spp: u32,
     /// Largest number of mirror bounces.
     pub nbounces: u32,
     /// Seed of all random choices.
@@ -262,7 +262,7 @@ impl World {
             overscan: 0,
             adaptive_shadows: scene.adaptive_shadows,
             spp: scene.spp,
-            cone_spp: scene.spp,
+            area_spp: scene.spp,
             nbounces: scene.nbounces,
             seed: scene.seed,
             sampler: scene.sampler,

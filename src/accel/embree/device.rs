@@ -78,10 +78,11 @@ pub fn load_library() -> Result<Arc<Api>> {
 /// Address space for the files of Embree and TBB, which have 44 MB.
 const LIBRARY_BYTES: usize = 128 << 20;
 
-/// Address space for a device, and for each of its threads. With less, TBB may abort the process or
-/// wait without end. With this much, of 133 renders and batches under limits of 300 to 740 MB none
-/// did.
+/// Address space for a device without its threads. With less, TBB may abort the process or wait
+/// without end.
 const DEVICE_BYTES: usize = 128 << 20;
+
+/// Address space for each thread of a device, as [`DEVICE_BYTES`].
 const THREAD_BYTES: usize = 32 << 20;
 
 /// Returns whether so much address space is left.

@@ -186,7 +186,7 @@ impl RenderRun<'_> {
         let counting = self.options.dataset.counting_plan(&self.options.plan, &world)?;
         let plan = counting.as_ref().unwrap_or(&self.options.plan);
         if let Some(adaptive) = self.options.adaptive {
-            (world.spp, world.cone_spp) = (adaptive.most, adaptive.first);
+            (world.spp, world.area_spp) = (adaptive.most, adaptive.first);
         }
         let (counts, taken) = self.trace(&world, accelerator.as_ref(), &mut film, plan)?;
         let rendered = self.start.elapsed().as_secs_f64();

@@ -132,7 +132,7 @@ fn work(
     while let Some(job) = study.next(clock.elapsed_s()) {
         let setting = job.setting;
         note(&describe(&job, &settings.tested_backends[setting.backend].name));
-        (world.spp, world.cone_spp) = (setting.spp, setting.spp);
+        (world.spp, world.area_spp) = (setting.spp, setting.spp);
         (world.sampler, world.seed) = (setting.sampler, job.seed);
         for light in &mut world.lights {
             if let (Emitter::Area(area), Some(n)) = (&mut light.emitter, setting.light_samples) {

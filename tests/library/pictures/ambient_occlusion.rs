@@ -3,7 +3,10 @@
 use std::f64::consts::PI;
 
 use lightpath::LoadedScene;
+use lightpath::scene::{Backend, written::AcceleratorName};
 use serde_json::{Value, json};
+
+use crate::support::backends::on_both;
 
 fn quad(corners: [[f64; 3]; 4]) -> Value {
     let [v0, v1, v2, v3] = corners;
@@ -24,9 +27,9 @@ fn scene(shape: &Value, distance: Option<f64>, lights: Value) -> String {
 }
 
 /// Mean over 64 seeds, and its standard error.
-fn mean(shape: &Value, distance: Option<f64>, backend: &str) -> (f64, f64) {
+fn mean(shape: &Value, distance: Option<f64>, backend: Backend) -> (f64, f64) {
     let (mut sum, mut squares) = (0.0, 0.0);
-    let backend = format!("/scene/accelerator={backend}");
+    let backend = format!("/scene/accelerator={}", backend.name());
     for seed in 0..64 {
         let seed = format!("/seed={seed}");
         let scene = scene(shape, distance, json!([]));
@@ -38,8 +41,8 @@ fn mean(shape: &Value, distance: Option<f64>, backend: &str) -> (f64, f64) {
     (sum, ((squares - sum * sum).max(0.0) / 63.0).sqrt())
 }
 
-#[test]
-fn ambient_occlusion_has_its_closed_forms() {
+/// Compares occlusion above a point of the ground with closed forms.
+fn check_closed_forms(backend: Backend) {
     let far = 4000.0;
     let corner = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, 3.0, far], [1.0, 3.0, -far]]);
     let wall = quad([[1.0, 0.0, -far], [1.0, 0.0, far], [1.0, far, far], [1.0, far, -far]]);
@@ -63,28 +66,36 @@ fn ambient_occlusion_has_its_closed_forms() {
         (&around, Some(3.9), 1.0),
         (&around, None, 0.0),
     ];
-    for backend in ["bvh", "embree", "brute"] {
-        for (shape, distance, expected) in cases {
-            let (mean, error) = mean(shape, distance, backend);
-            let what = format!("{backend} {distance:?} {shape}: {mean} +- {error}, {expected}");
-            assert!((mean - expected).abs() <= 3.0 * error + 1e-6 && error < 0.003, "{what}");
-        }
+    for (shape, distance, expected) in cases {
+        let (mean, error) = mean(shape, distance, backend);
+        let what = format!("{distance:?} {shape}: {mean} +- {error}, {expected}");
+        assert!((mean - expected).abs() <= 3.0 * error + 1e-6 && error < 0.003, "{what}");
     }
 }
 
-/// A bare slope, 1,000 below a camera that is the origin of coordinates because of a near ball.
+on_both! {
+    fn ambient_occlusion_has_its_closed_forms(backend: Backend) {
+        check_closed_forms(backend);
+    }
+}
+
 #[test]
-fn far_ground_does_not_shade_itself() {
-    let at = |x: f64, z: f64| [x, -1000.0 - 0.3 * x - 0.1 * z, z];
-    let (low, high) = (-2e4, 2e4);
-    let slope = quad([at(low, low), at(high, low), at(high, high), at(low, high)]);
-    let ball = json!({ "type": "sphere", "center": [0, -0.7, -1], "radius": 0.2, "material": {} });
-    for backend in ["bvh", "embree"] {
+fn brute_force_has_the_closed_forms() {
+    check_closed_forms(AcceleratorName::Brute.into());
+}
+
+on_both! {
+    /// A bare slope, 1,000 below a camera that is the origin of coordinates because of a near ball.
+    fn far_ground_does_not_shade_itself(backend: Backend) {
+        let at = |x: f64, z: f64| [x, -1000.0 - 0.3 * x - 0.1 * z, z];
+        let (low, high) = (-2e4, 2e4);
+        let slope = quad([at(low, low), at(high, low), at(high, high), at(low, high)]);
+        let ball = json!({ "type": "sphere", "center": [0, -0.7, -1], "radius": 0.2, "material": {} });
         let scene = json!({
             "camera": { "type": "pinhole", "width": 32, "height": 32, "fov": 60,
                         "position": [0, 0, 0], "lookat": [0, -0.9, -1], "up": [0, 1, 0] },
             "output": { "layers": ["ao"], "aodistance": 1e-5, "aosamples": 64 },
-            "scene": { "shapes": [slope, ball], "accelerator": backend }
+            "scene": { "shapes": [slope, ball], "accelerator": backend.name() }
         });
         let loaded = LoadedScene::from_json(&scene.to_string(), &[]).unwrap();
         let told: Vec<String> = loaded.warnings().iter().map(ToString::to_string).collect();
@@ -92,7 +103,7 @@ fn far_ground_does_not_shade_itself() {
         let film = loaded.renderer().unwrap().render().unwrap();
         let ao = film.planes.index("ao.Y").unwrap();
         let mean = (0..1024).map(|i| film.planes.float(ao, i)).sum::<f32>() / 1024.0;
-        assert!((0.999..=1.0).contains(&mean), "{backend}: {mean}");
+        assert!((0.999..=1.0).contains(&mean), "{mean}");
     }
 }
 

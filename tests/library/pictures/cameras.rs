@@ -365,7 +365,12 @@ fn header_attributes_project_as_the_camera_does() {
         let aspect = if linear || distorted { FY / FX } else { 27.0 / 28.0 };
         let calibrated = lens.keys["type"] == "intrinsics";
         assert_eq!(screen.pixel_aspect, if calibrated { aspect } else { 1.0 }, "{}", lens.name);
-        assert!(camera::described(&camera).contains("position"));
+        let described: Value = serde_json::from_str(&camera::described(&camera)).unwrap();
+        for (key, value) in
+            [("position", camera.position), ("lookat", camera.lookat), ("up", camera.up)]
+        {
+            assert_eq!(described[key], json!(value.to_array()), "{}: {key}", lens.name);
+        }
     }
 }
 

@@ -58,7 +58,8 @@ fn zeros(start: &[u8], zeros: u64) -> Vec<u8> {
     bytes
 }
 
-/// The threads of Embree's library wait without end if they lack memory, so they are not started.
+/// The threads of Embree's library spin without end if they lack memory, so they are not started.
+/// A process that spins is killed.
 #[test]
 #[cfg_attr(not(lightpath_embree), ignore = "needs Embree")]
 fn a_batch_with_embree_ends_at_any_limit() {
@@ -70,7 +71,8 @@ fn a_batch_with_embree_ends_at_any_limit() {
         args.push(name);
     }
     for mib in (390..800).step_by(30) {
-        let done = limited(&scratch, &format!("-v {}", mib << 10), &args);
+        let limits = format!("-t 60 && ulimit -v {}", mib << 10);
+        let done = limited(&scratch, &limits, &args);
         ended(&done, &[0, 3], &format!("{mib} MiB"));
         let _ = fs::remove_dir_all(scratch.path("out"));
     }
