@@ -80,8 +80,8 @@ pub fn world_to_ndc(camera: &CheckedCamera) -> Option<[[f64; 4]; 4]> {
 }
 
 /// The camera as JSON for an attribute of the header: projection in the keys of a scene file, then
-/// `position`, `lookat` and `up` of every camera, in doubles. The matrices of the header are floats,
-/// too coarse for positions far from 0.
+/// `position`, `lookat` and `up` of every camera, in doubles. The matrices of the header are
+/// floats, too coarse for positions far from 0.
 pub fn described(camera: &CheckedCamera) -> String {
     let intrinsics = |calibration: &Calibration, distortion: Option<&Distortion>| {
         let Calibration { focal: [fx, fy], principal: [cx, cy], skew } = *calibration;
