@@ -15,9 +15,6 @@ BINARY ?= $(CARGO_TARGET_DIR)/release/lightpath
 SPEAKER ?= $(BINARY)
 # One profile for all targets, so that nothing is compiled twice.
 FLAGS  := --locked --release
-# The unit tests compile the library a second time. They are not optimised: compiling would take most of their time.
-UNOPTIMISED := --config profile.release.package.lightpath.opt-level=0 \
-    --config profile.release.package.lightpath.codegen-units=64
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
@@ -40,8 +37,8 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 
 test: setup python ## all tests, Python's included
 	failed=0; \
-	cargo test $(FLAGS) $(UNOPTIMISED) --lib $(ARGS) || failed=1; \
-	cargo test $(FLAGS) --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
+	RUSTC_WRAPPER='$(CURDIR)/scripts/rustc_of_tests.sh' \
+	    cargo test $(FLAGS) --lib --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
 	cargo test $(FLAGS) --doc $(ARGS) || failed=1; \
 	exit $$failed
 

@@ -2,8 +2,8 @@
 # Builds the fuzz targets for short runs: `fuzz.sh`, then fuzz/target/x86_64-unknown-linux-gnu/release/TARGET FOLDER.
 #
 # Only what decodes and what mutates is optimised. With the instrumentation, the kernels that are compiled for each
-# instruction set otherwise take ten times as long as a short run; the other crates take a quarter of the build. For
-# long runs, `cargo fuzz run TARGET` optimises all.
+# instruction set otherwise take ten times as long as a short run. For long runs, `cargo fuzz run TARGET` optimises all.
+# `make test` runs the same targets on the inputs that are kept, tests/data/fuzz/, without instrumentation.
 # The flags are those of cargo-fuzz: coverage, the address sanitizer, debug assertions.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,64 +1,20 @@
-//! Reads bytes as a job file in a folder that has a mesh, a scene and a list of cameras. The result
-//! must be an error with a message, or a job whose frames stay in the output folder.
+//! Reads bytes as a job file.
 #![no_main]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use lightpath::batch::{Flags, Job, JobFile, WrittenInput, predict};
-use lightpath::scene::{Document, read_as};
+mod folder;
+#[allow(dead_code)]
+#[path = "../../tests/library/fuzz/inputs.rs"]
+mod inputs;
+#[path = "../../tests/library/fuzz/job.rs"]
+mod job;
 
-mod support;
-
-static FILES: LazyLock<PathBuf> = LazyLock::new(|| {
-    let folder = support::folder("job");
-    let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
-        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
-        0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
-    let files = [
-        ("a.ply", mesh),
-        ("b.json", include_str!("../../scenes/fig01a-sphere.json")),
-        ("cameras.txt", "1 PINHOLE 64 48 50 50 32 24\n"),
-        ("images.txt", "1 1 0 0 0 0 0 1 1 first.png\n\n2 1 0 0 0 0 0 2 1 second/third.png\n\n"),
-    ];
-    for (name, text) in files {
-        support::write(&folder.join(name), text.as_bytes());
-    }
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = folder::create("job");
+    job::prepare(&folder);
     folder
 });
 
-libfuzzer_sys::fuzz_target!(|text: &[u8]| {
-    if let Err(error) = check(text) {
-        support::check(&error);
-    }
-});
-
-fn check(text: &[u8]) -> lightpath::Result<()> {
-    let document = Document::parse("job.json", text)?;
-    let file: JobFile = read_as(&document)?;
-    let inputs = file.inputs.iter().map(|input| match input {
-        WrittenInput::Path(path) => &path.0,
-        WrittenInput::Entry(entry) => &entry.path.0,
-    });
-    // A pattern could search the whole machine.
-    let mut named = inputs.chain(file.template.iter().chain(&file.cameras).map(|name| &name.0));
-    if !named.all(|name| support::is_inside(Path::new(name))) {
-        return Ok(());
-    }
-    let job = Job::check(file, &FILES, Flags::default())?;
-    let frames = job.frames();
-    assert!(frames > 0);
-    for input in 0..job.inputs.len() {
-        // The scene of an input may have an error that the job does not show.
-        if let Err(error) = predict(&job, &job.inputs[input]) {
-            support::check(&error);
-        }
-        for frame in [0, frames - 1] {
-            let path = job.prefix(input, frame);
-            assert!(support::is_inside(
-                path.strip_prefix(&job.folder).expect("a file of the folder")
-            ));
-        }
-    }
-    Ok(())
-}
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| job::run(&FOLDER, bytes));

@@ -1,42 +1,16 @@
-//! Reads bytes as a list of cameras. The first byte selects the format: a COLMAP model, binary or
-//! text, or JSON. For a COLMAP model, the second byte says how much of the rest is the file
-//! `cameras`; the remainder is `images`. The result must be an error with a message, or a list of
-//! pictures whose paths do not leave their folder.
+//! Reads bytes as a list of cameras.
 #![no_main]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use lightpath::poses::Poses;
+mod folder;
+#[allow(dead_code)]
+#[path = "../../tests/library/fuzz/inputs.rs"]
+mod inputs;
+#[path = "../../tests/library/fuzz/poses.rs"]
+mod poses;
 
-mod support;
+static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| folder::create("poses"));
 
-static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| support::folder("poses"));
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let [format, part, rest @ ..] = bytes else { return };
-    let write = |name: &str, bytes: &[u8]| support::write(&FOLDER.join(name), bytes);
-    let cut = rest.len() * usize::from(*part) / 255;
-    let path = match format % 3 {
-        2 => {
-            write("list.json", rest);
-            FOLDER.join("list.json")
-        }
-        text => {
-            let end = if text == 1 { "txt" } else { "bin" };
-            write(&format!("cameras.{end}"), &rest[..cut]);
-            write(&format!("images.{end}"), &rest[cut..]);
-            FOLDER.join(format!("cameras.{end}"))
-        }
-    };
-    let read = Poses::read(&path, format & 128 != 0);
-    match read.and_then(|poses| poses.check(None).map(|()| poses)) {
-        Err(error) => support::check(&error),
-        Ok(poses) => {
-            assert!(!poses.list.is_empty());
-            for pose in &poses.list {
-                assert!(support::is_inside(Path::new(&pose.image)), "{}", pose.image);
-            }
-        }
-    }
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| poses::run(&FOLDER, bytes));

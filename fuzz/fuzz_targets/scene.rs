@@ -1,24 +1,10 @@
-//! Reads bytes as a scene file. The result must be an error with a message, or a scene that can be
-//! written and read again unchanged. Files that the scene names may be looked up, but are not read.
+//! Reads bytes as a scene file.
 #![no_main]
 
-use std::path::Path;
+#[allow(dead_code)]
+#[path = "../../tests/library/fuzz/inputs.rs"]
+mod inputs;
+#[path = "../../tests/library/fuzz/scene.rs"]
+mod scene;
 
-use lightpath::scene::{Source, load};
-
-mod support;
-
-libfuzzer_sys::fuzz_target!(|text: &[u8]| {
-    let folder = Path::new("nowhere");
-    let source = Source::Text { name: "f.json", text, folder };
-    match load(source, &[]) {
-        Err(error) => support::check(&error),
-        Ok(loaded) => {
-            let text = loaded.description.to_text();
-            let again = load(Source::Text { name: "g.json", text: text.as_bytes(), folder }, &[]);
-            let again = again.unwrap_or_else(|error| panic!("{error}\n{text}"));
-            assert_eq!(again.description.to_text(), text);
-            assert_eq!(again.hash, loaded.hash);
-        }
-    }
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| scene::run(bytes));

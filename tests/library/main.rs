@@ -8,7 +8,7 @@ mod support;
 mod bvh {
     mod between;
     mod builder;
-    mod case;
+    pub mod case;
     mod contract;
     mod grid;
     mod reference;
@@ -16,6 +16,17 @@ mod bvh {
     mod soup;
     mod tiers;
     mod watertight;
+}
+
+/// Bodies of the fuzz targets in `fuzz/`, each with what it checks.
+mod fuzz {
+    mod image;
+    mod inputs;
+    mod job;
+    mod kept;
+    mod ply;
+    mod poses;
+    mod scene;
 }
 
 /// What rays hit, on every backend.

@@ -1,0 +1,39 @@
+//! Reads bytes as a list of cameras. The first byte selects the format: a COLMAP model, binary or
+//! text, or JSON. For a COLMAP model, the second byte says how much of the rest is the file
+//! `cameras`; the remainder is `images`. The result must be an error with a message, or a list of
+//! pictures whose paths do not leave their folder.
+
+use std::path::Path;
+
+use lightpath::poses::Poses;
+
+use super::inputs;
+
+/// Runs one input, with its files in a folder.
+pub fn run(folder: &Path, bytes: &[u8]) {
+    let [format, part, rest @ ..] = bytes else { return };
+    let write = |name: &str, bytes: &[u8]| inputs::write(&folder.join(name), bytes);
+    let cut = rest.len() * usize::from(*part) / 255;
+    let path = match format % 3 {
+        2 => {
+            write("list.json", rest);
+            folder.join("list.json")
+        }
+        text => {
+            let end = if text == 1 { "txt" } else { "bin" };
+            write(&format!("cameras.{end}"), &rest[..cut]);
+            write(&format!("images.{end}"), &rest[cut..]);
+            folder.join(format!("cameras.{end}"))
+        }
+    };
+    let read = Poses::read(&path, format & 128 != 0);
+    match read.and_then(|poses| poses.check(None).map(|()| poses)) {
+        Err(error) => inputs::check_error(&error),
+        Ok(poses) => {
+            assert!(!poses.list.is_empty());
+            for pose in &poses.list {
+                assert!(inputs::is_inside(Path::new(&pose.image)), "{}", pose.image);
+            }
+        }
+    }
+}
