@@ -2,7 +2,6 @@
 //! of our own. docs/guide/cameras.md describes them.
 
 mod binary;
-mod bytes;
 mod colmap;
 mod colmap_model;
 mod pose;
@@ -13,15 +12,18 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::path::{Component, Path};
 
-use self::bytes::bytes;
 pub use self::pose::{Pose, Poses};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::files::read_within;
 use crate::scene::written::{CameraDescription, Name};
 use crate::scene::{self, Document};
+
+/// Maximum size of a file of cameras.
+const MAX_FILE_MIB: u64 = 1 << 10;
 
 /// Most cameras of a list; turntables have the same limit.
 const MAX_POSES: usize = 100_000;
@@ -143,7 +145,7 @@ fn bad_name(place: &str, name: &str) -> Error {
 
 fn from_json(path: &Path) -> Result<Poses> {
     let name = path.display().to_string();
-    let document = Document::parse(&name, &bytes(path)?)?;
+    let document = Document::parse(&name, &read_within(path, MAX_FILE_MIB, "a list of cameras")?)?;
     let files = vec![path.to_owned()];
     if document.get("/frames").is_some() {
         let list = transforms::read(&document, path.parent().unwrap_or(Path::new("")))?;

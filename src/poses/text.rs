@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use super::bytes::bytes;
+use super::MAX_FILE_MIB;
 use super::colmap_model::{Image, MODELS, Sensor, Sensors, model};
 use crate::error::{Error, Result};
+use crate::files::read_within;
 use crate::units::plural;
 
 /// The lines of a file that are no comments: number from 1, and text. `empty`: keeps empty lines.
@@ -15,7 +16,7 @@ fn lines(text: &str, empty: bool) -> impl Iterator<Item = (usize, &str)> {
 }
 
 fn read(path: &Path) -> Result<String> {
-    String::from_utf8(bytes(path)?).map_err(|error| {
+    String::from_utf8(read_within(path, MAX_FILE_MIB, "a list of cameras")?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let message = format!("found bytes that are not UTF-8 at byte {at}, expected text");
         Error::invalid(path.display().to_string(), message)

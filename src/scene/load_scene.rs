@@ -100,10 +100,11 @@ impl Loaded {
         folder: &Path,
     ) -> Result<Self> {
         let description = SceneDescription { camera: camera.clone(), ..self.description.clone() };
-        let mut found = self.with_description(name, &description, folder)?;
-        // A mesh keeps the path that the user gave. Only the shapes hold it, not the description.
-        found.scene.shapes.clone_from(&self.scene.shapes);
-        Ok(found)
+        let found = from_description(name, &description, folder, &[])?;
+        // The description has neither the paths as the user gave them, nor the order of the
+        // materials, which the shapes count.
+        let scene = Scene { camera: found.scene.camera, ..self.scene.clone() };
+        Ok(Self { scene, ..found })
     }
 
     /// Returns the scene of another description, with the backend of this scene. A description

@@ -1,5 +1,6 @@
 //! Reads a mesh from a file or from memory.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use super::context::ReadContext;
@@ -41,9 +42,10 @@ pub fn read_bytes(bytes: &[u8], name: &str, options: ReadOptions) -> Result<Mesh
         Some(packing) => {
             let failed = |e: &std::io::Error| source::failed(name.as_ref(), Some(packing), e);
             let length = Some(bytes.len() as u64);
+            let packed = Cursor::new(bytes.to_vec());
             let bytes =
-                packing.open(bytes, length, options.memory_limit).map_err(|e| failed(&e))?;
-            stream::read_here(bytes, &failed, &context, options)
+                packing.open(packed, length, options.memory_limit).map_err(|e| failed(&e))?;
+            stream::read(bytes, None, &failed, &context, options)
         }
     }
 }

@@ -51,21 +51,11 @@ pub(super) fn read(
     options: ReadOptions,
 ) -> Result<Mesh> {
     let (sender, chunks) = sync_channel(AHEAD);
-    let size = options.window.min(CHUNK);
+    let size = options.window.clamp(1, CHUNK);
     // The thread ends when the receiver is dropped. It is not joined: a pipe may block forever.
     let thread = std::thread::Builder::new().name("ply".into());
     thread.spawn(move || pump(&mut bytes, size, &sender)).map_err(|error| failed(&error))?;
-    ReadWindow::new(ChunkSource::Ahead(chunks), options, failed).mesh(length, context, options)
-}
-
-/// Reads a mesh from compressed data in memory, without a second thread.
-pub(super) fn read_here<'a>(
-    bytes: Box<dyn Read + Send + 'a>,
-    failed: Failed<'a>,
-    context: &ReadContext,
-    options: ReadOptions,
-) -> Result<Mesh> {
-    ReadWindow::new(ChunkSource::Here(bytes), options, failed).mesh(None, context, options)
+    ReadWindow::new(chunks, options, failed).mesh(length, context, options)
 }
 
 type Chunk = std::io::Result<Vec<u8>>;
@@ -89,26 +79,15 @@ fn pump(bytes: &mut dyn Read, size: usize, sender: &SyncSender<Chunk>) {
     }
 }
 
-/// The source of the window's bytes: a thread that reads ahead, or a reader on this thread.
-enum ChunkSource<'a> {
-    Ahead(Receiver<Chunk>),
-    Here(Box<dyn Read + Send + 'a>),
-}
-
-impl ChunkSource<'_> {
-    fn next(&mut self, size: usize, context: &ReadContext) -> Result<Chunk> {
-        let receiver = match self {
-            Self::Ahead(receiver) => receiver,
-            Self::Here(bytes) => return context.check().map(|()| chunk(bytes, size)),
-        };
-        loop {
-            context.check()?;
-            match receiver.recv_timeout(POLL_INTERVAL) {
-                Ok(chunk) => return Ok(chunk),
-                Err(RecvTimeoutError::Timeout) => {}
-                // The thread sends an empty chunk or an error before it ends.
-                Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Vec::new())),
-            }
+/// Waits for the next chunk. It is empty after the end of the data.
+fn next(chunks: &Receiver<Chunk>, context: &ReadContext) -> Result<Chunk> {
+    loop {
+        context.check()?;
+        match chunks.recv_timeout(POLL_INTERVAL) {
+            Ok(chunk) => return Ok(chunk),
+            Err(RecvTimeoutError::Timeout) => {}
+            // The thread sends an empty chunk or an error before it ends.
+            Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Vec::new())),
         }
     }
 }
@@ -120,7 +99,7 @@ struct ReadWindow<'a> {
     at: usize,
     /// Number of bytes consumed so far.
     taken: u64,
-    chunks: ChunkSource<'a>,
+    chunks: Receiver<Chunk>,
     ended: bool,
     failed: Failed<'a>,
     /// Number of bytes with which the window is filled before rows are read. Longer rows need more.
@@ -128,7 +107,7 @@ struct ReadWindow<'a> {
 }
 
 impl<'a> ReadWindow<'a> {
-    fn new(chunks: ChunkSource<'a>, options: ReadOptions, failed: Failed<'a>) -> Self {
+    fn new(chunks: Receiver<Chunk>, options: ReadOptions, failed: Failed<'a>) -> Self {
         let size = options.window.max(1);
         Self { bytes: Vec::new(), at: 0, taken: 0, chunks, ended: false, failed, size }
     }
@@ -149,8 +128,7 @@ impl<'a> ReadWindow<'a> {
             self.at = 0;
         }
         while !self.ended && self.data().len() < bytes {
-            let chunk = self.chunks.next(self.size.min(CHUNK), context)?;
-            let chunk = chunk.map_err(|error| (self.failed)(&error))?;
+            let chunk = next(&self.chunks, context)?.map_err(|error| (self.failed)(&error))?;
             self.ended = chunk.is_empty();
             if self.bytes.is_empty() {
                 self.bytes = chunk;

@@ -269,6 +269,31 @@ fn a_model_may_have_more_points_than_memory() {
     assert!(scratch.path("out/scan/a.exr").is_file());
 }
 
+#[test]
+fn shapes_keep_their_materials_in_any_order() {
+    let scratch = Scratch::new();
+    let camera = json!({ "type": "pinhole", "width": 48, "height": 16, "fov": 40,
+        "position": [0, 0, 6], "target": [0, 0, 0], "up": [0, 1, 0] });
+    let ball = |x: f64, material: Value| json!({ "type": "sphere", "center": [x, 0, 0], "radius": 0.8, "material": material });
+    let paint = |color: [f64; 3]| json!({ "ka": 1, "diffusecolor": color });
+    scratch.write(
+        "balls.json",
+        &json!({ "camera": camera.clone(), "scene": { "ambient": [1, 1, 1], "lightsources": [],
+            "materials": { "c": paint([1.0, 0.0, 0.0]), "a": paint([0.0, 1.0, 0.0]),
+                "b": paint([0.0, 0.0, 1.0]) },
+            "shapes": [ball(-2.0, json!("c")), ball(0.0, paint([1.0, 1.0, 0.0])),
+                ball(2.0, json!("a")), ball(4.0, json!("b"))] } })
+        .to_string(),
+    );
+    scratch.write(
+        "list.json",
+        &json!({ "cameras": [{ "image": "x.png", "camera": camera }] }).to_string(),
+    );
+    scratch.run(&["render", "balls.json", "-o", "alone"]).good();
+    scratch.run(&["batch", "balls.json", "--cameras", "list.json", "-o", "out"]).good();
+    scratch.run(&["compare", "alone.exr", "out/balls/x.exr", "--fail-above", "max=0"]).good();
+}
+
 /// The pictures of a list have names, not numbers.
 #[test]
 fn a_frame_stays_when_others_join_its_list() {
