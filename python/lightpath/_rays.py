@@ -376,7 +376,8 @@ class RayScene:
         Notes
         -----
         For closed meshes (`is_closed`) the result is exact: the crossings of a half-line are
-        counted without rounding. A point on a vertex, edge or face is inside. Meshes that are not
+        counted without rounding. A point on a vertex, edge or face is inside. A solid that is there
+        twice has nothing inside. Meshes that are not
         closed are taken together: a point is inside if the absolute value of their winding number
         is at least 1/2.
 
@@ -420,7 +421,7 @@ class RayScene:
         Returns
         -------
         ClosestPoints
-            Of equally near faces, the face of the lowest mesh, then the lowest face wins.
+            Of faces whose rounded distances are equal, that of the lowest mesh, then the lowest wins.
 
         Examples
         --------

@@ -18,7 +18,8 @@ pub struct ClosestPoints {
     pub point: Vec<[f64; 3]>,
     /// Its distance, >= 0.
     pub distance: Vec<f64>,
-    /// Its face in the mesh. Of equally near faces, the lowest mesh and then the lowest face wins.
+    /// Its face in the mesh. Of faces whose rounded distances are equal, that of the lowest mesh and
+    /// then the lowest wins.
     pub primitive: Vec<i64>,
     /// Index of the mesh.
     pub mesh: Vec<i32>,
@@ -115,40 +116,55 @@ fn sorted([mut a, mut b, mut c]: [DVec3; 3]) -> [DVec3; 3] {
 }
 
 /// Returns the point of a triangle that is nearest to `p`. A point on an edge is computed from the
-/// ends of that edge alone. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5.
+/// ends of that edge alone. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5, with
+/// products of the normal in place of differences of dot products. Those cancel on thin triangles.
 fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
+    let (ab, bc, ac) = (b - a, c - b, c - a);
+    let (ap, bp, cp) = (p - a, p - b, p - c);
+    if ab.dot(ap) <= 0.0 && ac.dot(ap) <= 0.0 {
         return a;
     }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
+    if ab.dot(bp) >= 0.0 && bc.dot(bp) <= 0.0 {
         return b;
     }
-    let vc = d1 * d4 - d3 * d2;
-    // `d1 - d3` is the squared length of `ab`, which is 0 if a and b coincide.
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
-        return a + ab * (d1 / (d1 - d3));
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
+    if ac.dot(cp) >= 0.0 && bc.dot(cp) >= 0.0 {
         return c;
     }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * (d2 / (d2 - d6));
+    let [ab2, bc2, ac2] = [ab, bc, ac].map(DVec3::length_squared);
+    let longest = ab2.max(bc2).max(ac2);
+    // The shorter two edges round the normal the least.
+    let (normal, shorter) = if longest == ac2 {
+        (ab.cross(bc), ab2 * bc2)
+    } else if longest == ab2 {
+        (ac.cross(bc), ac2 * bc2)
+    } else {
+        (ab.cross(ac), ab2 * ac2)
+    };
+    let normal2 = normal.length_squared();
+    // Else the triangle is narrower than its plane is rounded, if it is obtuse: less than 1.5e-8 of
+    // its length. Then the nearest point of its edges is as near, but for its width.
+    let has_plane = normal2 * normal2 > f64::EPSILON.powi(2) * shorter * longest * longest;
+    let side = |edge: DVec3, from_end: DVec3| normal.dot(edge.cross(from_end));
+    let mut nearest = None;
+    for (beyond, edge, length2, [low, high], from_low) in [
+        (side(ab, ap) <= 0.0, ab, ab2, [a, b], ap),
+        (side(bc, bp) <= 0.0, bc, bc2, [b, c], bp),
+        (side(ac, ap) >= 0.0, ac, ac2, [a, c], ap),
+    ] {
+        if beyond || !has_plane {
+            let along = edge.dot(from_low);
+            let on = match along > 0.0 {
+                true if along < length2 => low + edge * (along / length2),
+                true => high,
+                false => low,
+            };
+            let squared = (on - p).length_squared();
+            if nearest.is_none_or(|(least, _)| squared < least) {
+                nearest = Some((squared, on));
+            }
+        }
     }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let bc = c - b;
-        let (from_b, from_c) = (bc.dot(bp), bc.dot(cp));
-        return b + bc * (from_b / (from_b - from_c)).clamp(0.0, 1.0);
-    }
-    let sum = va + vb + vc;
-    a + ab * (vb / sum) + ac * (vc / sum)
+    nearest.map_or_else(|| p - normal * (normal.dot(ap) / normal2), |(_, on)| on)
 }
 
 #[cfg(test)]
@@ -167,6 +183,41 @@ mod tests {
             let on = nearest_on_triangle(sorted(corners), p);
             for order in [[a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
                 assert_eq!(nearest_on_triangle(sorted(order), p), on, "{p}");
+            }
+        }
+    }
+
+    /// Strips in planes turned by a matrix of integers, so that all distances are known.
+    #[test]
+    fn thin_faces_are_as_far_as_they_are() {
+        let turn = |v: [f64; 3]| {
+            let columns = [[2.0, 1.0, 2.0], [-2.0, 2.0, 1.0], [1.0, 2.0, -2.0]].map(DVec3::from);
+            columns[0] * v[0] + columns[1] * v[1] + columns[2] * v[2]
+        };
+        let length = 1024.0;
+        for (width, height) in [-3, -7, -20]
+            .into_iter()
+            .flat_map(|w| [0.0, 2f64.powi(-12), 1.0, 512.0].map(|height| (2f64.powi(w), height)))
+        {
+            // A whole face, and the two halves of a flat cap.
+            let [a, b, c, d] =
+                [[0.0; 3], [length, 0.0, 0.0], [length, width, 0.0], [0.0, width, 0.0]];
+            let middle = [length / 2.0, width, 0.0];
+            for i in 0..1000 {
+                let weight = |k: i32| f64::from(i * k % 101) / 128.0;
+                let (x, y) = (length * weight(7), width * weight(13));
+                let p = turn([x, y, height]);
+                let least = |faces: &[[[f64; 3]; 3]]| {
+                    let faces = faces.iter().map(|&face| sorted(face.map(turn)));
+                    faces.map(|f| (nearest_on_triangle(f, p) - p).length()).fold(1e9, f64::min)
+                };
+                let rounding = length * 2f64.powi(-48);
+                let strip = least(&[[a, b, c], [a, c, d]]);
+                assert!((strip - 3.0 * height).abs() <= rounding, "{width:e} {p} {strip:e}");
+                // Of narrower caps only the edges count.
+                let rounding = if width > 1e-4 { rounding } else { 3.0 * width };
+                let caps = least(&[[a, b, middle], [a, middle, d], [b, c, middle]]);
+                assert!((caps - 3.0 * height).abs() <= rounding, "{width:e} {p} {caps:e}");
             }
         }
     }
