@@ -377,9 +377,8 @@ class RayScene:
         -----
         For closed meshes (`is_closed`) the result is exact: the crossings of a half-line are
         counted without rounding. A point on a vertex, edge or face is inside. A solid that is there
-        twice has nothing inside. Meshes that are not
-        closed are taken together: a point is inside if the absolute value of their winding number
-        is at least 1/2.
+        twice has nothing inside. Meshes that are not closed are taken together: a point is inside
+        if the absolute value of their winding number is at least 1/2.
 
         Examples
         --------
