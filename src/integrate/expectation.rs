@@ -14,7 +14,7 @@ use crate::ray::{LANES, Mask};
 use crate::shading::{Area, Emitter, Lanes3, lane};
 
 /// Fewest own points of a light that can show how much its terms differ.
-const MIN_OWN_POINTS: u32 = 8;
+const MIN_OWN_POINTS: u32 = 4;
 
 /// Numbers of further points.
 const STEPS: [u32; 4] = [16, 64, 256, MAX_POINTS];
