@@ -3,7 +3,10 @@
 //!
 //! Igehy 1999, "Tracing Ray Differentials", SIGGRAPH. Mirrors are taken as flat.
 
+use glam::Vec3;
+
 use super::camera_packet::CameraPacket;
+use crate::camera::GeneralProjection;
 use crate::geometry::Surfaces;
 use crate::ray::{LANES, Rays};
 use crate::shading::Lanes3;
@@ -11,6 +14,9 @@ use crate::world::World;
 
 /// Smallest cosine between normal and ray; it limits the length of an area.
 const MIN_COSINE: f32 = 1e-3;
+
+/// How the ray of a pixel of a general projection changes, by side: its origin, its direction.
+type Changes = [[Vec3; 2]; 2];
 
 /// The differentials of a packet's rays, by side: to the sample on the right and to the one below.
 #[derive(Debug)]
@@ -21,6 +27,10 @@ pub struct Differentials {
     directions: [Lanes3; 2],
     /// Changes of the rays' origins, then of their hits, along the surface.
     pub positions: [Lanes3; 2],
+    /// Pixels of a general projection and their changes, by the parity of column and row: a pixel
+    /// has many samples, and an inverse distortion takes long. A packet with several samples of a
+    /// pixel covers at most 2 x 2 pixels.
+    known: [Option<([u32; 2], Changes)>; 4],
 }
 
 impl Differentials {
@@ -28,7 +38,12 @@ impl Differentials {
     pub fn new(world: &World) -> Self {
         // n samples a pixel are 1/sqrt(n) pixels apart.
         let share = 1.0 / f64::from(world.area_spp).sqrt();
-        Self { share, directions: [[[0.0; LANES]; 3]; 2], positions: [[[0.0; LANES]; 3]; 2] }
+        Self {
+            share,
+            directions: [[[0.0; LANES]; 3]; 2],
+            positions: [[[0.0; LANES]; 3]; 2],
+            known: [None; 4],
+        }
     }
 
     /// Starts with camera rays.
@@ -36,11 +51,9 @@ impl Differentials {
     pub fn start(&mut self, world: &World, camera_packet: &CameraPacket) {
         if let Some(projection) = world.camera.general_projection() {
             for i in 0..LANES {
-                let [x, y] = camera_packet.pixel(i).map(|side| f64::from(side as i32) + 0.5);
-                let changes = projection.changes([x, y]);
+                let changes = self.of_pixel(projection, camera_packet.pixel(i));
                 for side in 0..2 {
-                    let [origin, direction] =
-                        changes[side].map(|change| (change * self.share).as_vec3());
+                    let [origin, direction] = changes[side];
                     for axis in 0..3 {
                         self.positions[side][axis][i] = origin[axis];
                         self.directions[side][axis][i] = direction[axis];
@@ -55,6 +68,20 @@ impl Differentials {
         self.positions = [[[0.0; LANES]; 3]; 2];
         start_side(&mut self.directions[0], right, forward, &camera_packet.packet.rays);
         start_side(&mut self.directions[1], down, forward, &camera_packet.packet.rays);
+    }
+
+    /// The changes of a pixel, computed or known.
+    #[inline(always)]
+    fn of_pixel(&mut self, projection: &GeneralProjection, pixel: [u32; 2]) -> Changes {
+        let known = &mut self.known[(pixel[0] % 2 + 2 * (pixel[1] % 2)) as usize];
+        if let Some((_, changes)) = known.filter(|(of, _)| *of == pixel) {
+            return changes;
+        }
+        let at = pixel.map(|side| f64::from(side as i32) + 0.5);
+        let share = self.share;
+        let changes = projection.changes(at).map(|side| side.map(|d| (d * share).as_vec3()));
+        *known = Some((pixel, changes));
+        changes
     }
 
     /// Moves the changes of position from the origins of the rays to their hits.

@@ -14,7 +14,7 @@ use crate::ray::{LANES, Mask};
 use crate::shading::{Area, Emitter, Lanes3, lane};
 
 /// Fewest own points of a light that can show how much its terms differ.
-const MIN_OWN_POINTS: u32 = 8;
+const MIN_OWN_POINTS: u32 = 4;
 
 /// Numbers of further points.
 const STEPS: [u32; 4] = [16, 64, 256, MAX_POINTS];
@@ -32,7 +32,7 @@ const FURTHER_RANGE: f64 = 0.05;
 /// own points.
 const FURTHER: u32 = i32::MAX as u32;
 
-/// Luminances that light points send to each lane without shadows.
+/// Luminances that light points send to each lane without shadows. Negative ones take light away.
 struct Terms {
     count: u32,
     sum: [f64; LANES],
@@ -41,8 +41,12 @@ struct Terms {
 }
 
 impl Terms {
-    const NONE: Self =
-        Self { count: 0, sum: [0.0; LANES], least: [f64::INFINITY; LANES], most: [0.0; LANES] };
+    const NONE: Self = Self {
+        count: 0,
+        sum: [0.0; LANES],
+        least: [f64::INFINITY; LANES],
+        most: [f64::NEG_INFINITY; LANES],
+    };
 
     fn add(&mut self, term: &[f64; LANES]) {
         self.count += 1;
@@ -61,15 +65,16 @@ impl Terms {
     }
 
     fn mean(&self) -> [f64; LANES] {
-        self.sum.map(|sum| sum / f64::from(self.count))
+        // A render that was stopped may have no terms.
+        self.sum.map(|sum| sum / f64::from(self.count.max(1)))
     }
 
     /// Whether the range of the terms is at most `limit` of their sum, in all lanes of `lanes`.
-    /// `others` is the light of other lights, which makes a range less important.
+    /// `others` is the light of other lights: a range is as important as its share of all light.
     fn are_even(&self, limit: f64, others: &[f64; LANES], lanes: &Mask) -> bool {
         let count = f64::from(self.count);
         (0..LANES).filter(|&i| lanes.0[i] != 0).all(|i| {
-            self.most[i] - self.least[i] <= limit * (self.sum[i] + count * others[i].max(0.0))
+            self.most[i] - self.least[i] <= limit * (self.sum[i] + count * others[i]).abs()
         })
     }
 }
@@ -153,7 +158,11 @@ impl WhittedIntegrator<'_> {
         let all = f64::from(count) + f64::from(terms.count);
         let mean = terms.mean();
         // The own points count if they found what the further ones missed: alpha has a bound.
-        Some(std::array::from_fn(|i| mean[i].max(own[i] * f64::from(count) / all)))
+        Some(std::array::from_fn(|i| {
+            let found = own[i] * f64::from(count) / all;
+            let is_more = found * mean[i] >= 0.0 && found.abs() > mean[i].abs();
+            if is_more { found } else { mean[i] }
+        }))
     }
 
     /// Luminance that the light points `q` send to each lane without shadows.

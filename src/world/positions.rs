@@ -13,13 +13,16 @@ use crate::scene::{CheckedCamera, Projection};
 const MAX_SHARE: f64 = 0.1;
 
 /// Returns a warning if the layer of positions is coarse beside a pixel in the middle of the frame
-/// of `camera`, at the distance of the middle of the scene's `bounds`.
+/// of `camera`, at the distance of the middle of the scene's `bounds`. A camera near the middle is
+/// inside of the scene, and sees surfaces at about half of its shortest side.
 pub(super) fn warning(camera: &CheckedCamera, bounds: Bounds) -> Option<Problem> {
     let middle = (bounds.min + bounds.max) / 2.0;
     let step = ulp(middle.abs().max_element());
+    let sides = ((bounds.max - bounds.min) / 2.0).to_array().into_iter();
+    let inside = sides.filter(|&side| side > 0.0).reduce(f64::min).unwrap_or(0.0);
     let distance = match camera.projection {
         Projection::Orthographic { .. } => 1.0,
-        _ => middle.distance(camera.position),
+        _ => middle.distance(camera.position).max(inside),
     };
     let pixel = pixel_size(camera) * distance;
     let message = format!(
@@ -63,6 +66,20 @@ mod tests {
                     assert!(warning.contains("[-412346, -5123457, 0]"), "{warning}");
                 }
             }
+        }
+        // A camera in the middle of a room, at home and in the coordinates of a survey.
+        for (at, warned) in [(DVec3::new(2.0, 1.5, 3.0), false), (offset, true)] {
+            let room = DVec3::new(5.0, 3.0, 5.0);
+            let camera = CheckedCamera {
+                width: 48,
+                height: 48,
+                position: at,
+                lookat: at - DVec3::Z,
+                up: DVec3::Y,
+                projection: Projection::Perspective { fov_deg: 30.0, lens: None },
+            };
+            let warning = warning(&camera, Bounds { min: at - room, max: at + room });
+            assert_eq!(warning.is_some(), warned, "{at}: {warning:?}");
         }
         let empty = Bounds::EMPTY;
         let camera = CheckedCamera {
