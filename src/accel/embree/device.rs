@@ -82,8 +82,15 @@ const LIBRARY_BYTES: usize = 128 << 20;
 /// without end.
 const DEVICE_BYTES: usize = 128 << 20;
 
-/// Address space for each thread of a device, as [`DEVICE_BYTES`].
+/// Address space for each thread that TBB starts, as [`DEVICE_BYTES`].
 const THREAD_BYTES: usize = 32 << 20;
+
+/// Returns the address space that a device needs. TBB starts no more threads than there are
+/// processors, and the thread that builds is one of them.
+fn device_bytes(threads: usize, processors: usize) -> usize {
+    let all = if threads == 0 { processors } else { threads.min(processors) };
+    DEVICE_BYTES + all.saturating_sub(1) * THREAD_BYTES
+}
 
 /// Returns whether so much address space is left.
 ///
@@ -94,7 +101,8 @@ fn has_room(bytes: usize) -> bool {
 
 impl Raw {
     fn new(api: Arc<Api>, threads: usize) -> Result<Self> {
-        if !has_room(threads.saturating_mul(THREAD_BYTES).saturating_add(DEVICE_BYTES)) {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        if !has_room(device_bytes(threads, processors)) {
             return Err(Error::no_memory("Embree", "cannot create a device: out of memory"));
         }
         let config = CString::new(format!("threads={threads},set_affinity=0"))
@@ -300,4 +308,17 @@ unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) ->
         watch.limit_hit.store(true, Relaxed);
     }
     fits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_threads_that_start_need_room() {
+        let mib = |threads, processors| device_bytes(threads, processors) >> 20;
+        assert_eq!([mib(1, 1), mib(1, 64), mib(64, 1), mib(0, 1)], [128; 4]);
+        assert_eq!([mib(2, 2), mib(64, 2), mib(0, 2), mib(usize::MAX, 2)], [160; 4]);
+        assert_eq!([mib(64, 64), mib(900, 64), mib(0, 64)], [128 + 63 * 32; 3]);
+    }
 }
