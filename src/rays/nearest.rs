@@ -18,7 +18,7 @@ pub struct ClosestPoints {
     pub point: Vec<[f64; 3]>,
     /// Its distance, >= 0.
     pub distance: Vec<f64>,
-    /// Its face in the mesh. Of faces whose rounded distances are equal, that of the lowest mesh and
+    /// Its face in the mesh. Of faces whose rounded distances are equal, that of the lowest mesh,
     /// then the lowest wins.
     pub primitive: Vec<i64>,
     /// Index of the mesh.
