@@ -19,6 +19,10 @@ const MOST_NEIGHBOURS: usize = 64;
 /// left out if they make no fewer edges odd than the mesh has without them. So the mesh never has
 /// more odd edges than without candidates.
 ///
+/// Where all faces exist twice, no edge is odd. So if candidates are equal, all is decided once
+/// more with equal faces as one face. What closes that mesh is taken in pairs, which change nothing
+/// about odd edges.
+///
 /// `vertices` is the number of vertices, above every index. `position` returns the place of a
 /// vertex, in any unit.
 pub fn closing_stitches(
@@ -31,28 +35,41 @@ pub fn closing_stitches(
         return Vec::new();
     }
     let places = Places::new(candidates, vertices, position);
-    let mut seen = HashSet::new();
-    let mut different = Vec::new();
+    let mut copies: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
     let mut corners = Vec::new();
-    for &candidate in candidates {
+    for (index, &candidate) in candidates.iter().enumerate() {
         let places = places.of(candidate);
-        let mut sorted = places;
-        sorted.sort_unstable();
-        if seen.insert(sorted) {
-            different.push(candidate);
+        let same = copies.entry(sorted(places)).or_default();
+        if same.is_empty() {
             corners.push(places);
         }
+        same.push(index);
     }
     let mut links = Links::new(&corners);
-    for &triangle in triangles {
-        for edge in places.edges(triangle) {
-            if let Some(&edge) = links.numbers.get(&edge) {
-                links.odd[edge as usize] ^= true;
+    let mut kept = vec![false; candidates.len()];
+    let taken = links.taken(triangles.iter().flat_map(|&triangle| places.edges(triangle)));
+    for (corners, _) in corners.iter().zip(taken).filter(|(_, taken)| *taken) {
+        kept[copies[&sorted(*corners)][0]] = true;
+    }
+    if corners.len() < candidates.len() {
+        let beside = |&&triangle: &&[u32; 3]| places.edges(triangle).any(|edge| links.has(edge));
+        let mut seen = HashSet::new();
+        let different = triangles.iter().filter(beside).filter(|&&t| seen.insert(places.key(t)));
+        let edges: Vec<[u32; 2]> = different.flat_map(|&t| places.edges(t)).collect();
+        let taken = links.taken(edges.into_iter());
+        for (corners, _) in corners.iter().zip(taken).filter(|(_, taken)| *taken) {
+            let same = &copies[&sorted(*corners)];
+            if same.len() > 1 && !kept[same[0]] {
+                (kept[same[0]], kept[same[1]]) = (true, true);
             }
         }
     }
-    let taken = links.choose();
-    different.into_iter().zip(taken).filter_map(|(c, taken)| taken.then_some(c)).collect()
+    candidates.iter().zip(kept).filter_map(|(&candidate, kept)| kept.then_some(candidate)).collect()
+}
+
+fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
+    corners.sort_unstable();
+    corners
 }
 
 /// The edges of candidates.
@@ -85,7 +102,22 @@ impl Links {
         Self { numbers, edges, users, odd }
     }
 
-    /// Returns whether each candidate is taken.
+    fn has(&self, edge: [u32; 2]) -> bool {
+        self.numbers.contains_key(&edge)
+    }
+
+    /// Returns whether each candidate is taken, beside faces with these `edges`.
+    fn taken(&mut self, edges: impl Iterator<Item = [u32; 2]>) -> Vec<bool> {
+        self.odd.fill(false);
+        for edge in edges {
+            if let Some(&number) = self.numbers.get(&edge) {
+                self.odd[number as usize] ^= true;
+            }
+        }
+        self.choose()
+    }
+
+    /// Returns whether each candidate is taken, beside the odd edges.
     fn choose(&mut self) -> Vec<bool> {
         let without = self.odd.clone();
         let mut taken = self.decide();

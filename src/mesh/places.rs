@@ -32,6 +32,13 @@ impl<P: Fn(u32) -> DVec3 + Sync> Places<P> {
         triangle.map(|v| self.numbers[&position_key((self.position)(v))])
     }
 
+    /// The places of any triangle's corners, equal for triangles with the same places.
+    pub fn key(&self, triangle: [u32; 3]) -> [[u64; 3]; 3] {
+        let mut corners = triangle.map(|v| position_key((self.position)(v)));
+        corners.sort_unstable();
+        corners
+    }
+
     /// The edges of any triangle whose ends are both at known places.
     pub fn edges(&self, triangle: [u32; 3]) -> impl Iterator<Item = [u32; 2]> + '_ {
         let marked = triangle.map(|v| self.marked[v as usize]);

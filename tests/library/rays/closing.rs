@@ -102,6 +102,28 @@ fn faces_that_close_nothing_are_dropped() {
     check(&[&split[..], &[[A, p, q]]].concat(), (1, true));
 }
 
+/// Each face has a copy with the other winding and its own vertices, as exporters of two-sided
+/// meshes write it. Copies with the same vertices are dropped before.
+#[test]
+fn t_junctions_of_two_equal_layers_are_closed_in_both() {
+    let (p, q) = (at(A, B, 4), at(A, B, 12));
+    let twice = |faces: &[[Corner; 3]]| {
+        faces.iter().flat_map(|&[a, b, c]| [[a, b, c], [c, b, a]]).collect::<Vec<_>>()
+    };
+    let check = |faces: &[[Corner; 3]], expected| {
+        for offset in [[0.0; 3], [4e5, 5.6e6, 100.0]] {
+            let mesh = mesh(&twice(faces), true, offset);
+            assert_eq!(stitches(mesh, &[[A, B]], offset), expected, "{offset:?}");
+        }
+    };
+    let one_side = [[A, D, C], [B, C, D], [A, C, B], [A, p, D], [p, B, D]];
+    check(&[&one_side[..], &[[A, B, p]]].concat(), (2, true));
+    let two = [[A, D, C], [B, C, D], [A, C, B], [A, p, D], [p, q, D], [q, B, D]];
+    check(&[&two[..], &[[A, B, q], [A, q, p]]].concat(), (4, true));
+    // What closes nothing is dropped there, too.
+    check(&[[A, C, B], [A, D, C], [B, C, D], [A, B, D], [A, p, B]], (0, true));
+}
+
 #[test]
 fn an_open_mesh_keeps_what_closes_a_t_junction_at_its_border() {
     let p = at(A, B, 4);
