@@ -16,6 +16,7 @@ impl Box3 {
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// Returns the smallest box around points.
+    #[inline]
     pub fn of(points: &[DVec3]) -> Self {
         points.iter().fold(Self::EMPTY, |b, &p| b.union(Self { min: p, max: p }))
     }
@@ -27,6 +28,7 @@ impl Box3 {
 
     /// Returns the smallest box around both boxes.
     #[must_use]
+    #[inline]
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::geometry::Box3;
 use crate::mesh::{Mesh, Positions};
 use crate::reserve;
 use crate::simd::prefetch;
@@ -248,31 +249,8 @@ pub(super) fn positions(mesh: &dyn MeshArrays, face: [Option<u64>; 3]) -> [DVec3
     positions
 }
 
-/// The box of some vertices.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Range {
-    pub min: DVec3,
-    pub max: DVec3,
-}
-
-impl Range {
-    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-
-    pub fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    /// The position that coordinates are rounded relative to: 0 if the box is near 0, so that f32
-    /// vertices keep their bits. Else the middle of the box, rounded to f32.
-    pub fn origin(self) -> DVec3 {
-        let middle = (self.min + self.max) * 0.5;
-        let size = (self.max - self.min).max_element();
-        if middle.abs().max_element() <= size { DVec3::ZERO } else { middle.as_vec3().as_dvec3() }
-    }
-}
-
 /// Checks indices and vertices, and returns the box of the vertices that faces use.
-pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Range> {
+pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
     let count = vertices.len();
     if faces.is_empty() {
@@ -299,10 +277,6 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Range> {
             ),
         });
     }
-    let ranges = (0..faces.len()).into_par_iter().with_min_len(1 << 14).map(|i| {
-        corners(mesh, i)
-            .iter()
-            .fold(Range::EMPTY, |range, &v| range.union(Range { min: v, max: v }))
-    });
-    Ok(ranges.reduce(|| Range::EMPTY, Range::union))
+    let faces = (0..faces.len()).into_par_iter().with_min_len(1 << 14);
+    Ok(faces.map(|i| Box3::of(&corners(mesh, i))).reduce(|| Box3::EMPTY, Box3::union))
 }

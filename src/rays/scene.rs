@@ -7,11 +7,11 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::arrays::{self, MeshArrays, Range};
+use super::arrays::{self, MeshArrays};
 use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
 use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::geometry::{Geometry, TriangleMesh};
+use crate::geometry::{Box3, Geometry, TriangleMesh};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
 use crate::simd::Isa;
@@ -126,7 +126,7 @@ impl RayScene {
         backend: RayBackend,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let mut range = Range::EMPTY;
+        let mut range = Box3::EMPTY;
         for (index, mesh) in meshes.iter().enumerate() {
             let place = if meshes.len() > 1 { format!("mesh {index}: ") } else { String::new() };
             range = range.union(arrays::check(mesh.as_ref(), &place)?);
@@ -134,7 +134,7 @@ impl RayScene {
         if meshes.is_empty() {
             return Err(Error::invalid("meshes", "found no mesh, expected at least one"));
         }
-        let origin = range.origin();
+        let origin = origin_of(range);
         let rounded = meshes.iter().map(|mesh| rounded(mesh.as_ref(), origin));
         let geometry = Geometry::new(origin, rounded.collect::<Result<_>>()?, vec![], vec![]);
         let geometry = geometry.map_err(|count| {
@@ -256,6 +256,13 @@ impl RayScene {
         let far = low.into_iter().chain(high).fold(reach as f32, |far, x| far.max(x.abs()));
         far * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE
     }
+}
+
+/// The position that coordinates are rounded relative to: 0 if their box is near 0, so that f32
+/// vertices keep their bits. Else the middle of the box, rounded to f32.
+fn origin_of(range: Box3) -> DVec3 {
+    let (middle, size) = (range.center(), (range.max - range.min).max_element());
+    if middle.abs().max_element() <= size { DVec3::ZERO } else { middle.as_vec3().as_dvec3() }
 }
 
 /// Rounds a mesh to f32, relative to `origin`.

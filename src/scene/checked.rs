@@ -12,6 +12,7 @@ pub use crate::sampler::SamplerKind;
 use crate::calibration::{Calibration, Distortion, Inverse};
 
 use super::backend::Backend;
+use super::description::MeshColorDescription;
 use super::layers::{Layer, LightGroups};
 
 /// Minimum number of points of an area light that adaptive shadows always trace.
@@ -383,51 +384,13 @@ pub struct Trimesh {
     pub transform: Option<Box<DAffine3>>,
 }
 
-/// Source of the colours of a mesh. `place` is the place in the scene file, for messages.
+/// Source of the colours of a mesh.
 #[derive(Debug, Clone)]
-pub enum MeshColor {
-    /// Colours of the vertices.
-    Vertex {
-        /// Place of the request.
-        place: String,
-    },
-    /// Colours of the faces.
-    Face {
-        /// Place of the request.
-        place: String,
-    },
-    /// Neither colours nor textures of the file.
-    None {
-        /// Place of the request.
-        place: String,
-    },
-    /// A property through a colour map.
-    Property(Box<PropertyColor>),
-}
-
-impl MeshColor {
-    /// Returns the place of the request.
-    pub fn place_mut(&mut self) -> &mut String {
-        match self {
-            Self::Vertex { place } | Self::Face { place } | Self::None { place } => place,
-            Self::Property(color) => &mut color.place,
-        }
-    }
-}
-
-/// A scalar property of a mesh, shown through a colour map.
-#[derive(Debug, Clone)]
-pub struct PropertyColor {
-    /// Place of `property` in the scene file, for messages.
+pub struct MeshColor {
+    /// Place of the request in the scene file, for messages.
     pub place: String,
-    /// Name of the property.
-    pub property: String,
-    /// Colour map.
-    pub map: ColorMap,
-    /// Values at the ends of the map, which differ. `None`: the range of the file's values.
-    pub range: Option<[f64; 2]>,
-    /// Colour of values that are not finite.
-    pub nan: Vec3,
+    /// The request. The ends of a range differ.
+    pub color: MeshColorDescription,
 }
 
 /// Edges across which the normals of a mesh are interpolated. Normals of the file are used in every

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::light::{Area, Distant};
 use super::points::{ShadowPoints, lane};
-use crate::geometry::{Geometry, GeometryKind, TriangleMesh, doubles};
+use crate::geometry::{Box3, Geometry, GeometryKind, TriangleMesh, doubles};
 use crate::ray::{LANES, Mask, Rays};
 
 /// Unit roundoff u of f32: half an ulp of 1.
@@ -87,14 +87,10 @@ impl Area {
     pub fn set_plane_gap(&mut self, geometry: &Geometry) {
         let [a, b] = [self.corner, self.corner + self.edge + self.height].map(|v| v.as_dvec3());
         let [c, d] = [self.corner + self.edge, self.corner + self.height].map(|v| v.as_dvec3());
-        let (low, high) = (a.min(b).min(c).min(d), a.max(b).max(c).max(d));
+        let Box3 { min: low, max: high } = Box3::of(&[a, b, c, d]);
         let largest = low.abs().max(high.abs()).max_element();
-        let reaches = |corners: &[[f32; 3]]| {
-            let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-            let [below, above] = corners.iter().fold(none, |[below, above], v| {
-                let v = doubles(*v);
-                [below.min(v), above.max(v)]
-            });
+        let reaches = |corners: &[DVec3]| {
+            let Box3 { min: below, max: above } = Box3::of(corners);
             let far = below.abs().max(above.abs()).max_element().max(largest);
             let slack = DVec3::splat(2.0 * COPLANAR * far);
             below.cmple(high + slack).all() && above.cmpge(low - slack).all()
@@ -105,13 +101,15 @@ impl Area {
         let instances = geometry.instances.iter().map(|instance| instance.bounds);
         let instances = (geometry.instance_id(0)..).zip(instances);
         for (geom, bounds) in meshes.chain(instances) {
-            let Some((mesh, placement)) = geometry.mesh(geom).filter(|_| reaches(&bounds)) else {
+            let Some((mesh, placement)) =
+                geometry.mesh(geom).filter(|_| reaches(&bounds.map(doubles)))
+            else {
                 continue;
             };
             let gap_of = |prim: u32| {
                 let corners = mesh.corners(prim);
                 let corners = placement.map_or(corners, |placement| placement.corners(corners));
-                let near = reaches(&corners);
+                let near = reaches(&corners.map(doubles));
                 let gap =
                     near.then(|| self.coplanar_distance(geometry, geometry.primitive(geom, prim)));
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)
@@ -129,7 +127,7 @@ impl Area {
             });
         }
         let quads = (0..geometry.quads.len() as u32)
-            .filter(|&prim| reaches(&geometry.quads[prim as usize]))
+            .filter(|&prim| reaches(&geometry.quads[prim as usize].map(doubles)))
             .filter_map(|prim| {
                 self.coplanar_distance(geometry, geometry.primitive(geometry.quads_id(), prim))
             });

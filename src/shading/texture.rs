@@ -9,22 +9,15 @@ use glam::{DVec2, Vec3};
 use super::image_file::{self, DecodedImage, ImageRequest, TextureSize};
 use super::mip_map::{self, Footprint, MipMap};
 use super::points::Lanes3;
-use super::texel_image::{Negative, TexelImage};
 use super::tiles::Tiles;
 use crate::error::Result;
-use crate::files::Stamp;
 use crate::ray::LANES;
 use crate::scene::{Filter, Wrap};
 
 /// An image, and smaller copies of it where it is averaged over areas.
 #[derive(Debug, Clone)]
 pub struct Texture {
-    image: TexelImage,
-    had_alpha: bool,
-    ignored_gamma: Option<f64>,
-    lacks_disk: bool,
-    negative: Option<Negative>,
-    stamp: Option<Stamp>,
+    file: DecodedImage,
     mip_map: Option<Box<MipMap>>,
     whole: u64,
 }
@@ -55,50 +48,28 @@ impl Texture {
         Ok(Self::new(image_file::read(request)?, request.whole))
     }
 
-    fn new(decoded: DecodedImage, whole: u64) -> Self {
-        let DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, stamp } = decoded;
-        let (negative, mip_map) = (image.negative(), None);
-        Self { image, had_alpha, ignored_gamma, lacks_disk, negative, stamp, mip_map, whole }
+    fn new(file: DecodedImage, whole: u64) -> Self {
+        Self { file, mip_map: None, whole }
     }
 
     /// Width in texels, >= 1.
     pub fn width(&self) -> u32 {
-        self.image.size().0
+        self.file.image.size().0
     }
 
     /// Height in texels, >= 1.
     pub fn height(&self) -> u32 {
-        self.image.size().1
+        self.file.image.size().1
     }
 
-    /// Whether the file has an alpha channel, which is ignored.
-    pub fn had_alpha(&self) -> bool {
-        self.had_alpha
-    }
-
-    /// Value of a PNG's `gAMA` chunk that is not that of sRGB, if it is ignored.
-    pub fn ignored_gamma(&self) -> Option<f64> {
-        self.ignored_gamma
-    }
-
-    /// Whether the image is in memory because no disk has space for its tiles.
-    pub fn lacks_disk(&self) -> bool {
-        self.lacks_disk
-    }
-
-    /// Texels with negative values, if there are any. They are kept.
-    pub fn negative(&self) -> Option<Negative> {
-        self.negative
-    }
-
-    /// Stamp of the file when it was opened.
-    pub fn stamp(&self) -> Option<Stamp> {
-        self.stamp
+    /// The image as it was read from its file.
+    pub fn file(&self) -> &DecodedImage {
+        &self.file
     }
 
     /// Memory of the texels and of the smaller copies, in bytes.
     pub fn bytes(&self) -> u64 {
-        self.image.bytes() + self.mip_map.as_ref().map_or(0, |map| map.bytes())
+        self.file.image.bytes() + self.mip_map.as_ref().map_or(0, |map| map.bytes())
     }
 
     /// Linear RGB at (u, v). u points right, v points down from the first row; the image is [0,
@@ -108,8 +79,8 @@ impl Texture {
     pub fn lookup(&self, u: f64, v: f64, filter: Filter, wrap_u: Wrap, wrap_v: Wrap) -> Vec3 {
         let (uv, wrap) = (DVec2::new(u, v), [wrap_u, wrap_v]);
         match filter {
-            Filter::Nearest => self.image.nearest(uv, wrap),
-            Filter::Bilinear | Filter::Trilinear => self.image.bilinear(uv, wrap),
+            Filter::Nearest => self.file.image.nearest(uv, wrap),
+            Filter::Bilinear | Filter::Trilinear => self.file.image.bilinear(uv, wrap),
         }
     }
 
@@ -117,7 +88,7 @@ impl Texture {
     /// `uv`.
     pub fn lookup_area(&self, uv: DVec2, area: &Footprint, wrap: [Wrap; 2]) -> Vec3 {
         match &self.mip_map {
-            Some(map) => map.lookup(&self.image, uv, area, wrap),
+            Some(map) => map.lookup(&self.file.image, uv, area, wrap),
             None => self.lookup(uv.x, uv.y, Filter::Bilinear, wrap[0], wrap[1]),
         }
     }
@@ -128,42 +99,39 @@ impl Texture {
     /// `Retry` if the system refuses the memory.
     pub fn make_mip_map(&mut self, what: &str) -> Result<()> {
         if self.mip_map.is_none() {
-            self.mip_map = Some(Box::new(MipMap::new(&self.image, self.whole, what)?));
+            self.mip_map = Some(Box::new(MipMap::new(&self.file.image, self.whole, what)?));
         }
         Ok(())
     }
 
     /// Upper bound of the memory of the smaller copies, in bytes.
     pub fn max_mip_map_bytes(&self) -> u64 {
-        match self.image.tiles() {
+        let image = &self.file.image;
+        match image.tiles() {
             Some((tiles, _)) => mip_map::max_bytes(tiles.size(), self.whole),
             // 6 bytes for every fourth, 16th... of the 3-byte texels.
-            None if self.image.is_stored_as_bytes() => self.image.bytes() - self.image.bytes() / 3,
-            None => mip_map::float_bytes(self.image.size(), self.image.stored_part()),
+            None if image.is_stored_as_bytes() => image.bytes() - image.bytes() / 3,
+            None => mip_map::float_bytes(image.size(), image.stored_part()),
         }
     }
 
     /// Returns the error of the first lookup that could not read its texels.
     pub fn check(&self) -> Result<()> {
         let copies = self.mip_map.iter().flat_map(|map| map.tiles());
-        self.image
-            .tiles()
-            .map(|(tiles, _)| tiles)
-            .into_iter()
-            .chain(copies)
-            .try_for_each(Tiles::check)
+        let own = self.file.image.tiles().map(|(tiles, _)| tiles);
+        own.into_iter().chain(copies).try_for_each(Tiles::check)
     }
 
     /// The texel in column `x` of row `y`, both inside the image.
     #[inline(always)]
     pub(super) fn texel(&self, x: usize, y: usize) -> Vec3 {
-        self.image.texel(x, y)
+        self.file.image.texel(x, y)
     }
 
     /// 16 texels, by column and row.
     #[inline(always)]
     pub(super) fn texels(&self, x: &[u32; LANES], y: &[u32; LANES]) -> Lanes3 {
-        self.image.texels(x, y)
+        self.file.image.texels(x, y)
     }
 }
 
@@ -205,7 +173,7 @@ mod tests {
     #[test]
     fn nearest_is_the_texel_under_the_point() {
         let t = ramp();
-        assert_eq!((t.width(), t.height(), t.had_alpha()), (4, 2, false));
+        assert_eq!((t.width(), t.height(), t.file().had_alpha), (4, 2, false));
         for (u, v, expected) in [
             (0.0, 0.0, 0.0),
             (0.2499, 0.4999, 0.0),

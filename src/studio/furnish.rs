@@ -133,7 +133,7 @@ pub fn wanted(subject: &Subject, template: &Template, user: &Overrides) -> Optio
     let mut spec = trimesh(&loaded, &shape)?.clone();
     if let (Some(color), true) = (&mut spec.color, subject.looks.color.is_some()) {
         // Messages name the flag and not the override.
-        "--color".clone_into(color.place_mut());
+        "--color".clone_into(&mut color.place);
     }
     Some((spec, textured))
 }

@@ -6,8 +6,9 @@ use crate::error::{Error, Problem, Result};
 use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property, Scalars};
 use crate::output::legend::Legend;
 use crate::output::srgb;
-use crate::scene::written::MAX_COLOR;
-use crate::scene::{ColorSpace, MeshColor, PropertyColor, Trimesh};
+use crate::scene::written::MeshColorDescription::{Property as Mapped, Stored};
+use crate::scene::written::{MAX_COLOR, PropertyColorDescription, StoredColor};
+use crate::scene::{ColorSpace, Trimesh};
 use crate::shading::{ColorSource, MappedScalars, MeshColors, StoredColors};
 use crate::units::counted;
 
@@ -15,17 +16,15 @@ use crate::units::counted;
 /// texture, which hides all colours.
 pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
     use mesh::ColorChoice as Source;
-    let (source, place) = match &spec.color {
-        _ if textured => (Source::Nothing, ""),
-        None if spec.vertex_colors => (Source::Any, ""),
-        None | Some(MeshColor::None { .. }) => (Source::Nothing, ""),
-        Some(MeshColor::Vertex { place }) => (Source::Vertices, place.as_str()),
-        Some(MeshColor::Face { place }) => (Source::Faces, place.as_str()),
-        Some(MeshColor::Property(color)) => {
-            (Source::Property(&color.property), color.place.as_str())
-        }
+    let source = match spec.color.as_ref().map(|request| &request.color) {
+        _ if textured => Source::Nothing,
+        None if spec.vertex_colors => Source::Any,
+        None | Some(Stored(StoredColor::None)) => Source::Nothing,
+        Some(Stored(StoredColor::Vertex)) => Source::Vertices,
+        Some(Stored(StoredColor::Face)) => Source::Faces,
+        Some(Mapped(color)) => Source::Property(&color.property.0),
     };
-    ColorRequest { source, place }
+    ColorRequest { source, place: spec.color.as_ref().map_or("", |request| &request.place) }
 }
 
 /// Takes the colours that a shape shows from its mesh, with the legend of a colour map. All other
@@ -43,14 +42,14 @@ pub(super) fn take(
     let (alpha, property) = (mesh.alpha.take(), mesh.property.take());
     let by_vertices = of_vertices.map(|values| (MeshElement::Vertex, values));
     let by_faces = of_faces.map(|values| (MeshElement::Face, values));
-    let stored = match &spec.color {
+    let stored = match spec.color.as_ref().map(|request| &request.color) {
         _ if textured => None,
         None if !spec.vertex_colors => None,
-        Some(MeshColor::None { .. }) => None,
+        Some(Stored(StoredColor::None)) => None,
         None => by_vertices.or(by_faces),
-        Some(MeshColor::Vertex { .. }) => by_vertices,
-        Some(MeshColor::Face { .. }) => by_faces,
-        Some(MeshColor::Property(color)) => {
+        Some(Stored(StoredColor::Vertex)) => by_vertices,
+        Some(Stored(StoredColor::Face)) => by_faces,
+        Some(Mapped(color)) => {
             let (colors, legend) = mapped(property, color, spec, warnings)?;
             return Ok((Some(colors), Some(legend)));
         }
@@ -146,19 +145,20 @@ impl Finite {
 
 fn mapped(
     property: Option<Property>,
-    color: &PropertyColor,
+    color: &PropertyColorDescription,
     spec: &Trimesh,
     warnings: &mut Vec<Problem>,
 ) -> Result<(MeshColors, Legend)> {
     let path = spec.path.display();
     let Some(property) = property else {
-        let message = format!("{path} was read without its property {:?}", color.property);
-        return Err(Error::invalid(&color.place, message));
+        let message = format!("{path} was read without its property {:?}", color.property.0);
+        let place = spec.color.as_ref().map_or("", |request| &request.place);
+        return Err(Error::invalid(place, message));
     };
     let finite = Finite::of(&property);
     let name = format!("{}.{}", property.element.name(), property.name);
     if finite.others > 0 {
-        let [r, g, b] = color.nan.to_array();
+        let [r, g, b] = color.nan.vec().to_array();
         let message = format!(
             "{} of {} values of {name} are not finite; they have the colour [{r}, {g}, {b}]",
             finite.others,
@@ -167,10 +167,10 @@ fn mapped(
         warnings.push(Problem::new(path.to_string(), message));
     }
     let range = color.range.unwrap_or_else(|| finite.range());
-    let nan = color.nan.to_array().map(|c| srgb::byte(f64::from(c).clamp(0.0, 1.0)));
+    let nan = color.nan.vec().to_array().map(|c| srgb::byte(f64::from(c).clamp(0.0, 1.0)));
     let nan = (finite.others > 0).then_some(nan);
     let legend = Legend { name: property.name, map: color.map, range, nan };
-    let scalars = MappedScalars::new(property.values, color.map, range, color.nan);
+    let scalars = MappedScalars::new(property.values, color.map, range, color.nan.vec());
     let source = ColorSource::Mapped(Box::new(scalars));
     Ok((MeshColors { element: property.element, source, first_sphere: 0 }, legend))
 }

@@ -36,7 +36,7 @@ impl Maps {
             tried.push(&spec.path);
             let left = budget.map(|budget| budget.less(all.bytes()));
             let Some(map) = failures.keep(one(spec, left)) else { continue };
-            log.read.0.push((spec.path.clone(), map.texture().stamp()));
+            log.read.0.push((spec.path.clone(), map.texture().file().stamp));
             warn(spec, &map, &mut log.warnings);
             all.0.push((spec.path.clone(), Arc::new(map)));
         }
@@ -69,7 +69,7 @@ fn one(spec: &MapUse, left: Option<MemoryLimit>) -> Result<EnvironmentMap> {
         return Err(Error::new(ErrorKind::Limit, problem));
     }
     let texture = Texture::load_within(&spec.path, needed)?;
-    if let Some(Negative { texels, first: [x, y] }) = texture.negative() {
+    if let Some(Negative { texels, first: [x, y] }) = texture.file().negative {
         let message = format!(
             "found {}, the first at ({x}, {y}); expected a radiance of at least 0",
             units::plural(texels as usize, "negative texel")
@@ -89,7 +89,7 @@ fn warn(spec: &MapUse, map: &EnvironmentMap, warnings: &mut Vec<Problem>) {
              the whole sphere"
         ));
     }
-    if texture.had_alpha() {
+    if texture.file().had_alpha {
         warn(format!("the alpha channel of {path} is ignored"));
     }
     if map.mean() == 0.0 {

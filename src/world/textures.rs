@@ -66,7 +66,7 @@ pub(super) fn load(
                     let texture = one(&spec.path, space, left);
                     let texture = failures.keep(texture)?;
                     left = left.less(texture.bytes());
-                    log.read.0.push((spec.path.clone(), texture.stamp()));
+                    log.read.0.push((spec.path.clone(), texture.file().stamp));
                     textures.push(texture);
                     Some(textures.len() as u32 - 1)
                 });
@@ -231,7 +231,7 @@ pub(super) fn load_mesh_images(
                     failures.keep(texture).map(|texture| {
                         let place = path.display().to_string();
                         warn_of_texels(&place, &path, &texture, &mut log.warnings);
-                        log.read.0.push((path.clone(), texture.stamp()));
+                        log.read.0.push((path.clone(), texture.file().stamp));
                         textures.push(texture);
                         textures.len() as u32 - 1
                     })
@@ -289,11 +289,11 @@ fn warn(spec: &TextureUse, texture: &Texture, warnings: &mut Vec<Problem>) {
 /// Warns of alpha, of a gamma chunk, of a large image in memory, and of texels below 0: no real
 /// surface has them, and they make radiance negative.
 fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Vec<Problem>) {
-    if texture.had_alpha() {
+    if texture.file().had_alpha {
         let message = format!("the alpha channel of {} is ignored", path.display());
         warnings.push(Problem::new(place, message));
     }
-    if let Some(gamma) = texture.ignored_gamma() {
+    if let Some(gamma) = texture.file().ignored_gamma {
         let message = format!(
             "the gAMA chunk of {} ({gamma}) is ignored: it is read as sRGB",
             path.display()
@@ -301,7 +301,7 @@ fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Ve
         let help = "set `colorspace` of the material to linear or srgb";
         warnings.push(Problem::new(place, message).help(help));
     }
-    if texture.lacks_disk() {
+    if texture.file().lacks_disk {
         let message = format!(
             "{} takes {} of memory: no disk has space for its temporary file",
             path.display(),
@@ -309,7 +309,7 @@ fn warn_of_texels(place: &str, path: &Path, texture: &Texture, warnings: &mut Ve
         );
         warnings.push(Problem::new(place, message).help("set TMPDIR to a folder on a disk"));
     }
-    let Some(Negative { texels, first: [x, y] }) = texture.negative() else { return };
+    let Some(Negative { texels, first: [x, y] }) = texture.file().negative else { return };
     let message = format!(
         "found {} in {}, the first at ({x}, {y}); such values are kept: surfaces have negative \
          radiance there",

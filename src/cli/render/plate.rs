@@ -74,9 +74,9 @@ impl PlateImage {
     /// Returns warnings of alpha, and of texels below 0.
     pub fn warnings(&self) -> Vec<Problem> {
         let path = self.path.display();
-        let alpha = self.image.had_alpha();
+        let alpha = self.image.file().had_alpha;
         let alpha = alpha.then(|| format!("the alpha channel of {path} is ignored"));
-        let negative = self.image.negative().map(|Negative { texels, first: [x, y] }| {
+        let negative = self.image.file().negative.map(|Negative { texels, first: [x, y] }| {
             let texels = plural(texels as usize, "negative texel");
             let message = format!(
                 "found {texels} in {path}, the first at ({x}, {y}); the PNG is too dark there"

@@ -4,12 +4,9 @@ use std::collections::{HashMap, HashSet};
 
 use glam::{DAffine3, DVec3};
 
-use crate::scene::checked::{
-    CheckedShape, MeshColor, PropertyColor, Role, ShapeKind, Smooth, Trimesh,
-};
+use crate::scene::checked::{CheckedShape, MeshColor, Role, ShapeKind, Smooth, Trimesh};
 use crate::scene::description::{
-    MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, StoredColor,
-    TriMeshDescription,
+    MeshColorDescription, ShapeCommon, ShapeDescription, SmoothDescription, TriMeshDescription,
 };
 use crate::scene::node::NodeKind;
 
@@ -190,25 +187,15 @@ impl Check<'_, '_> {
                 self.problems.error(&pointer, message, Some("leave `vertexcolors` out".into()));
             }
         }
-        let place = self.document.place(&pointer);
-        match color {
-            MeshColorDescription::Stored(StoredColor::Vertex) => MeshColor::Vertex { place },
-            MeshColorDescription::Stored(StoredColor::Face) => MeshColor::Face { place },
-            MeshColorDescription::Stored(StoredColor::None) => MeshColor::None { place },
-            MeshColorDescription::Property(color) => {
-                if let Some([low, high]) = color.range.filter(|[low, high]| low == high) {
-                    let message = format!("found [{low}, {high}], expected two different numbers");
-                    self.problems.error(&format!("{pointer}/range"), message, None);
-                }
-                MeshColor::Property(Box::new(PropertyColor {
-                    place: self.document.place(&format!("{pointer}/property")),
-                    property: color.property.0.clone(),
-                    map: color.map,
-                    range: color.range,
-                    nan: color.nan.vec(),
-                }))
+        let mut place = pointer.clone();
+        if let MeshColorDescription::Property(color) = color {
+            if let Some([low, high]) = color.range.filter(|[low, high]| low == high) {
+                let message = format!("found [{low}, {high}], expected two different numbers");
+                self.problems.error(&format!("{pointer}/range"), message, None);
             }
+            place += "/property";
         }
+        MeshColor { place: self.document.place(&place), color: color.clone() }
     }
 
     fn warn_about_hidden_color(&mut self, pointer: &str, mesh: &Trimesh) {

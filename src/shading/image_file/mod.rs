@@ -31,7 +31,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageDecoder, ImageFormat};
 
-use super::texel_image::TexelImage;
+use super::texel_image::{Negative, TexelImage};
 use super::tiles::{TileWriter, Tiles};
 use crate::error::{Error, Result};
 use crate::files::Stamp;
@@ -46,7 +46,7 @@ use memory::{check_needed, check_size};
 pub use memory::{DEFAULT_MAX_BYTES, TextureSize, WHOLE_TEXELS};
 
 /// An image file in memory.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct DecodedImage {
     /// The texels.
     pub image: TexelImage,
@@ -56,6 +56,8 @@ pub struct DecodedImage {
     pub ignored_gamma: Option<f64>,
     /// Whether the image is in memory because no disk has space for its tiles.
     pub lacks_disk: bool,
+    /// Texels with negative values, if there are any. They are kept.
+    pub negative: Option<Negative>,
     /// Stamp of the file when it was opened.
     pub stamp: Option<Stamp>,
 }
@@ -171,7 +173,8 @@ fn read_by_rows(
         jpeg_rows::read(path, tiles, pixels)?
     };
     let image = TexelImage::from_tiles(tiles, byte_table(request.curve(), 255));
-    Ok(Some(DecodedImage { image, had_alpha, ignored_gamma: None, lacks_disk: false, stamp }))
+    let (ignored_gamma, lacks_disk, negative) = (None, false, None);
+    Ok(Some(DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, negative, stamp }))
 }
 
 /// Reads an image into memory. Decoding takes `needed` bytes. Without a `curve`, the format
@@ -213,8 +216,9 @@ fn read_whole(
             format!("texel ({x}, {y}) is NaN or infinite; every value must be finite"),
         ));
     }
-    let (ignored_gamma, lacks_disk) = (None, false);
-    Ok(DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, stamp: opened.stamp })
+    let (ignored_gamma, lacks_disk, negative) = (None, false, image.negative());
+    let stamp = opened.stamp;
+    Ok(DecodedImage { image, had_alpha, ignored_gamma, lacks_disk, negative, stamp })
 }
 
 /// Drops alpha, expands grey to RGB and makes values linear. `white` is the divisor of integers, if
