@@ -16,7 +16,7 @@ pub struct TriangleMesh {
     /// True for `bvh: false` in the scene: the `coursework` backend tests each triangle of the mesh
     /// in a loop.
     pub loop_only: bool,
-    /// Lowest and highest coordinates of all vertices. NaN is ignored.
+    /// Lowest and highest finite coordinates of all vertices.
     bounds: [[f32; 3]; 2],
 }
 
@@ -62,8 +62,8 @@ impl TriangleMesh {
         [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
-    /// Lowest and highest coordinates of all vertices, used or not. NaN coordinates are ignored.
-    /// Without vertices the lowest are `+inf` and the highest `-inf`.
+    /// Lowest and highest coordinates of all vertices, used or not. Those that are not finite are
+    /// ignored: no triangle has them. Without any the lowest are `+inf` and the highest `-inf`.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         self.bounds
     }
@@ -78,8 +78,10 @@ impl TriangleMesh {
 fn bounds_of(vertices: &[[f32; 3]]) -> [[f32; 3]; 2] {
     let none = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     let union = |[low, high]: [[f32; 3]; 2], [a, b]: [[f32; 3]; 2]| {
-        let least = std::array::from_fn(|k| if a[k] < low[k] { a[k] } else { low[k] });
-        [least, std::array::from_fn(|k| if b[k] > high[k] { b[k] } else { high[k] })]
+        let lower = |k: usize| a[k] < low[k] && a[k] > f32::NEG_INFINITY;
+        let higher = |k: usize| b[k] > high[k] && b[k] < f32::INFINITY;
+        let least = std::array::from_fn(|k| if lower(k) { a[k] } else { low[k] });
+        [least, std::array::from_fn(|k| if higher(k) { b[k] } else { high[k] })]
     };
     let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(none, |all, &v| union(all, [v; 2]));
     vertices.par_chunks(1 << 16).map(of_chunk).reduce(|| none, union)
@@ -91,8 +93,8 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     #[test]
-    fn bounds_contain_all_vertices_and_ignore_nan() {
-        let vertices = vec![[1.0, -2.0, 3.0], [-4.0, 5.0, -6.0], [f32::NAN, 7.0, f32::NAN]];
+    fn bounds_contain_all_finite_coordinates() {
+        let vertices = vec![[1.0, -2.0, 3.0], [-4.0, 5.0, -6.0], [f32::NAN, 7.0, -f32::INFINITY]];
         let mesh = TriangleMesh::new(vertices, vec![], false);
         assert_eq!(mesh.bounds(), [[-4.0, -2.0, -6.0], [1.0, 7.0, 3.0]]);
         let nothing = TriangleMesh::new(vec![], vec![], false).bounds();

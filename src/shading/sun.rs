@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
-use crate::geometry::{Geometry, doubles};
+use crate::geometry::{Box3, Geometry, TriangleMesh, doubles};
 use crate::ray::LANES;
 use crate::sampler::disk;
 
@@ -94,19 +94,13 @@ impl Cone {
 /// A length above the diagonal of the bounding box of all primitives; 1 if the box is empty or a
 /// point.
 pub(super) fn reach(geometry: &Geometry) -> f64 {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |lower: DVec3, upper: DVec3| (low, high) = (low.min(lower), high.max(upper));
-    for mesh in &geometry.meshes {
-        mesh.vertices().iter().for_each(|&v| add(doubles(v), doubles(v)));
-    }
-    for instance in &geometry.instances {
-        add(doubles(instance.bounds[0]), doubles(instance.bounds[1]));
-    }
-    geometry.quads.iter().flatten().for_each(|&v| add(doubles(v), doubles(v)));
-    for sphere in &geometry.spheres {
-        add(sphere.center - sphere.radius, sphere.center + sphere.radius);
-    }
-    let size = (high - low).length();
+    let meshes = geometry.meshes.iter().map(TriangleMesh::bounds);
+    let meshes = meshes.chain(geometry.instances.iter().map(|instance| instance.bounds));
+    let meshes = meshes.map(|[min, max]| Box3 { min: doubles(min), max: doubles(max) });
+    let quads = geometry.quads.iter().map(|quad| Box3::of(&quad.map(doubles)));
+    let spheres = geometry.spheres.iter().map(|s| Box3::of_sphere(s.center, s.radius));
+    let all = Box3::around(meshes.chain(quads).chain(spheres));
+    let size = (all.max - all.min).length();
     if size.is_finite() && size > 0.0 { 1.01 * size } else { 1.0 }
 }
 
@@ -117,6 +111,15 @@ mod tests {
     fn cone(angle_deg: f64) -> Cone {
         let geometry = Geometry::default();
         Cone { reach: 8.0, ..Cone::new(DVec3::new(0.3, 2.0, -1.0), angle_deg, &geometry) }
+    }
+
+    #[test]
+    fn the_reach_is_that_of_finite_vertices() {
+        let (nan, inf) = (f32::NAN, f32::INFINITY);
+        let vertices = vec![[3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [nan; 3], [inf, -inf, nan]];
+        let mesh = TriangleMesh::new(vertices, vec![], false);
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
+        assert_eq!(reach(&geometry), 1.01 * 5.0);
     }
 
     /// Unit directions for a grid over the unit square.

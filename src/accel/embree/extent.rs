@@ -26,12 +26,7 @@ impl Extent {
     /// Computes the bounds of a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let vertices = mesh.vertices();
-        let widen = |[low, high]: [DVec3; 2], v: DVec3| [low.min(v), high.max(v)];
-        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let [low, high] = vertices
-            .par_chunks(1 << 14)
-            .map(|part| part.iter().fold(none, |bounds, v| widen(bounds, doubles(*v))))
-            .reduce(|| none, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let [low, high] = mesh.bounds().map(doubles);
         let corner = |i: u32| doubles(vertices[i as usize]);
         let longest = |part: &[[u32; 3]]| {
             let square = part.iter().fold(0.0f64, |most, &[a, b, c]| {
