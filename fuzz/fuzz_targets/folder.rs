@@ -1,3 +1,5 @@
+//! A folder for the files that a fuzz target writes.
+
 use std::fs;
 use std::path::PathBuf;
 

@@ -420,7 +420,8 @@ class RayScene:
         Returns
         -------
         ClosestPoints
-            Of faces whose rounded distances are equal, that of the lowest mesh, then the lowest wins.
+            Of faces whose rounded distances are equal, that of the lowest mesh, then the lowest
+            face wins.
 
         Examples
         --------

@@ -35,21 +35,26 @@ pub fn closing_stitches(
         return Vec::new();
     }
     let places = Places::new(candidates, vertices, position);
-    let mut copies: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
+    let mut numbers = HashMap::new();
     let mut corners = Vec::new();
+    // Indices of the candidates with the same corners.
+    let mut copies: Vec<Vec<usize>> = Vec::new();
     for (index, &candidate) in candidates.iter().enumerate() {
-        let places = places.of(candidate);
-        let same = copies.entry(sorted(places)).or_default();
-        if same.is_empty() {
-            corners.push(places);
+        let own = places.of(candidate);
+        let mut sorted = own;
+        sorted.sort_unstable();
+        let number = *numbers.entry(sorted).or_insert(corners.len());
+        if number == corners.len() {
+            corners.push(own);
+            copies.push(Vec::new());
         }
-        same.push(index);
+        copies[number].push(index);
     }
     let mut links = Links::new(&corners);
     let mut kept = vec![false; candidates.len()];
     let taken = links.taken(triangles.iter().flat_map(|&triangle| places.edges(triangle)));
-    for (corners, _) in corners.iter().zip(taken).filter(|(_, taken)| *taken) {
-        kept[copies[&sorted(*corners)][0]] = true;
+    for (same, _) in copies.iter().zip(taken).filter(|(_, taken)| *taken) {
+        kept[same[0]] = true;
     }
     if corners.len() < candidates.len() {
         let beside = |&&triangle: &&[u32; 3]| places.edges(triangle).any(|edge| links.has(edge));
@@ -57,19 +62,13 @@ pub fn closing_stitches(
         let different = triangles.iter().filter(beside).filter(|&&t| seen.insert(places.key(t)));
         let edges: Vec<[u32; 2]> = different.flat_map(|&t| places.edges(t)).collect();
         let taken = links.taken(edges.into_iter());
-        for (corners, _) in corners.iter().zip(taken).filter(|(_, taken)| *taken) {
-            let same = &copies[&sorted(*corners)];
+        for (same, _) in copies.iter().zip(taken).filter(|(_, taken)| *taken) {
             if same.len() > 1 && !kept[same[0]] {
                 (kept[same[0]], kept[same[1]]) = (true, true);
             }
         }
     }
     candidates.iter().zip(kept).filter_map(|(&candidate, kept)| kept.then_some(candidate)).collect()
-}
-
-fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
-    corners.sort_unstable();
-    corners
 }
 
 /// The edges of candidates.
@@ -102,6 +101,7 @@ impl Links {
         Self { numbers, edges, users, odd }
     }
 
+    /// Whether a candidate has an edge.
     fn has(&self, edge: [u32; 2]) -> bool {
         self.numbers.contains_key(&edge)
     }

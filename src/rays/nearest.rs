@@ -132,7 +132,7 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     }
     let [ab2, bc2, ac2] = [ab, bc, ac].map(DVec3::length_squared);
     let longest = ab2.max(bc2).max(ac2);
-    // The shorter two edges round the normal the least.
+    // The two shorter edges round the normal the least. `shorter` is the square of their product.
     let (normal, shorter) = if longest == ac2 {
         (ab.cross(bc), ab2 * bc2)
     } else if longest == ab2 {
@@ -143,7 +143,7 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     let normal2 = normal.length_squared();
     // Else the triangle is narrower than its plane is rounded, if it is obtuse: less than 1.5e-8 of
     // its length. Then the nearest point of its edges is as near, but for its width.
-    let has_plane = normal2 * normal2 > f64::EPSILON.powi(2) * shorter * longest * longest;
+    let has_plane = normal2 > f64::EPSILON * shorter.sqrt() * longest;
     let side = |edge: DVec3, from_end: DVec3| normal.dot(edge.cross(from_end));
     let mut nearest = None;
     for (beyond, edge, length2, [low, high], from_low) in [
@@ -153,10 +153,12 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     ] {
         if beyond || !has_plane {
             let along = edge.dot(from_low);
-            let on = match along > 0.0 {
-                true if along < length2 => low + edge * (along / length2),
-                true => high,
-                false => low,
+            let on = if along <= 0.0 {
+                low
+            } else if along >= length2 {
+                high
+            } else {
+                low + edge * (along / length2)
             };
             let squared = (on - p).length_squared();
             if nearest.is_none_or(|(least, _)| squared < least) {
@@ -199,7 +201,7 @@ mod tests {
             .into_iter()
             .flat_map(|w| [0.0, 2f64.powi(-12), 1.0, 512.0].map(|height| (2f64.powi(w), height)))
         {
-            // A whole face, and the two halves of a flat cap.
+            // The strip of two faces, and of three, of which one is a flat cap.
             let [a, b, c, d] =
                 [[0.0; 3], [length, 0.0, 0.0], [length, width, 0.0], [0.0, width, 0.0]];
             let middle = [length / 2.0, width, 0.0];
