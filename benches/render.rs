@@ -26,6 +26,7 @@ mod with_embree {
     use lightpath::accel::{self, Accelerator, BuildInfo, BuildOptions};
     use lightpath::film::{Film, Window};
     use lightpath::lab::ab::{TimingPlan, interleave};
+    use lightpath::lab::accuracy::meshes::{TestMesh, icosphere};
     use lightpath::lab::stats::{Estimate, mad, median, paired_ratio};
     use lightpath::monitor::Monitor;
     use lightpath::ray::{Coherence, LANES, Mask, RayPacket, Rays};
@@ -324,76 +325,21 @@ mod with_embree {
 
     /// Writes an icosphere of 1,310,720 triangles with bumps on it.
     fn displaced_sphere(path: &Path) -> PathBuf {
-        use std::collections::HashMap;
-        let g = (1.0 + 5f64.sqrt()) / 2.0;
-        let mut points: Vec<glam::DVec3> = [
-            [-1.0, g, 0.0],
-            [1.0, g, 0.0],
-            [-1.0, -g, 0.0],
-            [1.0, -g, 0.0],
-            [0.0, -1.0, g],
-            [0.0, 1.0, g],
-            [0.0, -1.0, -g],
-            [0.0, 1.0, -g],
-            [g, 0.0, -1.0],
-            [g, 0.0, 1.0],
-            [-g, 0.0, -1.0],
-            [-g, 0.0, 1.0],
-        ]
-        .map(|p| glam::DVec3::from(p).normalize())
-        .to_vec();
-        let mut faces: Vec<[u32; 3]> = vec![
-            [0, 11, 5],
-            [0, 5, 1],
-            [0, 1, 7],
-            [0, 7, 10],
-            [0, 10, 11],
-            [1, 5, 9],
-            [5, 11, 4],
-            [11, 10, 2],
-            [10, 7, 6],
-            [7, 1, 8],
-            [3, 9, 4],
-            [3, 4, 2],
-            [3, 2, 6],
-            [3, 6, 8],
-            [3, 8, 9],
-            [4, 9, 5],
-            [2, 4, 11],
-            [6, 2, 10],
-            [8, 6, 7],
-            [9, 8, 1],
-        ];
-        for _ in 0..8 {
-            let mut middles = HashMap::new();
-            let mut middle = |a: u32, b: u32| {
-                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                    points.push((points[a as usize] + points[b as usize]).normalize());
-                    points.len() as u32 - 1
-                })
-            };
-            faces = faces
-                .iter()
-                .flat_map(|&[a, b, c]| {
-                    let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-                    [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
-                })
-                .collect();
-        }
+        let TestMesh { vertices, triangles, .. } = icosphere(8);
         let mut bytes = format!(
             "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
              property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
-            points.len(),
-            faces.len()
+            vertices.len(),
+            triangles.len()
         )
         .into_bytes();
-        for p in &points {
+        for p in &vertices {
             let bumps = (p.x * 23.0).sin() * (p.y * 29.0).sin() * (p.z * 31.0).sin();
             for x in (*p * (1.0 + 0.03 * bumps)).to_array() {
                 bytes.extend((x as f32).to_le_bytes());
             }
         }
-        for f in &faces {
+        for f in &triangles {
             bytes.push(3);
             f.iter().for_each(|i| bytes.extend(i.to_le_bytes()));
         }

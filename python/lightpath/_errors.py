@@ -1,5 +1,7 @@
 """Errors that are also errors of files."""
 
+from __future__ import annotations
+
 import errno as numbers
 import os
 
@@ -15,7 +17,8 @@ class FileError(OSError, Error):
 
     __module__ = "lightpath"
 
-    def __init__(self, text, errno=None, filename=None):
+    def __init__(self, text: str, errno: int | None = None,
+                 filename: str | os.PathLike[str] | None = None) -> None:
         super().__init__(text)
         self.errno, self.filename = errno, None if filename is None else os.fspath(filename)
 
@@ -48,7 +51,7 @@ class ExistingFileError(FileError, FileExistsError):
     """A file that exists already."""
 
 
-_CLASSES = {
+_CLASSES: dict[int | None, type[FileError]] = {
     numbers.ENOENT: MissingFileError,
     numbers.EISDIR: NotAFileError,
     numbers.ENOTDIR: NotAFolderError,
@@ -58,13 +61,14 @@ _CLASSES = {
 }
 
 
-def of_file(text, errno, filename, specific=True):
+def of_file(text: str, errno: int | None, filename: str | os.PathLike[str] | None,
+            specific: bool = True) -> FileError:
     """Return the exception for a file: of the class of `errno` if it is `specific`."""
     kind = _CLASSES.get(errno, FileError) if specific else FileError
     return kind(text, errno, filename)
 
 
-def cannot_write(path, errno, reason):
+def cannot_write(path: str | os.PathLike[str], errno: int | None, reason: object) -> FileError:
     """Return the exception for an output file."""
     message = f"cannot write {os.fspath(path)!r}: {reason}"
     error = of_file(f"path: {message}", errno, path)

@@ -1,19 +1,24 @@
 """Pictures of scenes, meshes and files."""
 
+from __future__ import annotations
+
 import copy
 import errno
 import json
 import os
 import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _convert, _lightpath
 from ._errors import cannot_write
 
 
-class Picture(dict):
+class Picture(dict[str, NDArray[Any]]):
     """The layers of a picture, by name.
 
     ``picture["RGBA"]`` is (height, width, 4) float32: linear BT.709 radiance, premultiplied by
@@ -29,6 +34,8 @@ class Picture(dict):
         Problems of the scene that did not prevent the render, and values that a written EXR does
         not hold.
     """
+
+    warnings: list[str]
 
     def __init__(self, picture):
         self._picture = picture
@@ -69,7 +76,7 @@ class Picture(dict):
         return [name for name, layer in self.items()
                 if isinstance(layer, np.ndarray) and not layer.flags.writeable]
 
-    def write(self, prefix, *, float=False):
+    def write(self, prefix: str | os.PathLike[str], *, float: bool = False) -> list[Path]:
         """Write PREFIX.exr and PREFIX.png, and return their paths.
 
         An ending .exr or .png of the prefix is dropped. `warnings` tells of values that the EXR does
@@ -102,7 +109,7 @@ class Picture(dict):
         paths, warnings = self._picture.write(prefix, bool(float))
         return [Path(path) for path in paths], warnings
 
-    def write_exr(self, path, *, float=False):
+    def write_exr(self, path: str | os.PathLike[str], *, float: bool = False) -> None:
         """Write an EXR with all layers. The file appears only when it is complete.
 
         Parameters
@@ -114,7 +121,7 @@ class Picture(dict):
         """
         self._add_warnings(self._write_one(path, 0, ".exr", float))
 
-    def write_png(self, path):
+    def write_png(self, path: str | os.PathLike[str]) -> None:
         """Write a tone-mapped PNG. The file appears only when it is complete."""
         self._write_one(path, 1, ".png")
 
@@ -152,8 +159,18 @@ def _restored(layers, warnings, picture=None, read_only=()):
     return restored
 
 
-def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=None, settings=None,
-           threads=None, progress=None):
+def render(
+    scene: Any,
+    *,
+    meshes: Mapping[str, tuple[str, ArrayLike, ArrayLike]] | None = None,
+    camera: Mapping[str, Any] | None = None,
+    spp: int | None = None,
+    layers: str | Sequence[str] | None = None,
+    backend: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Picture:
     """Render a picture.
 
     Parameters
@@ -216,15 +233,16 @@ def render(scene, *, meshes=None, camera=None, spp=None, layers=None, backend=No
     for pointer in overrides:
         if "=" in pointer:
             raise ValueError(f"settings: found {pointer!r}, expected a JSON pointer without `=`")
-    overrides = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
+    words = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
     subject = _subject(scene, meshes)
     threads = _convert.threads(threads)
-    picture = Picture(_lightpath.render(subject, overrides, threads, progress))
+    picture = Picture(_lightpath.render(subject, words, threads, progress))
     picture.warnings += _convert.left_out(scene)
     return picture
 
 
-def render_views(scene, cameras, **options):
+def render_views(scene: Any, cameras: Iterable[Mapping[str, Any]],
+                 **options: Any) -> Iterator[Picture]:
     """Render one picture for each camera, one after the other.
 
     Parameters
@@ -252,7 +270,7 @@ def render_views(scene, cameras, **options):
         yield render(scene, camera=camera, **options)
 
 
-def thumbnail(scene):
+def thumbnail(scene: Any) -> bytes:
     """Return the PNG of a small picture of a mesh in the studio."""
     return render(scene, camera={"width": 320, "height": 240}, spp=4)._repr_png_()
 

@@ -1,12 +1,19 @@
 """Queries about meshes: `RayScene` and the tuples that it returns."""
 
+from __future__ import annotations
+
 import os
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _convert, _pictures
 from ._lightpath import Scene, read_mesh
+
+Progress = Callable[[int, int], object]
+Backend = Literal["bvh", "embree"]
 
 
 class Hits(NamedTuple):
@@ -27,11 +34,11 @@ class Hits(NamedTuple):
         area.
     """
 
-    t: np.ndarray
-    primitive: np.ndarray
-    mesh: np.ndarray
-    barycentrics: np.ndarray
-    normal: np.ndarray
+    t: NDArray[np.float64]
+    primitive: NDArray[np.int64]
+    mesh: NDArray[np.int32]
+    barycentrics: NDArray[np.float64]
+    normal: NDArray[np.float64]
 
 
 class AllHits(NamedTuple):
@@ -53,11 +60,11 @@ class AllHits(NamedTuple):
         Weights of the second and third corner, in [0, 1].
     """
 
-    offsets: np.ndarray
-    t: np.ndarray
-    primitive: np.ndarray
-    mesh: np.ndarray
-    barycentrics: np.ndarray
+    offsets: NDArray[np.int64]
+    t: NDArray[np.float64]
+    primitive: NDArray[np.int64]
+    mesh: NDArray[np.int32]
+    barycentrics: NDArray[np.float64]
 
 
 class ClosestPoints(NamedTuple):
@@ -75,10 +82,10 @@ class ClosestPoints(NamedTuple):
         Index of the mesh.
     """
 
-    point: np.ndarray
-    distance: np.ndarray
-    primitive: np.ndarray
-    mesh: np.ndarray
+    point: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    primitive: NDArray[np.int64]
+    mesh: NDArray[np.int32]
 
 
 class RayScene:
@@ -131,7 +138,8 @@ class RayScene:
     RayScene(1 mesh, 1 face)
     """
 
-    def __init__(self, vertices, faces, *, threads=None, backend="bvh", progress=None):
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike, *, threads: int | None = None,
+                 backend: Backend = "bvh", progress: Progress | None = None) -> None:
         self._build([_convert.mesh(vertices, faces)], threads, backend, progress)
 
     def _build(self, meshes, threads, backend, progress=None):
@@ -143,7 +151,9 @@ class RayScene:
         self._scene = Scene(meshes, self._threads, backend, progress)
 
     @classmethod
-    def from_meshes(cls, meshes, *, threads=None, backend="bvh", progress=None):
+    def from_meshes(cls, meshes: Iterable[tuple[ArrayLike, ArrayLike]], *,
+                    threads: int | None = None, backend: Backend = "bvh",
+                    progress: Progress | None = None) -> RayScene:
         """Make a scene of several meshes.
 
         Parameters
@@ -173,7 +183,8 @@ class RayScene:
         return scene
 
     @classmethod
-    def from_ply(cls, path, *, threads=None, backend="bvh", progress=None):
+    def from_ply(cls, path: str | os.PathLike[str], *, threads: int | None = None,
+                 backend: Backend = "bvh", progress: Progress | None = None) -> RayScene:
         """Make a scene of a PLY file, plain or compressed with gzip or zstd.
 
         Parameters
@@ -194,13 +205,15 @@ class RayScene:
         return cls(*arrays, threads=threads, backend=backend, progress=progress)
 
     @classmethod
-    def from_trimesh(cls, mesh, *, threads=None, backend="bvh", progress=None):
+    def from_trimesh(cls, mesh: Any, *, threads: int | None = None,
+                     backend: Backend = "bvh", progress: Progress | None = None) -> RayScene:
         """Make a scene of a `trimesh.Trimesh`."""
         return cls(*_convert.trimesh_arrays(mesh), threads=threads, backend=backend,
                    progress=progress)
 
     @classmethod
-    def from_open3d(cls, mesh, *, threads=None, backend="bvh", progress=None):
+    def from_open3d(cls, mesh: Any, *, threads: int | None = None,
+                    backend: Backend = "bvh", progress: Progress | None = None) -> RayScene:
         """Make a scene of an Open3D triangle mesh, legacy or tensor-based."""
         return cls(*_convert.open3d_arrays(mesh), threads=threads, backend=backend,
                    progress=progress)
@@ -217,39 +230,40 @@ class RayScene:
         return _pictures.thumbnail(self)
 
     @property
-    def meshes(self):
+    def meshes(self) -> list[tuple[NDArray[Any], NDArray[Any]]]:
         """List of the (vertices, faces) of the meshes: the arrays that the scene uses."""
         return list(self._meshes)
 
     @property
-    def backend(self):
+    def backend(self) -> Backend:
         """What traces the rays: ``"bvh"`` or ``"embree"``."""
         return self._backend
 
     @property
-    def num_faces(self):
+    def num_faces(self) -> int:
         """Number of faces of all meshes."""
         return sum(len(faces) for _, faces in self._meshes)
 
     @property
-    def bounds(self):
+    def bounds(self) -> NDArray[np.float64]:
         """(2, 3) float64: lower and upper corner of the box around all faces."""
         return np.array(self._scene.bounds)
 
     @property
-    def nbytes(self):
+    def nbytes(self) -> int:
         """Number of bytes that the scene holds, without the arrays of its meshes."""
         return self._scene.bytes[0]
 
     @property
-    def is_closed(self):
+    def is_closed(self) -> list[bool]:
         """List of bool: for each mesh, whether an even number of faces shares every edge.
 
         Vertices with equal coordinates count as one vertex.
         """
         return self._scene.closed()
 
-    def closest(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+    def closest(self, origins: ArrayLike, directions: ArrayLike, tnear: ArrayLike = 0.0,
+                tfar: ArrayLike = np.inf, *, progress: Progress | None = None) -> Hits:
         """Find the closest hit of each ray.
 
         Parameters
@@ -288,7 +302,9 @@ class RayScene:
         """
         return Hits(*self._scene.closest(_convert.rays(origins, directions, tnear, tfar), progress))
 
-    def occluded(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, tnear: ArrayLike = 0.0,
+                 tfar: ArrayLike = np.inf, *,
+                 progress: Progress | None = None) -> NDArray[np.bool_]:
         """Return whether each ray hits any face. Faster than `closest`.
 
         Parameters and exceptions are those of `closest`.
@@ -306,7 +322,8 @@ class RayScene:
         """
         return self._scene.occluded(_convert.rays(origins, directions, tnear, tfar), progress)
 
-    def count(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+    def count(self, origins: ArrayLike, directions: ArrayLike, tnear: ArrayLike = 0.0,
+              tfar: ArrayLike = np.inf, *, progress: Progress | None = None) -> NDArray[np.uint32]:
         """Return the number of hits along each ray, counted as in `all_hits`.
 
         Parameters and exceptions are those of `closest`.
@@ -324,7 +341,8 @@ class RayScene:
         """
         return self._scene.count(_convert.rays(origins, directions, tnear, tfar), progress)
 
-    def all_hits(self, origins, directions, tnear=0.0, tfar=np.inf, *, progress=None):
+    def all_hits(self, origins: ArrayLike, directions: ArrayLike, tnear: ArrayLike = 0.0,
+                 tfar: ArrayLike = np.inf, *, progress: Progress | None = None) -> AllHits:
         """Find all hits along each ray.
 
         Parameters and exceptions are those of `closest`.
@@ -354,7 +372,7 @@ class RayScene:
         rays = _convert.rays(origins, directions, tnear, tfar)
         return AllHits(*self._scene.all_hits(rays, progress))
 
-    def contains(self, points, *, progress=None):
+    def contains(self, points: ArrayLike, *, progress: Progress | None = None) -> NDArray[np.bool_]:
         """Return whether each point lies inside a mesh or on its surface.
 
         Parameters
@@ -390,7 +408,8 @@ class RayScene:
         """
         return self._scene.contains(_convert.points("points", points), progress)
 
-    def winding_number(self, points, *, progress=None):
+    def winding_number(self, points: ArrayLike, *,
+                       progress: Progress | None = None) -> NDArray[np.float64]:
         """Return the winding number of each point in all meshes together.
 
         It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
@@ -412,7 +431,8 @@ class RayScene:
         """
         return self._scene.winding_number(_convert.points("points", points), progress)
 
-    def closest_point(self, points, *, progress=None):
+    def closest_point(self, points: ArrayLike, *,
+                      progress: Progress | None = None) -> ClosestPoints:
         """Find the nearest point of the meshes to each point.
 
         Parameters and exceptions are those of `contains`.
@@ -432,7 +452,8 @@ class RayScene:
         """
         return ClosestPoints(*self._scene.closest_point(_convert.points("points", points), progress))
 
-    def distance(self, points, *, signed=False, progress=None):
+    def distance(self, points: ArrayLike, *, signed: bool = False,
+                 progress: Progress | None = None) -> NDArray[np.float64]:
         """Return the distance of each point from the meshes.
 
         Exceptions are those of `contains`.
@@ -466,7 +487,8 @@ class RayScene:
         distance[inside] *= -1.0
         return distance
 
-    def visible(self, points, from_, *, progress=None):
+    def visible(self, points: ArrayLike, from_: ArrayLike, *,
+                progress: Progress | None = None) -> NDArray[np.bool_]:
         """Return whether each point is visible from another point.
 
         Exceptions are those of `contains`.

@@ -3,7 +3,12 @@
 Open3D itself is not needed.
 """
 
+from __future__ import annotations
+
+from typing import Any, overload
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _convert
 from ._lightpath import check_mesh
@@ -37,12 +42,12 @@ class RaycastingScene:
 
     INVALID_ID = 0xFFFFFFFF
 
-    def __init__(self, nthreads=0):
+    def __init__(self, nthreads: int = 0) -> None:
         self._threads = _convert.threads(nthreads or None)
-        self._meshes = []
-        self._scene = None
+        self._meshes: list[Any] = []
+        self._scene: RayScene | None = None
 
-    def add_triangles(self, vertices, triangles=None):
+    def add_triangles(self, vertices: Any, triangles: ArrayLike | None = None) -> int:
         """Add a mesh: arrays or tensors of vertices and faces, or a mesh of Open3D.
 
         Returns its id. Raises the exceptions of `RayScene`.
@@ -56,7 +61,7 @@ class RaycastingScene:
         return len(self._meshes) - 1
 
     @property
-    def scene(self):
+    def scene(self) -> RayScene:
         """The `lightpath.RayScene` of all meshes."""
         if self._scene is None:
             self._scene = RayScene.from_meshes(self._meshes, threads=self._threads)
@@ -86,8 +91,19 @@ class RaycastingScene:
         """Return indices as uint32: -1 becomes `INVALID_ID`."""
         return indices.astype(np.uint32)
 
+    @overload
     @staticmethod
-    def create_rays_pinhole(*args, **kwargs):
+    def create_rays_pinhole(
+        intrinsic_matrix: ArrayLike, extrinsic_matrix: ArrayLike, width_px: int, height_px: int
+    ) -> NDArray[Any]: ...
+    @overload
+    @staticmethod
+    def create_rays_pinhole(
+        fov_deg: float, center: ArrayLike, eye: ArrayLike, up: ArrayLike, width_px: int,
+        height_px: int
+    ) -> NDArray[Any]: ...
+    @staticmethod
+    def create_rays_pinhole(*args: Any, **kwargs: Any) -> NDArray[Any]:
         """Return the rays of a camera, (height_px, width_px, 6) float32.
 
         The parameters are (intrinsic_matrix, extrinsic_matrix, width_px, height_px), with the 4x4
@@ -98,7 +114,7 @@ class RaycastingScene:
         by_matrices = len(args) + len(kwargs) <= 4
         return (_rays_by_matrices if by_matrices else _rays_by_view)(*args, **kwargs)
 
-    def cast_rays(self, rays, nthreads=0):
+    def cast_rays(self, rays: ArrayLike, nthreads: int = 0) -> dict[str, NDArray[Any]]:
         """Find the closest hit of each ray.
 
         Returns a dict of t_hit, geometry_ids, primitive_ids, primitive_uvs and primitive_normals. A
@@ -115,17 +131,18 @@ class RaycastingScene:
             "primitive_normals": hits.normal.astype(np.float32).reshape(*shape, 3),
         }
 
-    def test_occlusions(self, rays, tnear=0.0, tfar=np.inf, nthreads=0):
+    def test_occlusions(self, rays: ArrayLike, tnear: float = 0.0, tfar: float = np.inf,
+                        nthreads: int = 0) -> NDArray[Any]:
         """Return whether each ray hits any face."""
         scene, shape, query = self._rays(rays, tnear, tfar)
         return scene.occluded(*query).reshape(shape)
 
-    def count_intersections(self, rays, nthreads=0):
+    def count_intersections(self, rays: ArrayLike, nthreads: int = 0) -> NDArray[Any]:
         """Return the number of hits along each ray."""
         scene, shape, query = self._rays(rays)
         return scene.count(*query).astype(np.int32).reshape(shape)
 
-    def list_intersections(self, rays, nthreads=0):
+    def list_intersections(self, rays: ArrayLike, nthreads: int = 0) -> dict[str, NDArray[Any]]:
         """Find all hits along each ray.
 
         Returns a dict of ray_splits, ray_ids, t_hit, geometry_ids, primitive_ids and
@@ -143,7 +160,8 @@ class RaycastingScene:
             "primitive_uvs": hits.barycentrics.astype(np.float32),
         }
 
-    def compute_closest_points(self, query_points, nthreads=0):
+    def compute_closest_points(self, query_points: ArrayLike,
+                               nthreads: int = 0) -> dict[str, NDArray[Any]]:
         """Return the nearest points.
 
         Returns a dict of points, geometry_ids, primitive_ids, primitive_uvs and primitive_normals.
@@ -167,17 +185,19 @@ class RaycastingScene:
             corners[:, of_mesh] = np.moveaxis(vertices[faces[primitives[of_mesh]]], 1, 0)
         return corners
 
-    def compute_distance(self, query_points, nthreads=0):
+    def compute_distance(self, query_points: ArrayLike, nthreads: int = 0) -> NDArray[Any]:
         """Return the distance of each point from the meshes."""
         shape, points = self._points(query_points)
         return self.scene.distance(points).astype(np.float32).reshape(shape)
 
-    def compute_signed_distance(self, query_points, nthreads=0, nsamples=1):
+    def compute_signed_distance(self, query_points: ArrayLike, nthreads: int = 0,
+                                nsamples: int = 1) -> NDArray[Any]:
         """Return the distance of each point, negative inside: see `RayScene.contains`."""
         shape, points = self._points(query_points)
         return self.scene.distance(points, signed=True).astype(np.float32).reshape(shape)
 
-    def compute_occupancy(self, query_points, nthreads=0, nsamples=1):
+    def compute_occupancy(self, query_points: ArrayLike, nthreads: int = 0,
+                          nsamples: int = 1) -> NDArray[Any]:
         """Return 1 for points inside, else 0: see `RayScene.contains`."""
         shape, points = self._points(query_points)
         return self.scene.contains(points).astype(np.float32).reshape(shape)

@@ -5,7 +5,12 @@ Examples
     mesh.ray = lightpath.trimesh.RayMeshIntersector(mesh)
 """
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ._rays import RayScene
 
@@ -31,13 +36,13 @@ class RayMeshIntersector:
     before the origin.
     """
 
-    def __init__(self, geometry, scale_to_box=True):
+    def __init__(self, geometry: Any, scale_to_box: bool = True) -> None:
         self.mesh = geometry
         self._scale_to_box = scale_to_box
-        self._built = None
+        self._built: tuple[int, RayScene] | None = None
 
     @property
-    def scene(self):
+    def scene(self) -> RayScene:
         """The `lightpath.RayScene` of the mesh as it is now."""
         key = hash(self.mesh)
         if self._built is None or self._built[0] != key:
@@ -64,8 +69,10 @@ class RayMeshIntersector:
         back = _START * self.mesh.scale
         return origins - back * directions, directions, valid
 
-    def intersects_id(self, ray_origins, ray_directions, multiple_hits=True, max_hits=100,
-                      return_locations=False):
+    def intersects_id(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True,
+        max_hits: int = 100, return_locations: bool = False
+    ) -> tuple[NDArray[Any], ...]:
         """Find the triangles that rays hit.
 
         Parameters
@@ -95,14 +102,16 @@ class RayMeshIntersector:
             kept = valid[index_ray] & (rank < max_hits)
             index_ray, index_tri, t = index_ray[kept], hits.primitive[kept], hits.t[kept]
         else:
-            hits = self.scene.closest(origins, directions)
-            index_ray = np.nonzero(valid & (hits.primitive >= 0))[0]
-            index_tri, t = hits.primitive[index_ray], hits.t[index_ray]
+            first = self.scene.closest(origins, directions)
+            index_ray = np.nonzero(valid & (first.primitive >= 0))[0]
+            index_tri, t = first.primitive[index_ray], first.t[index_ray]
         if not return_locations:
             return index_tri, index_ray
         return index_tri, index_ray, origins[index_ray] + t[:, None] * directions[index_ray]
 
-    def intersects_location(self, ray_origins, ray_directions, multiple_hits=True):
+    def intersects_location(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike, multiple_hits: bool = True
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Find the points where rays hit the surface, at most 100 per ray.
 
         Returns
@@ -115,17 +124,19 @@ class RayMeshIntersector:
         )
         return locations, index_ray, index_tri
 
-    def intersects_first(self, ray_origins, ray_directions):
+    def intersects_first(self, ray_origins: ArrayLike,
+                         ray_directions: ArrayLike) -> NDArray[np.int64]:
         """Return the index of the first triangle that each ray hits; -1 for a miss."""
         origins, directions, valid = self._rays(ray_origins, ray_directions)
         return np.where(valid, self.scene.closest(origins, directions).primitive, -1)
 
-    def intersects_any(self, ray_origins, ray_directions):
+    def intersects_any(self, ray_origins: ArrayLike,
+                       ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Return whether each ray hits the surface."""
         origins, directions, valid = self._rays(ray_origins, ray_directions)
         return valid & self.scene.occluded(origins, directions)
 
-    def contains_points(self, points):
+    def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Return whether each point is inside or on the surface: see `RayScene.contains`."""
         points = np.asanyarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3:

@@ -42,41 +42,28 @@ impl Quantity {
 }
 
 /// One quantity of one backend over the scenes of a run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Growth {
-    /// Name of the backend.
-    pub backend: String,
-    /// Number of triangles and value of the quantity, both > 0, smallest scene first.
-    pub points: Vec<[f64; 2]>,
-}
-
-/// The fit of one quantity of one backend, as it is written to JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct GrowthFit {
+pub struct Growth {
     /// The quantity that grows.
     pub quantity: Quantity,
     /// Name of the backend.
     pub backend: String,
-    /// Exponent e of c n^e: [`Growth::exponent`].
-    pub exponent: f64,
-    /// Number of triangles and value of the quantity, smallest scene first.
+    /// Exponent e of the best fit c n^e to n triangles, by least squares of the logarithms.
+    ///
+    /// `None` if the largest n is less than 3 times the smallest. For comparison: n log n gives
+    /// 1.07 between 70 thousand and 18 million triangles.
+    pub exponent: Option<f64>,
+    /// Number of triangles and value of the quantity, both > 0, smallest scene first.
     pub points: Vec<[f64; 2]>,
 }
 
-impl GrowthFit {
-    /// All fits of a run, by quantity and backend. Empty where the meshes have like sizes.
-    pub fn of_report(report: &BenchReport) -> Vec<Self> {
-        let fits = |quantity: Quantity| {
-            Growth::of_report(report, quantity).into_iter().filter_map(move |growth| {
-                let exponent = growth.exponent()?;
-                Some(Self { quantity, backend: growth.backend, exponent, points: growth.points })
-            })
-        };
-        Quantity::ALL.into_iter().flat_map(fits).collect()
-    }
-}
-
 impl Growth {
+    /// All fits of a run, by quantity and backend. Empty where the meshes have like sizes.
+    pub fn fits(report: &BenchReport) -> Vec<Self> {
+        let all = Quantity::ALL.into_iter().flat_map(|quantity| Self::of_report(report, quantity));
+        all.filter(|growth| growth.exponent.is_some()).collect()
+    }
+
     /// Collects a quantity of every backend over the scenes that are a single mesh.
     ///
     /// Other scenes are left out: they have too little in common.
@@ -90,32 +77,26 @@ impl Growth {
                 let point = [scene.triangles as f64, quantity.of(scene, i)?];
                 point.iter().all(|v| *v > 0.0).then_some(point)
             };
-            Self { backend: name, points: scenes.iter().filter_map(point).collect() }
+            let points: Vec<_> = scenes.iter().filter_map(point).collect();
+            Self { quantity, backend: name, exponent: exponent(&points), points }
         };
         names.iter().map(|backend| backend.name.clone()).enumerate().map(of).collect()
     }
+}
 
-    /// Exponent e of the best fit c n^e to n triangles, by least squares of the logarithms.
-    ///
-    /// `None` if the largest n is less than 3 times the smallest. For comparison: n log n gives
-    /// 1.07 between 70 thousand and 18 million triangles.
-    pub fn exponent(&self) -> Option<f64> {
-        let sizes = || self.points.iter().map(|[n, _]| *n);
-        let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-        if !(most >= SPAN * least) {
-            return None;
-        }
-        Some(log_fit(&self.points).exponent)
-    }
+/// Returns [`Growth::exponent`] of some points.
+fn exponent(points: &[[f64; 2]]) -> Option<f64> {
+    let sizes = || points.iter().map(|[n, _]| *n);
+    let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
+    (most >= SPAN * least).then(|| log_fit(points).exponent)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn growth(of: impl Fn(f64) -> f64) -> Growth {
-        let points = [7e4, 3e5, 1e6, 2e7].map(|n| [n, of(n)]).to_vec();
-        Growth { backend: String::new(), points }
+    fn exponent_of(of: impl Fn(f64) -> f64) -> f64 {
+        exponent(&[7e4, 3e5, 1e6, 2e7].map(|n| [n, of(n)])).unwrap()
     }
 
     #[test]
@@ -127,26 +108,26 @@ mod tests {
                 (scene.name, scene.triangles) = ("m.ply".into(), n);
                 scene.backends.iter_mut().for_each(|backend| backend.bytes = n * n);
             }
-            GrowthFit::of_report(&report)
+            Growth::fits(&report)
         };
         let fits = run([10, 1000]);
         // Memory and peak of two backends; the runs have no build.
         assert_eq!(fits.len(), 4);
         assert_eq!((fits[0].quantity, fits[0].points.len()), (Quantity::Memory, 2));
-        assert!((fits[0].exponent - 2.0).abs() < 1e-9, "{fits:?}");
+        assert!((fits[0].exponent.unwrap() - 2.0).abs() < 1e-9, "{fits:?}");
         assert_eq!(run([10, 11]), []);
     }
 
     #[test]
     fn exponents_of_known_powers_are_recovered() {
         for (power, factor) in [(1.0, 3.0), (2.0, 1e-9), (0.5, 7.0)] {
-            let exponent = growth(|n| factor * n.powf(power)).exponent().unwrap();
+            let exponent = exponent_of(|n| factor * n.powf(power));
             assert!((exponent - power).abs() < 1e-9, "{exponent}");
         }
-        let n_log_n = growth(|n| n * n.ln()).exponent().unwrap();
+        let n_log_n = exponent_of(|n| n * n.ln());
         assert!((n_log_n - 1.07).abs() < 0.01, "{n_log_n}");
         for points in [vec![], vec![[5.0, 1.0]; 2], vec![[6322.0, 1.0], [6326.0, 2.0]]] {
-            assert_eq!(Growth { backend: String::new(), points }.exponent(), None);
+            assert_eq!(exponent(&points), None);
         }
     }
 }

@@ -26,7 +26,7 @@ use self::triangle::{compare, crossing};
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
-use crate::geometry::{Box3, Geometry, GeometryKind, Unseen, doubles};
+use crate::geometry::{Box3, Geometry, GeometryKind, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
@@ -173,11 +173,6 @@ impl<'g> Brute<'g> {
 fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
     let (geom, prim) = geometry.place(primitive);
     match geometry.kind(geom) {
-        GeometryKind::Mesh(mesh) => Box3::of(&geometry.meshes[mesh].corners(prim).map(doubles)),
-        GeometryKind::Quads => Box3::of(&geometry.quads[prim as usize].map(doubles)),
-        GeometryKind::Instance(index) => {
-            Box3::of(&geometry.instance_corners(index, prim).map(doubles))
-        }
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[prim as usize];
             // The box is widened by more than the error of the sphere test, for rays that start
@@ -186,6 +181,7 @@ fn bounds(geometry: &Geometry, primitive: u32) -> Box3 {
                 sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * 1e-12;
             Box3::of_sphere(sphere.center, radius)
         }
+        _ => Box3::around(geometry.triangles(geom, prim).map(|(corners, _)| Box3::of(&corners))),
     }
 }
 

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::error::ErrorKind;
-use crate::geometry::{NONE, Sphere, TriangleMesh};
+use crate::geometry::{NONE, Sphere, TriangleMesh, doubles};
 use crate::ray::LANES;
 
 const OPTIONS: BuildOptions = BuildOptions { threads: 1, max_bytes: None };

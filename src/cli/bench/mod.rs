@@ -17,7 +17,7 @@ use crate::lab::ab::TimingPlan;
 use crate::lab::backend::{self, TestedBackend};
 use crate::lab::baseline::BaselineComparison;
 use crate::lab::bench::{BenchSettings, measure};
-use crate::lab::growth::GrowthFit;
+use crate::lab::growth::Growth;
 use crate::lab::rays::RayClass;
 use crate::lab::result::{self, BenchReport, RunStamp, SceneResult};
 use crate::mesh::ReadOptions;
@@ -44,7 +44,7 @@ const QUICK: (u64, usize, [u32; 2]) = (1 << 12, 2, [128, 128]);
 struct JsonReport<'a> {
     #[serde(flatten)]
     report: &'a BenchReport,
-    growth: Vec<GrowthFit>,
+    growth: Vec<Growth>,
     since_baseline: Option<&'a BaselineComparison>,
 }
 
@@ -78,7 +78,7 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     }
     let all = JsonReport {
         report: &report,
-        growth: GrowthFit::of_report(&report),
+        growth: Growth::fits(&report),
         since_baseline: since.as_ref(),
     };
     outputs.write_json("--json", &all)?;

@@ -216,7 +216,7 @@ fn visits(scene: &SceneResult) -> String {
 fn growth(report: &BenchReport) -> Option<Section> {
     let chart = |quantity: Quantity| {
         let lines = Growth::of_report(report, quantity).into_iter().map(|growth| ChartLine {
-            name: match growth.exponent() {
+            name: match growth.exponent {
                 Some(exponent) => format!("{} \u{2013} n^{exponent:.2}", growth.backend),
                 None => growth.backend,
             },

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::cli::print::aligned;
 use crate::error::printable;
 use crate::lab::baseline::{BaselineComparison, Change};
-use crate::lab::growth::{GrowthFit, Quantity};
+use crate::lab::growth::{Growth, Quantity};
 use crate::lab::result::{BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind};
 use crate::lab::stats::Estimate;
 use crate::units;
@@ -63,16 +63,16 @@ fn changes(changes: &[Change]) -> String {
 /// Returns the table of growth of build time and memory with scene size, head first. Empty for one
 /// scene.
 pub fn growth(report: &BenchReport) -> Vec<Vec<String>> {
-    let row = |fit: GrowthFit| {
+    let row = |fit: Growth| {
         let most = fit.points.last().map_or(0.0, |[n, _]| *n);
-        vec![
+        Some(vec![
             quantity_name(fit.quantity).to_string(),
             fit.backend,
-            format!("n^{:.3}", fit.exponent),
+            format!("n^{:.3}", fit.exponent?),
             format!("{} sizes to {}", fit.points.len(), units::count(most as u64)),
-        ]
+        ])
     };
-    let mut rows: Vec<Vec<String>> = GrowthFit::of_report(report).into_iter().map(row).collect();
+    let mut rows: Vec<_> = Growth::fits(report).into_iter().filter_map(row).collect();
     if !rows.is_empty() {
         rows.insert(0, ["growth", "backend", "fit", "n triangles"].map(str::to_string).to_vec());
     }

@@ -242,16 +242,14 @@ fn crossings(accelerator: &dyn Accelerator, geometry: &Geometry, rays: &Rays, i:
 
 /// Largest magnitude of a coordinate of the primitive that was hit; of a sphere, a bound.
 fn size(geometry: &Geometry, hit: &LaneHit) -> f64 {
-    let largest = |corners: &[[f32; 3]]| {
-        corners.iter().flatten().fold(f32::MIN_POSITIVE, |most, x| most.max(x.abs())).into()
-    };
     match geometry.kind(hit.geom) {
-        GeometryKind::Mesh(mesh) => largest(&geometry.meshes[mesh].corners(hit.prim)),
-        GeometryKind::Quads => largest(&geometry.quads[hit.prim as usize]),
-        GeometryKind::Instance(index) => largest(&geometry.instance_corners(index, hit.prim)),
         GeometryKind::Spheres => {
             let sphere = &geometry.spheres[hit.prim as usize];
             sphere.center.abs().max_element() + sphere.radius
+        }
+        _ => {
+            let corners = geometry.triangles(hit.geom, hit.prim).flat_map(|(corners, _)| corners);
+            corners.fold(f32::MIN_POSITIVE.into(), |most, v| v.abs().max_element().max(most))
         }
     }
 }

@@ -1,7 +1,6 @@
 //! The optional arrays of vertices or of triangles: colours, their alpha, one scalar, and indices
 //! of textures.
 
-use super::choice::ColorType;
 use super::context::ReadContext;
 use super::plan::{ATTRIBUTE_ROLE_COUNT, AttributePlan, SCALAR};
 use super::records::{FIRST_ATTRIBUTE, Records};
@@ -76,23 +75,20 @@ macro_rules! each_array {
 impl Attributes {
     /// Returns the arrays that `plan` selects, empty.
     pub(super) fn new(plan: &AttributePlan) -> Self {
+        let scalars = |kind| match kind {
+            Scalar::U8 => Scalars::U8(Vec::new()),
+            Scalar::U16 => Scalars::U16(Vec::new()),
+            Scalar::F32 | Scalar::I8 | Scalar::I16 => Scalars::F32(Vec::new()),
+            Scalar::F64 | Scalar::I32 | Scalar::U32 => Scalars::F64(Vec::new()),
+        };
         Self {
             colors: plan.colors.map(|kind| match kind {
-                ColorType::U8 => Colors::U8(Vec::new()),
-                ColorType::U16 => Colors::U16(Vec::new()),
-                ColorType::F32 => Colors::F32(Vec::new()),
+                Scalar::U8 => Colors::U8(Vec::new()),
+                Scalar::U16 => Colors::U16(Vec::new()),
+                _ => Colors::F32(Vec::new()),
             }),
-            alpha: plan.alpha.map(|kind| match kind {
-                ColorType::U8 => Scalars::U8(Vec::new()),
-                ColorType::U16 => Scalars::U16(Vec::new()),
-                ColorType::F32 => Scalars::F32(Vec::new()),
-            }),
-            scalars: plan.scalar.map(|kind| match kind {
-                Scalar::U8 => Scalars::U8(Vec::new()),
-                Scalar::U16 => Scalars::U16(Vec::new()),
-                Scalar::F32 | Scalar::I8 | Scalar::I16 => Scalars::F32(Vec::new()),
-                Scalar::F64 | Scalar::I32 | Scalar::U32 => Scalars::F64(Vec::new()),
-            }),
+            alpha: plan.alpha.map(scalars),
+            scalars: plan.scalar.map(scalars),
             textures: (plan.textures > 0).then(Vec::new),
         }
     }

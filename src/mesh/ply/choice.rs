@@ -9,14 +9,6 @@ use crate::error::{Error, Result};
 use crate::mesh::arrays::MeshElement;
 use crate::nearest::did_you_mean;
 
-/// The type of a colour channel: `uchar`, `ushort`, or `float` and `double`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ColorType {
-    U8,
-    U16,
-    F32,
-}
-
 /// Names of the channels of a colour, with the names that its alpha may have, the usual one first.
 const COLOR_NAMES: [([&str; 3], &[&str]); 3] = [
     (["red", "green", "blue"], &["alpha", "a"]),
@@ -27,7 +19,8 @@ const COLOR_NAMES: [([&str; 3], &[&str]); 3] = [
 /// The properties of an element that form a colour, as indices. All have the same type.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ColorColumns {
-    pub(super) kind: ColorType,
+    /// Type of the stored channels: `uchar`, `ushort` or `float`.
+    pub(super) kind: Scalar,
     pub(super) rgb: [usize; 3],
     pub(super) alpha: Option<usize>,
 }
@@ -111,9 +104,8 @@ fn colors(header: &Header, which: MeshElement) -> Option<ColorColumns> {
             return None;
         }
         let kind = match shape(rgb[0]) {
-            PropertyType::Single(Scalar::U8) => ColorType::U8,
-            PropertyType::Single(Scalar::U16) => ColorType::U16,
-            PropertyType::Single(Scalar::F32 | Scalar::F64) => ColorType::F32,
+            PropertyType::Single(kind @ (Scalar::U8 | Scalar::U16)) => kind,
+            PropertyType::Single(Scalar::F32 | Scalar::F64) => Scalar::F32,
             _ => return None,
         };
         let alpha = alphas

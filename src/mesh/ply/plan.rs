@@ -5,7 +5,7 @@
 //! header, it is a property that is no list. In a role or a plan, `scalar` is the one such property
 //! that a colour map shows.
 
-use super::choice::{Choice, ColorType, choose, has_strips, single};
+use super::choice::{Choice, choose, has_strips, single};
 use super::header::{Element, ElementProperty, Header, PropertyType};
 use super::options::ReadOptions;
 use super::scalar::Scalar;
@@ -39,8 +39,8 @@ pub(super) type Columns = [Option<usize>; ROLE_COUNT];
 /// The attributes that are read from an element, with their types in the file. `None`: not read.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AttributePlan {
-    pub(super) colors: Option<ColorType>,
-    pub(super) alpha: Option<ColorType>,
+    pub(super) colors: Option<Scalar>,
+    pub(super) alpha: Option<Scalar>,
     pub(super) scalar: Option<Scalar>,
     /// Role under which rows store the displayed scalar. It is below [`SCALAR`] if the same
     /// property has another role, too: a coordinate, for example.
@@ -81,12 +81,7 @@ impl AttributePlan {
 
     /// Returns the size in bytes of the stored attributes of one vertex or triangle.
     pub(super) fn bytes(&self) -> u64 {
-        let each = |kind: Option<ColorType>| match kind {
-            None => 0,
-            Some(ColorType::U8) => 1,
-            Some(ColorType::U16) => 2,
-            Some(ColorType::F32) => 4,
-        };
+        let each = |kind: Option<Scalar>| kind.map_or(0, |kind| kind.size() as u64);
         // `Scalars` has no signed integers: 8 and 16 bits are stored as f32, 32 bits as f64.
         let scalar = self.scalar.map_or(0, |kind| match kind {
             Scalar::I8 | Scalar::I16 => 4,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::choice::{ColorType, scalar_names};
+use super::choice::scalar_names;
 use super::header::{self, Format, Header, MAX_HEADER, PropertyType};
 use super::options::ReadOptions;
 use super::plan::{self, MeshPlan};
@@ -145,11 +145,7 @@ pub fn inspect_with(path: &Path, options: &ReadOptions) -> Result<PlySummary> {
         positions: if plan.vertex.double { "double" } else { "float" },
         normals: plan.vertex.normals,
         uvs: if corner_uvs { Some("corner") } else { plan.vertex.uvs.then_some("vertex") },
-        colors: colors.map(|colors| match colors {
-            ColorType::U8 => "uchar",
-            ColorType::U16 => "ushort",
-            ColorType::F32 => "float",
-        }),
+        colors: colors.map(Scalar::name),
         colors_of: colors.map(|_| colors_of.name()),
         scalars: scalar_names(&header),
         missing: missing(&plan, corner_uvs, colors.is_some()),
