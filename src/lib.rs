@@ -33,6 +33,7 @@ mod farm;
 mod files;
 mod memory;
 mod nearest;
+mod parallel;
 mod paths;
 mod picture;
 mod rays;

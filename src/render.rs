@@ -7,8 +7,6 @@ mod tiles;
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 
-use rayon::prelude::*;
-
 pub use self::adaptive::{Adaptive, SampleCounts, render_adaptive};
 use self::tiles::tiles;
 use crate::accel::Accelerator;
@@ -18,6 +16,7 @@ use crate::integrate::{Beauty, Layers, Record, TileKernel};
 pub use crate::integrate::{RayCounts, RenderContext};
 use crate::layers::{LayerPlan, PartialSumsLayout};
 use crate::monitor::{Monitor, Phase};
+use crate::parallel;
 use crate::simd::{self, Isa};
 use crate::world::World;
 
@@ -72,31 +71,25 @@ fn render_with<R: Record>(
 ) -> Result<RayCounts> {
     let RenderContext { world, monitor, .. } = context;
     monitor.begin(Phase::Render, film.window.pixels());
-    // Without a maximum, the last tiles are handed out some 60 at a time, and threads wait for the
-    // one that got them.
-    let (counts, dropped) = tiles(film, world.frame_end())
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|mut tile| {
-            if monitor.stopped() {
-                return Default::default();
-            }
-            let kernel = TileKernel {
-                context,
-                window: tile.window,
-                rows: &mut tile.rows,
-                record: record(),
-                words: &mut tile.words,
-                samples: samples.clone(),
-            };
-            let (counts, dropped) = simd::dispatch(context.isa, kernel);
-            monitor.done.fetch_add(tile.window.pixels(), Relaxed);
-            monitor.rays.fetch_add(counts.all(), Relaxed);
-            (counts, dropped)
-        })
-        .reduce(Default::default, |(a, lost): (RayCounts, Dropped), (b, more)| {
-            (a + b, lost.and(more))
-        });
+    let rendered = parallel::map(tiles(film, world.frame_end()).into_iter(), |mut tile| {
+        if monitor.stopped() {
+            return Default::default();
+        }
+        let kernel = TileKernel {
+            context,
+            window: tile.window,
+            rows: &mut tile.rows,
+            record: record(),
+            words: &mut tile.words,
+            samples: samples.clone(),
+        };
+        let (counts, dropped) = simd::dispatch(context.isa, kernel);
+        monitor.done.fetch_add(tile.window.pixels(), Relaxed);
+        monitor.rays.fetch_add(counts.all(), Relaxed);
+        (counts, dropped)
+    });
+    let add = |(a, lost): (RayCounts, Dropped), (b, more)| (a + b, lost.and(more));
+    let (counts, dropped) = rendered.into_iter().fold(Default::default(), add);
     film.dropped = dropped;
     monitor.check()?;
     world.shapes.check_textures()?;

@@ -9,8 +9,6 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use rayon::prelude::*;
-
 use self::ray_query::{ShapeNumber, closest_of_packet, occlusion_of_packet};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
@@ -19,6 +17,7 @@ use crate::layers::LayerPlan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
+use crate::parallel;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render::{RenderContext, render_layers};
@@ -419,18 +418,21 @@ impl Renderer<'_> {
     /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         let LoadedScene { world, numbers, .. } = self.loaded;
-        let closest = |rays| closest_of_packet(self.accelerator.as_ref(), world, numbers, rays);
-        let packets = rays.par_chunks(LANES);
-        packets.flat_map_iter(closest).collect()
+        let closest =
+            |rays: &[Ray]| closest_of_packet(self.accelerator.as_ref(), world, numbers, rays);
+        let of_part = |part: &[Ray]| part.chunks(LANES).flat_map(closest).collect::<Vec<_>>();
+        parallel::map(rays.chunks(64 * LANES), of_part).concat()
     }
 
     /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that
     /// cast no shadow (`visible`) do not count.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let (accelerator, geometry) = (self.accelerator.as_ref(), &self.loaded.world.geometry);
-        let occlusion = |rays| occlusion_of_packet(accelerator, geometry, rays);
-        let packets = rays.par_chunks(LANES);
-        packets.flat_map_iter(|rays| occlusion(rays).into_iter().take(rays.len())).collect()
+        let occlusion = |rays: &[Ray]| {
+            occlusion_of_packet(accelerator, geometry, rays).into_iter().take(rays.len())
+        };
+        let of_part = |part: &[Ray]| part.chunks(LANES).flat_map(occlusion).collect::<Vec<_>>();
+        parallel::map(rays.chunks(64 * LANES), of_part).concat()
     }
 
     /// Writes a film to `PREFIX.exr` and `PREFIX.png`. Neither file ever appears incomplete. The

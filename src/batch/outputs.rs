@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::error::{Error, Result};
 use crate::files::FileSet;
 use crate::output::{Outputs, atomic, finished};
+use crate::parallel;
 use crate::picture;
 use crate::world::{self, MissingImage, Sources};
 
@@ -23,9 +22,11 @@ use super::{scene, sheet};
 /// # Errors
 /// A pipe or a device among the files of an input: they are read more than once.
 pub fn inputs(job: &Job) -> Result<FileSet> {
-    let named = job.inputs.par_iter().map(|input| named(job, input)).collect::<Vec<_>>();
-    let read = named.par_iter().flat_map(|named| &named.files).chain(&job.looks.texture);
-    read.find_map_first(|path| not_a_file(path)).map_or(Ok(()), Err)?;
+    let named = parallel::map(job.inputs.iter(), |input| named(job, input));
+    let read: Vec<_> = named.iter().flat_map(|named| &named.files).collect();
+    let refused = parallel::map(read.into_iter(), |path| not_a_file(path));
+    let refused = refused.into_iter().chain(job.looks.texture.iter().map(|path| not_a_file(path)));
+    refused.flatten().next().map_or(Ok(()), Err)?;
     let own = job.job_file.iter().chain(&job.files).chain(&job.looks.texture);
     let files = named.iter().flat_map(|named| &named.files);
     let mut all: FileSet = own.chain(files).collect();
@@ -54,14 +55,14 @@ fn named(job: &Job, input: &JobInput) -> Sources {
 pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Result<()> {
     let beside = sheet::paths(job).chain([journal.to_owned()]);
     beside.into_iter().try_for_each(|output| refuse_if_input(&output, inputs))?;
-    let checked = tasks.par_iter().map(|task| {
+    let checked = parallel::map(tasks.iter(), |task| {
         let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
         outputs.try_for_each(|output| {
             atomic::check_length(&output)?;
             refuse_if_input(&output, inputs)
         })
     });
-    checked.find_first(Result::is_err).unwrap_or(Ok(()))
+    checked.into_iter().collect()
 }
 
 /// Refuses frames of a list of cameras that would overwrite a picture that no batch has rendered.
@@ -78,7 +79,8 @@ pub fn refuse_photographs(job: &Job, tasks: &[Task]) -> Result<()> {
         let prefixes = task.frames.clone().map(|frame| job.prefix(task.input, frame));
         prefixes.flat_map(|prefix| Outputs::names(&prefix)).find(|path| finished::is_foreign(path))
     };
-    let Some(output) = tasks.par_iter().find_map_first(foreign) else { return Ok(()) };
+    let foreign = parallel::map(tasks.iter(), foreign);
+    let Some(output) = foreign.into_iter().flatten().next() else { return Ok(()) };
     let message = "found a picture that is no frame of a batch, which would be overwritten";
     Err(Error::invalid(output.display().to_string(), message)
         .help("choose another folder: -o DIR, or remove the picture"))

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::error::{Error, Problem, Result};
 use crate::film::Window;
@@ -11,6 +10,7 @@ use crate::layers::LayerPlan;
 use crate::memory::{self, Prediction};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
+use crate::parallel;
 use crate::picture::{self, PictureFiles};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Loaded, Overrides, Scene, Source};
@@ -208,7 +208,7 @@ impl Ready {
                 }
                 _ => Decision::Render,
             };
-            let verdicts: Vec<Decision> = some.par_iter().map(decide).collect();
+            let verdicts = parallel::map(some.iter(), decide);
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
                     Decision::Keep => kept.push(frame.number),

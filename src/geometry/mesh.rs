@@ -1,6 +1,6 @@
 //! A triangle mesh as the accelerators read it.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 use super::placement::Placement;
 
@@ -34,7 +34,10 @@ impl TriangleMesh {
     /// Returns a copy of the mesh in the scene.
     #[must_use]
     pub fn placed(&self, placement: &Placement) -> Self {
-        let vertices = self.vertices().par_iter().map(|&v| placement.place(v)).collect();
+        let mut vertices = self.vertices().to_vec();
+        parallel::each(vertices.chunks_mut(1 << 14), |part| {
+            part.iter_mut().for_each(|v| *v = placement.place(*v));
+        });
         let triangles = self.triangles.clone();
         let placed = Self::new(vertices, triangles, self.loop_only);
         Self { stitches: self.stitches.clone(), ..placed }
@@ -84,7 +87,7 @@ fn bounds_of(vertices: &[[f32; 3]]) -> [[f32; 3]; 2] {
         [least, std::array::from_fn(|k| if higher(k) { b[k] } else { high[k] })]
     };
     let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(none, |all, &v| union(all, [v; 2]));
-    vertices.par_chunks(1 << 16).map(of_chunk).reduce(|| none, union)
+    parallel::map(vertices.chunks(1 << 16), of_chunk).into_iter().fold(none, union)
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! The parallel loop over the packets of a check.
 
-use rayon::prelude::*;
-
 use crate::error::Result;
 use crate::monitor::Monitor;
+use crate::parallel;
 
 /// Number of indices whose results are held in memory at a time.
 const PORTION: u64 = 4096;
@@ -23,13 +22,11 @@ pub fn in_portions<T: Send>(
     mut take: impl FnMut(Vec<T>),
 ) -> Result<()> {
     for first in (0..count).step_by(PORTION as usize) {
-        let portion = (first..count.min(first + PORTION))
-            .into_par_iter()
-            .filter(|_| !monitor.stopped())
-            .map(&work)
-            .collect();
+        let portion = 0..(count - first).min(PORTION) as usize;
+        let work = |i| (!monitor.stopped()).then(|| work(first + i as u64));
+        let portion = parallel::map(portion, work);
         monitor.check()?;
-        take(portion);
+        take(portion.into_iter().flatten().collect());
     }
     Ok(())
 }

@@ -3,7 +3,6 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::answer::Answer;
@@ -11,6 +10,7 @@ use super::query::answers;
 use super::rays::{PacketToTrace, RayClass};
 use crate::accel::{Accelerator, Visits};
 use crate::lab::named::named;
+use crate::parallel;
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
 
 /// Number of packets between two readings of the clock.
@@ -81,30 +81,30 @@ impl Replay<'_> {
         copy: impl Fn(&mut T, &Rays) + Sync,
         query: impl Fn(&mut T, &Mask) + Sync,
     ) -> Duration {
-        let batches = self.packets.par_chunks(BATCH);
-        let times = batches.map_init(
-            || vec![empty.clone(); BATCH],
-            |scratch, batch| {
-                for (to, packet) in scratch.iter_mut().zip(batch) {
-                    copy(to, &packet.rays);
-                }
-                let started = Instant::now();
-                for (to, packet) in scratch.iter_mut().zip(batch) {
-                    query(to, &packet.active);
-                }
-                let spent = started.elapsed();
-                black_box(&scratch);
-                spent
-            },
-        );
-        times.sum()
+        let times = parallel::map(self.packets.chunks(BATCH), |batch| {
+            let mut scratch = vec![empty.clone(); BATCH];
+            for (to, packet) in scratch.iter_mut().zip(batch) {
+                copy(to, &packet.rays);
+            }
+            let started = Instant::now();
+            for (to, packet) in scratch.iter_mut().zip(batch) {
+                query(to, &packet.active);
+            }
+            let spent = started.elapsed();
+            black_box(&scratch);
+            spent
+        });
+        times.into_iter().sum()
     }
 
     /// Answers of every lane of every packet, computed on the current rayon pool.
     pub fn answers(&self, accelerator: &dyn Accelerator) -> Vec<[Answer; LANES]> {
         let (shadow, coherence) = (self.class.is_shadow(), self.coherence());
-        let packets = self.packets.par_iter();
-        packets.map(|packet| answers(accelerator, packet, shadow, coherence)).collect()
+        let answers = |packet: &_| answers(accelerator, packet, shadow, coherence);
+        let batches = parallel::map(self.packets.chunks(BATCH), |batch| {
+            batch.iter().map(answers).collect::<Vec<_>>()
+        });
+        batches.concat()
     }
 
     /// Nodes and primitives visited by all queries; `None` if the backend cannot count them or
@@ -116,10 +116,9 @@ impl Replay<'_> {
             nodes: a.nodes + b.nodes,
             primitives: a.primitives + b.primitives,
         };
-        self.packets
-            .par_iter()
-            .map(visits)
-            .try_reduce(Visits::default, |a, b| Some(add(a, b)))
-            .filter(|_| !self.packets.is_empty())
+        let sum =
+            |batch: &[PacketToTrace]| batch.iter().map(visits).reduce(|a, b| Some(add(a?, b?)));
+        let sums = parallel::map(self.packets.chunks(BATCH), sum);
+        sums.into_iter().flatten().reduce(|a, b| Some(add(a?, b?))).flatten()
     }
 }

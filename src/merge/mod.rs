@@ -12,14 +12,13 @@ pub mod part;
 
 use std::path::PathBuf;
 
-use rayon::prelude::*;
-
 use crate::error::{Error, ErrorKind, Failures, Problem, Result};
 use crate::film::{Dropped, Film, ReservedFilm, Window};
 use crate::layers::PixelState;
 use crate::monitor::Monitor;
 use crate::output::exr::{CameraMatrices, Sequence};
 use crate::output::exr_read::Rows;
+use crate::parallel;
 
 use self::cover::{CoverFault, CoveredRegion};
 use self::open_part::OpenPart;
@@ -150,10 +149,10 @@ impl Parts {
                 0 => none.iter_mut().map(Vec::as_mut_slice).collect(),
                 _ => band_words.chunks_mut(width * stride).collect(),
             };
-            let lines = band.par_chunks_mut(width).zip(lines.par_iter_mut()).enumerate();
-            let lines = lines
-                .map(|(row, (pixels, words))| self.line(&here, y0 + row as u32, pixels, words));
-            dropped = dropped.and(lines.reduce(Dropped::default, Dropped::and));
+            let lines = band.chunks_mut(width).zip(lines.iter_mut()).zip(y0..y1);
+            let lines =
+                parallel::map(lines, |((pixels, words), y)| self.line(&here, y, pixels, words));
+            dropped = lines.into_iter().fold(dropped, Dropped::and);
             monitor.set_done(u64::from(y1 - whole.y0));
             monitor.check()?;
             y0 = y1;

@@ -4,9 +4,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::files::Stamp;
+use crate::parallel;
 
 /// Vertex positions in the precision of the file.
 #[derive(Debug, Clone)]
@@ -242,10 +242,9 @@ impl Mesh {
         if self.is_cloud() {
             return vec![true; count];
         }
-        let used: Vec<AtomicBool> =
-            (0..count).into_par_iter().with_min_len(1 << 16).map(|_| false.into()).collect();
-        self.triangles.par_iter().with_min_len(1 << 14).for_each(|triangle| {
-            for &vertex in triangle {
+        let used: Vec<AtomicBool> = vec![false; count].into_iter().map(AtomicBool::new).collect();
+        parallel::each(self.triangles.chunks(1 << 14), |triangles| {
+            for &vertex in triangles.as_flattened() {
                 used[vertex as usize].store(true, Relaxed);
             }
         });

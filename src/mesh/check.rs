@@ -1,9 +1,8 @@
 //! Meshes from arrays of a caller, and their checks.
 
-use rayon::prelude::*;
-
 use super::arrays::{Colors, Mesh, MeshElement, Notes, Positions, Uvs};
 use crate::error::{Error, Result};
+use crate::parallel;
 use crate::units::{counted, plural};
 
 /// Triangles that a thread checks at a time.
@@ -16,7 +15,8 @@ const RUN: usize = 1 << 14;
 /// `Invalid` for the first such triangle.
 fn checked(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> Result<()> {
     let count = positions.len();
-    let problem = |(index, triangle): (usize, &[u32; 3])| {
+    let problem = |index: usize| {
+        let triangle = &triangles[index];
         if let Some(vertex) = triangle.iter().find(|&&vertex| vertex as usize >= count) {
             return Some(format!(
                 "found vertex {vertex} in triangle {index}, expected less than {count}"
@@ -29,8 +29,9 @@ fn checked(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> Result
         let infinite = triangle.iter().find(|&&v| !positions.get(v as usize).is_finite());
         infinite.map(|v| format!("found vertex {v}, which is not finite"))
     };
-    let all = triangles.par_iter().enumerate().with_min_len(RUN);
-    match all.find_map_first(problem) {
+    let runs = parallel::ranges(triangles.len(), RUN);
+    let found = parallel::map(runs, |mut run| run.find_map(problem));
+    match found.into_iter().flatten().next() {
         Some(message) => Err(Error::invalid(place, message)),
         None => Ok(()),
     }

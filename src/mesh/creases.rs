@@ -14,6 +14,7 @@ use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_norma
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
 use crate::math::dot;
+use crate::parallel;
 use crate::reserve;
 
 /// Unit normals of a smooth mesh: per vertex, and at creases per corner.
@@ -113,28 +114,23 @@ pub fn creased_normals<P: VertexPosition>(
     let mut all = Vec::new();
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
-    let chunks = all.par_chunks_mut(CHUNK).enumerate();
-    let results: Vec<(Vec<Split>, Vec<[f32; 3]>)> = chunks
-        .map_init(
-            || (CornerBatch::default(), Around::new(degrees)),
-            |(batch, around), (chunk, normals)| {
-                let (mut splits, mut more) = (Vec::new(), Vec::new());
-                let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
-                batch.each_vertex((positions, triangles), &faces, vertices, |vertex, fan| {
-                    let normal = &mut normals[vertex - chunk * CHUNK];
-                    *normal = unit(fan.sum(0..fan.len()));
-                    if fan.is_within(*normal, around.half) {
-                        return;
-                    }
-                    if around.has_crease(&fan, *normal) {
-                        let here = (triangles, vertex as u32, faces.of(vertex));
-                        *normal = around.split(&fan, here, &mut splits, &mut more);
-                    }
-                });
-                (splits, more)
-            },
-        )
-        .collect();
+    let results = parallel::map(all.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
+        let (mut batch, mut around) = (CornerBatch::default(), Around::new(degrees));
+        let (mut splits, mut more) = (Vec::<Split>::new(), Vec::new());
+        let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
+        batch.each_vertex((positions, triangles), &faces, vertices, |vertex, fan| {
+            let normal = &mut normals[vertex - chunk * CHUNK];
+            *normal = unit(fan.sum(0..fan.len()));
+            if fan.is_within(*normal, around.half) {
+                return;
+            }
+            if around.has_crease(&fan, *normal) {
+                let here = (triangles, vertex as u32, faces.of(vertex));
+                *normal = around.split(&fan, here, &mut splits, &mut more);
+            }
+        });
+        (splits, more)
+    });
     let mut creases = None;
     let corners = results.iter().map(|(splits, _)| splits.len()).sum();
     if corners > 0 {

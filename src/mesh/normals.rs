@@ -6,10 +6,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::vertex_faces::VertexFaces;
 use crate::math::{self, cross, dot, sub};
+use crate::parallel;
 use crate::simd::{self, Isa, Kernel, prefetch};
 
 /// A vertex position in single or double precision.
@@ -49,8 +48,8 @@ pub fn vertex_normals<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]
     }
     let faces = VertexFaces::new(positions.len(), triangles);
     let mut normals = vec![[0.0f32; 3]; positions.len()];
-    normals.par_chunks_mut(CHUNK).enumerate().for_each_init(CornerBatch::default, |batch, next| {
-        let (chunk, normals) = next;
+    parallel::each(normals.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
+        let mut batch = CornerBatch::default();
         let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
         batch.each_vertex((positions, triangles), &faces, vertices.clone(), |vertex, fan| {
             normals[vertex - vertices.start] = unit(fan.sum(0..fan.len()));

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
+
+use crate::parallel;
 
 /// The places of the corners of a few triangles, numbered from 0.
 pub struct Places<P> {
@@ -22,8 +23,9 @@ impl<P: Fn(u32) -> DVec3 + Sync> Places<P> {
             let next = numbers.len() as u32;
             numbers.entry(position_key(position(vertex))).or_insert(next);
         }
-        let all = (0..vertices as u32).into_par_iter().with_min_len(1 << 14);
-        let marked = all.map(|v| numbers.contains_key(&position_key(position(v)))).collect();
+        let mut marked = vec![false; vertices];
+        let is_marked = |v| numbers.contains_key(&position_key(position(v as u32)));
+        parallel::fill(&mut marked, 1 << 14, is_marked);
         Self { numbers, marked, position }
     }
 

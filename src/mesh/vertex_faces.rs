@@ -6,7 +6,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Number of triangles in a block. The range of vertices is stored for each block.
 const BLOCK: usize = 1 << 14;
@@ -31,16 +31,12 @@ impl VertexFaces {
         assert!(beyond.is_none() || triangles.is_empty(), "{beyond:?} of {vertices} vertices");
         let mut ends = vec![0usize; vertices];
         let share = vertices.div_ceil(rayon::current_num_threads()).max(1);
-        let counts: Vec<usize> = ends
-            .par_chunks_mut(share)
-            .enumerate()
-            .map(|(task, counts)| {
-                blocks.each_corner(task * share, counts.len(), |_, vertex, is_own| {
-                    counts[vertex] += usize::from(is_own);
-                });
-                counts.iter().sum()
-            })
-            .collect();
+        let counts = parallel::map(ends.chunks_mut(share).enumerate(), |(task, counts)| {
+            blocks.each_corner(task * share, counts.len(), |_, vertex, is_own| {
+                counts[vertex] += usize::from(is_own);
+            });
+            counts.iter().sum::<usize>()
+        });
         let mut faces = vec![0u32; counts.iter().sum()];
         let (mut tasks, mut start, mut rest) = (Vec::new(), 0, &mut faces[..]);
         for (task, (ends, count)) in ends.chunks_mut(share).zip(counts).enumerate() {
@@ -48,7 +44,7 @@ impl VertexFaces {
             tasks.push((task * share, start, ends, own));
             (start, rest) = (start + count, behind);
         }
-        tasks.into_par_iter().for_each(|(first, start, ends, own)| {
+        parallel::each(tasks.into_iter(), |(first, start, ends, own)| {
             // Each count becomes the start of the vertex's faces. Filling moves it to their end.
             let mut next = 0;
             for end in &mut *ends {
@@ -116,7 +112,7 @@ impl<'a> Blocks<'a> {
             }
             low..=high
         };
-        Self { triangles, ranges: triangles.par_chunks(BLOCK).map(range).collect() }
+        Self { triangles, ranges: parallel::map(triangles.chunks(BLOCK), range) }
     }
 
     /// Calls `visit` for each corner of the triangles in all blocks that overlap the `count` > 0

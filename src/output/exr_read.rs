@@ -12,11 +12,11 @@ use exr::math::Vec2;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, SampleType};
 use half::f16;
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::files::{Stamp, changed};
 use crate::film::{Channel, ChannelKind, Window};
+use crate::parallel;
 
 use super::exr::text::decode;
 use super::exr::{CameraMatrices, Sequence};
@@ -176,11 +176,8 @@ impl ExrReader {
         let meta = chunks.meta_data().clone();
         let chunks = chunks.collect::<std::result::Result<Vec<Chunk>, _>>().map_err(failed)?;
         let decompress = |chunk: Chunk| UncompressedBlock::decompress_chunk(chunk, &meta, true);
-        let blocks: Vec<UncompressedBlock> = chunks
-            .into_par_iter()
-            .map(decompress)
-            .collect::<std::result::Result<_, _>>()
-            .map_err(failed)?;
+        let blocks = parallel::map(chunks.into_iter(), decompress).into_iter();
+        let blocks = blocks.collect::<std::result::Result<Vec<_>, _>>().map_err(failed)?;
         let (stride, width) = (self.channels.len(), window.width() as usize);
         let mut words = vec![0; (end - first) * width * stride];
         let mut seen = vec![false; end - first];

@@ -1,16 +1,17 @@
 //! Composites a picture over a plate (a background image), for the PNG.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Composites premultiplied `pixels` over the opaque `plate` with the over operator. The result has
 /// alpha 1.
 pub fn over(pixels: &[[f32; 4]], plate: &[[f32; 3]]) -> Vec<[f32; 4]> {
-    let pairs = pixels.par_iter().zip(plate).with_min_len(1024);
-    let composed = pairs.map(|(&[r, g, b, alpha], &[x, y, z])| {
+    let mut composed = vec![[0.0; 4]; pixels.len()];
+    parallel::fill(&mut composed, 1 << 12, |i| {
+        let ([r, g, b, alpha], [x, y, z]) = (pixels[i], plate[i]);
         let rest = 1.0 - alpha;
         [r + rest * x, g + rest * y, b + rest * z, 1.0]
     });
-    composed.collect()
+    composed
 }
 
 #[cfg(test)]

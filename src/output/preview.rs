@@ -1,8 +1,7 @@
 //! Converts layers to 8-bit pictures for viewing (`--png-layer`). Values are mapped to [0, 255].
 
-use rayon::prelude::*;
-
 use crate::film::{ChannelKind, Film};
+use crate::parallel;
 
 use super::exr::layer_of;
 use super::srgb;
@@ -47,7 +46,8 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
         true => (x - low) / (high - low),
         false => 0.5,
     };
-    let picture = (0..film.pixels.len()).into_par_iter().with_min_len(1024).map(|pixel| {
+    let mut picture = vec![[0u8; 3]; film.pixels.len()];
+    parallel::fill(&mut picture, 1 << 12, |pixel| {
         let [x, y, z] = [0, 1, 2].map(|axis| value(axis, pixel));
         match mapping {
             Mapping::Depth if x > ranges[0][1] => [0; 3],
@@ -62,7 +62,7 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
             Mapping::Relative => [x, y, z].map(|c| srgb_byte(c / largest)),
         }
     });
-    Some(picture.collect::<Vec<[u8; 3]>>().into_flattened())
+    Some(picture.into_flattened())
 }
 
 /// Returns the indices of the layer's first three channels, without `A`. If there are fewer, the
@@ -80,12 +80,14 @@ fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
 /// Returns the smallest and the largest value of a channel. Ignores NaN and the values of misses:
 /// 0, and absolute values of 1e30 or more.
 fn range(film: &Film, channel: usize) -> [f32; 2] {
-    let values = (0..film.pixels.len()).into_par_iter().with_min_len(4096);
-    let values = values.map(|pixel| film.planes.float(channel, pixel));
-    let values = values.filter(|value| *value != 0.0 && value.abs() < 1e30);
-    let none = || [f32::INFINITY, f32::NEG_INFINITY];
+    let none = [f32::INFINITY, f32::NEG_INFINITY];
     let wider = |[a, b]: [f32; 2], [low, high]: [f32; 2]| [a.min(low), b.max(high)];
-    values.map(|value| [value; 2]).reduce(none, wider)
+    let ranges = parallel::map(parallel::ranges(film.pixels.len(), 1 << 12), |pixels| {
+        let values = pixels.map(|pixel| film.planes.float(channel, pixel));
+        let values = values.filter(|value| *value != 0.0 && value.abs() < 1e30);
+        values.fold(none, |all, value| wider(all, [value; 2]))
+    });
+    ranges.into_iter().fold(none, wider)
 }
 
 /// Returns a bright colour for every id but 0: a hash by MurmurHash3's finaliser without its last

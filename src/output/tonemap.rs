@@ -4,13 +4,16 @@
 //! A transparent picture has straight alpha: colour is first divided by alpha, also to find the
 //! maximum for the operator `max`. `finite` replaces NaN and infinite values.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::parallel;
 use crate::scene::{ToneOperator, Tonemap};
 
 use super::srgb;
 use super::value_counts::finite;
+
+/// Pixels of a task.
+const PART: usize = 1 << 12;
 
 /// The format of a PNG's pixels.
 #[derive(Debug, Clone, Copy)]
@@ -57,8 +60,7 @@ pub fn to_samples(
     let channels = if transparent { 4 } else { 3 };
     let size = usize::from(depth.bits() / 8);
     let mut bytes = vec![0; pixels.len() * channels * size];
-    let chunks = bytes.par_chunks_mut(channels * size).with_min_len(1024);
-    chunks.zip(pixels).for_each(|(to, pixel)| {
+    let one = |to: &mut [u8], pixel: &[f32; 4]| {
         let [r, g, b] = straight(pixel, transparent).map(|value| curve.exposed(value));
         let alpha = f64::from(finite(pixel[3])).clamp(0.0, 1.0);
         match depth {
@@ -73,6 +75,10 @@ pub fn to_samples(
                 }
             }
         }
+    };
+    let parts = bytes.chunks_mut(channels * size * PART).zip(pixels.chunks(PART));
+    parallel::each(parts, |(bytes, pixels)| {
+        bytes.chunks_mut(channels * size).zip(pixels).for_each(|(to, pixel)| one(to, pixel));
     });
     bytes
 }

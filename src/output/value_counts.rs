@@ -1,8 +1,7 @@
 //! Values that the files cannot hold: replaces and counts them.
 
-use rayon::prelude::*;
-
 use crate::film::{ChannelKind, Dropped, Film};
+use crate::parallel;
 
 /// Largest finite value of a half-float.
 pub const HALF_MAX: f32 = 65504.0;
@@ -47,7 +46,6 @@ impl ValueCounts {
     /// `is_half` tells by name and kind whether the file keeps the values of a channel as halves.
     pub fn count(film: &Film, is_half: impl Fn(&str, ChannelKind) -> bool) -> Self {
         let width = film.window.width().max(1) as usize;
-        let rows = film.pixels.par_chunks(width).enumerate().with_min_len(16);
         let largest = |name: &str, kind| if is_half(name, kind) { HALF_MAX } else { f32::MAX };
         let beauty = ["R", "G", "B", "A"].map(|name| largest(name, ChannelKind::Half));
         let kinds = film.planes.channels.iter().enumerate();
@@ -55,7 +53,7 @@ impl ValueCounts {
             .filter(|(_, channel)| channel.kind != ChannelKind::Uint)
             .map(|(i, channel)| (i, largest(&channel.name, channel.kind)))
             .collect();
-        let found = rows.map(|(row, pixels)| {
+        let found = parallel::map(film.pixels.chunks(width).enumerate(), |(row, pixels)| {
             let mut found = Self::default();
             for (column, pixel) in pixels.iter().enumerate() {
                 let index = row * width + column;
@@ -76,7 +74,7 @@ impl ValueCounts {
             }
             found
         });
-        Self { dropped: film.dropped, ..found.reduce(Self::default, Self::then) }
+        Self { dropped: film.dropped, ..found.into_iter().fold(Self::default(), Self::then) }
     }
 
     /// Counts one pixel. Each item is a channel's name, its value, and the largest absolute value

@@ -1,7 +1,5 @@
 //! All hits along rays, and their number.
 
-use rayon::prelude::*;
-
 use super::batch::RayBatch;
 use super::filling::Filling;
 use super::progress;
@@ -11,6 +9,7 @@ use super::scene::RayScene;
 use crate::accel::bvh::Crossing;
 use crate::error::Result;
 use crate::monitor::Monitor;
+use crate::parallel;
 use crate::ray::LANES;
 use crate::reserve;
 
@@ -81,10 +80,10 @@ impl RayScene {
         let mut primitive = Filling::new(total, "primitive")?;
         let mut mesh = Filling::new(total, "mesh")?;
         let mut barycentrics = Filling::new(total, "barycentrics")?;
-        let ids = primitive.parts(lengths()).into_par_iter().zip(mesh.parts(lengths()));
-        let values = t.parts(lengths()).into_par_iter().zip(barycentrics.parts(lengths()));
-        let parts = chunks.par_iter().zip(ids).zip(values);
-        parts.for_each(|((chunk, (mut primitive, mut mesh)), (mut t, mut barycentrics))| {
+        let ids = primitive.parts(lengths()).into_iter().zip(mesh.parts(lengths()));
+        let values = t.parts(lengths()).into_iter().zip(barycentrics.parts(lengths()));
+        let parts = chunks.iter().zip(ids).zip(values);
+        parallel::each(parts, |((chunk, (mut primitive, mut mesh)), (mut t, mut barycentrics))| {
             for hit in &chunk.hits {
                 mesh.extend(&[hit.mesh as i32]);
                 primitive.extend(&[hit.face.into()]);

@@ -1,11 +1,11 @@
 //! The arrays of a mesh, which stay with the caller in the types that they have there.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::Box3;
 use crate::mesh::{Mesh, Positions};
+use crate::parallel;
 use crate::reserve;
 use crate::simd::prefetch;
 
@@ -262,8 +262,9 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
     let vertex = |i: usize, k: usize| faces.get(i)[k].and_then(|v| vertices.get(v as usize));
     let sound = |v: DVec3| v.abs().max_element() <= MAX_COORDINATE && !v.is_nan();
     let bad = |i: usize| (0..3).any(|k| !vertex(i, k).is_some_and(sound));
-    let bad = (0..faces.len()).into_par_iter().with_min_len(1 << 14).find_first(|&i| bad(i));
-    if let Some(i) = bad {
+    let parts = parallel::ranges(faces.len(), 1 << 14);
+    let found = parallel::map(parts.clone(), |mut part| part.find(|&i| bad(i)));
+    if let Some(i) = found.into_iter().flatten().next() {
         let k = (0..3).find(|&k| !vertex(i, k).is_some_and(sound)).unwrap_or(0);
         let index = faces.written(i, k);
         return Err(match vertex(i, k) {
@@ -277,6 +278,8 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
             ),
         });
     }
-    let faces = (0..faces.len()).into_par_iter().with_min_len(1 << 14);
-    Ok(faces.map(|i| Box3::of(&corners(mesh, i))).reduce(|| Box3::EMPTY, Box3::union))
+    let boxes = parallel::map(parts, |part| {
+        part.fold(Box3::EMPTY, |all, i| all.union(Box3::of(&corners(mesh, i))))
+    });
+    Ok(boxes.into_iter().fold(Box3::EMPTY, Box3::union))
 }

@@ -1,8 +1,7 @@
 //! Rays of a caller, and their checks.
 
-use rayon::prelude::*;
-
 use crate::error::{Error, Result};
+use crate::parallel;
 use crate::ray::LANES;
 use crate::simd;
 use crate::units::plural;
@@ -146,9 +145,10 @@ impl<'a> RayBatch<'a> {
 /// branches.
 pub(super) fn first<T: Sync>(all: &[T], wrong: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
     const PART: usize = 1 << 12;
-    let any = |part: &[T]| part.iter().fold(false, |any, item| any | wrong(item));
-    let part = all.par_chunks(PART).position_first(any)?;
-    let rest = &all[part * PART..];
+    let from = |part: usize| &all[part * PART..all.len().min((part + 1) * PART)];
+    let any = |part: usize| from(part).iter().fold(false, |any, item| any | wrong(item));
+    let part = parallel::first(all.len().div_ceil(PART), &any)?;
+    let rest = from(part);
     rest.iter().position(&wrong).map(|i| part * PART + i)
 }
 

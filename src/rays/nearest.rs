@@ -1,7 +1,6 @@
 //! The points of the meshes that are nearest to given points.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::filling::Filling;
 use super::inside::check_points;
@@ -10,6 +9,7 @@ use super::scene::RayScene;
 use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::monitor::Monitor;
+use crate::parallel;
 
 /// Nearest points on the meshes, an element for each point.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +54,10 @@ impl RayScene {
         let mut distance = Filling::new(count, "distance")?;
         let mut primitive = Filling::new(count, "primitive")?;
         let mut mesh = Filling::new(count, "mesh")?;
-        let ids = primitive.parts(lengths()).into_par_iter().zip(mesh.parts(lengths()));
-        let places = point.parts(lengths()).into_par_iter().zip(distance.parts(lengths()));
-        let parts = chunks.par_iter().zip(ids).zip(places);
-        parts.for_each(|((found, (mut primitive, mut mesh)), (mut point, mut distance))| {
+        let ids = primitive.parts(lengths()).into_iter().zip(mesh.parts(lengths()));
+        let places = point.parts(lengths()).into_iter().zip(distance.parts(lengths()));
+        let parts = chunks.iter().zip(ids).zip(places);
+        parallel::each(parts, |((found, (mut primitive, mut mesh)), (mut point, mut distance))| {
             for nearest in found {
                 let place = self.place(nearest.primitive);
                 mesh.extend(&[place.0 as i32]);

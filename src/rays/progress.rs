@@ -2,10 +2,9 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use rayon::prelude::*;
-
 use crate::error::Result;
 use crate::monitor::{Monitor, Phase};
+use crate::parallel;
 
 /// Rays or points of a task. A multiple of a packet.
 pub(super) const CHUNK: usize = 1024;
@@ -21,15 +20,14 @@ pub(super) fn in_chunks<T: Send>(
     answer: impl Fn(std::ops::Range<usize>) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     monitor.begin(Phase::Check, count as u64);
-    let chunks = (0..count.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
+    let chunks = parallel::map(parallel::ranges(count, CHUNK), |range| {
         monitor.check()?;
-        let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
         let length = range.len() as u64;
         let answer = answer(range)?;
         monitor.done.fetch_add(length, Relaxed);
         Ok(answer)
     });
-    chunks.collect()
+    chunks.into_iter().collect()
 }
 
 /// Fills `all` by one call per [`CHUNK`] items, in parallel. `fill` gets the index of the first
@@ -43,10 +41,11 @@ pub(super) fn fill<T: Send>(
     fill: impl Fn(usize, &mut [T]) -> Result<()> + Sync,
 ) -> Result<()> {
     monitor.begin(Phase::Check, all.len() as u64);
-    all.par_chunks_mut(CHUNK).enumerate().try_for_each(|(chunk, items)| {
+    let done = parallel::map(all.chunks_mut(CHUNK).enumerate(), |(chunk, items)| {
         monitor.check()?;
         fill(chunk * CHUNK, items)?;
         monitor.done.fetch_add(items.len() as u64, Relaxed);
         Ok(())
-    })
+    });
+    done.into_iter().collect()
 }

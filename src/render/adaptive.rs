@@ -9,7 +9,6 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::tiles::{Tile, tiles};
@@ -21,6 +20,7 @@ use crate::integrate::{
 };
 use crate::layers::LayerPlan;
 use crate::monitor::{Monitor, Phase};
+use crate::parallel;
 use crate::sampler::independent_seed;
 use crate::simd;
 use crate::world::World;
@@ -152,8 +152,7 @@ impl SharedSettings<'_> {
             let (taken, dropped) = work.finish(monitor);
             (rays, taken, dropped)
         };
-        // One at a time: see `render_with`.
-        tiles.into_par_iter().with_max_len(1).map(render).reduce_with(join)
+        parallel::map(tiles.into_iter(), render).into_iter().reduce(join)
     }
 
     /// Renders in passes over the whole film. Each pass is as large as the remaining time allows.
@@ -166,7 +165,7 @@ impl SharedSettings<'_> {
     ) -> Option<Rendered> {
         let (start, monitor) = (Instant::now(), self.context.monitor);
         let make = |tile| Work::new(self, tile, record());
-        let mut all: Vec<Work<R>> = tiles.into_par_iter().map(make).collect();
+        let mut all = parallel::map(tiles.into_iter(), make);
         let mut rays = RayCounts::default();
         // A pass takes 2^-shift of a doubling of the samples. Once a whole doubling does not fit
         // into the remaining time, no further doubling is chosen.
@@ -180,20 +179,15 @@ impl SharedSettings<'_> {
                 monitor.set_done(total.min((part * total as f64) as u64));
                 rays
             };
-            // One at a time: see `render_with`.
-            let sum = all
-                .par_iter_mut()
-                .with_max_len(1)
-                .map(pass)
-                .reduce(RayCounts::default, |a, b| a + b);
-            rays = rays + sum;
+            let passes = parallel::map(all.iter_mut(), pass);
+            rays = passes.into_iter().fold(rays, |a, b| a + b);
             if monitor.stopped() {
                 break;
             }
             let each = begun.elapsed().as_secs_f64() / wanted.max(1) as f64;
             let left = time.saturating_sub(start.elapsed()).as_secs_f64();
             if shift == 0 {
-                all.par_iter_mut().for_each(|work| work.choose(self));
+                parallel::each(all.iter_mut(), |work| work.choose(self));
             }
             while wanted_after(&mut all, shift) as f64 * each > left && shift < u32::BITS {
                 shift += 1;
@@ -202,11 +196,11 @@ impl SharedSettings<'_> {
                 break;
             }
         }
-        let done = all.into_par_iter().map(|work| {
+        let done = parallel::map(all.into_iter(), |work| {
             let (taken, dropped) = work.finish(monitor);
             (RayCounts::default(), taken, dropped)
         });
-        let (_, taken, dropped) = done.reduce_with(join)?;
+        let (_, taken, dropped) = done.into_iter().reduce(join)?;
         Some((rays, taken, dropped))
     }
 
@@ -228,17 +222,14 @@ impl SharedSettings<'_> {
         };
         let probes: Vec<[u32; 2]> =
             middle(height).flat_map(|y| middle(width).map(move |x| [x, y])).collect();
-        let sums: Vec<(f64, RayCounts)> = probes
-            .par_iter()
-            .map(|&[x, y]| {
-                let [x0, y0] = [x, y].map(|at| at + world.overscan);
-                let pixel = Window { x0, y0, x1: x0 + 1, y1: y0 + 1 };
-                let mut passes = Passes::new(pixel, MIN_PASS_SAMPLES, || ());
-                let rays = job.pass(&mut passes, &mut Beauty(None));
-                let [r, g, b, _] = passes.tallies[0].sum;
-                ((r + g + b) / (3.0 * f64::from(MIN_PASS_SAMPLES)), rays)
-            })
-            .collect();
+        let sums = parallel::map(probes.iter(), |&[x, y]| {
+            let [x0, y0] = [x, y].map(|at| at + world.overscan);
+            let pixel = Window { x0, y0, x1: x0 + 1, y1: y0 + 1 };
+            let mut passes = Passes::new(pixel, MIN_PASS_SAMPLES, || ());
+            let rays = job.pass(&mut passes, &mut Beauty(None));
+            let [r, g, b, _] = passes.tallies[0].sum;
+            ((r + g + b) / (3.0 * f64::from(MIN_PASS_SAMPLES)), rays)
+        });
         let rays = sums.iter().fold(RayCounts::default(), |all, (_, rays)| all + *rays);
         (mean_of_finite(sums.iter().map(|(radiance, _)| *radiance)), rays)
     }
@@ -319,7 +310,7 @@ fn wanted<R: Record>(all: &[Work<R>]) -> u64 {
 
 /// Sets the next pass to 2^-shift of the doubling, and returns its number of samples.
 fn wanted_after<R: Record + Send>(all: &mut [Work<R>], shift: u32) -> u64 {
-    all.par_iter_mut().for_each(|work| work.passes.want(shift));
+    parallel::each(all.iter_mut(), |work| work.passes.want(shift));
     wanted(all)
 }
 

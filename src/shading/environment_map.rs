@@ -10,13 +10,13 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::image_file::{self, TextureSize};
 use super::points::{Lanes, Lanes3, lane};
 use super::texture::Texture;
 use crate::error::Result;
 use crate::math::{atan2, luminance};
+use crate::parallel;
 use crate::ray::LANES;
 use crate::reserve;
 use crate::scene::{Filter, Wrap};
@@ -75,7 +75,7 @@ impl Moments {
             Self { mean: share * sum, square: share * squares, vector: share * vector }
         };
         // Collected first: a parallel sum would depend on the number of threads.
-        let rows: Vec<Self> = (0..height).into_par_iter().map(row).collect();
+        let rows = parallel::map(0..height, row);
         let sum = |value: fn(&Self) -> f64| rows.iter().map(value).sum();
         let vector = rows.iter().map(|row| row.vector).sum();
         Self { mean: sum(|row| row.mean), square: sum(|row| row.square), vector }
@@ -124,13 +124,9 @@ impl EnvironmentMap {
             return Ok(Self { texture, cosines, rows, columns, mean, scale: 0.0 });
         }
         let mut columns = reserve::filled(0f32, width * height, what)?;
-        let totals: Vec<f64> = columns
-            .par_chunks_exact_mut(width)
-            .enumerate()
-            .map(|(y, row)| {
-                angle(y) * accumulate(row, |x| (bright(x, y) - f64::from(mean)).max(0.0) as f32)
-            })
-            .collect();
+        let totals = parallel::map(columns.chunks_mut(width).enumerate(), |(y, row)| {
+            angle(y) * accumulate(row, |x| (bright(x, y) - f64::from(mean)).max(0.0) as f32)
+        });
         let mut rows = vec![0.0; height];
         let total = accumulate(&mut rows, |y| totals[y] as f32);
         Ok(Self { texture, cosines, rows, columns, mean, scale: (1.0 / total) as f32 })

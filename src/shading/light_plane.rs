@@ -5,11 +5,11 @@
 //! between ray and plane is small, this end is far from the light.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::light::{Area, Distant};
 use super::points::{ShadowPoints, lane};
 use crate::geometry::{Box3, Geometry, GeometryKind, TriangleMesh, doubles};
+use crate::parallel;
 use crate::ray::{LANES, Mask, Rays};
 
 /// Unit roundoff u of f32: half an ulp of 1.
@@ -118,11 +118,12 @@ impl Area {
             // Frames of a batch are prepared outside of any pool. Parallel code would start rayon's
             // global pool there.
             gap = gap.max(match rayon::current_thread_index() {
-                Some(_) => all
-                    .into_par_iter()
-                    .with_min_len(1 << 14)
-                    .map(gap_of)
-                    .reduce(|| f64::NEG_INFINITY, most),
+                Some(_) => {
+                    let parts = parallel::ranges(all.len(), 1 << 14);
+                    let gap_of = |i: usize| gap_of(i as u32);
+                    let gaps = parallel::map(parts, |all| all.map(gap_of).fold(gap, most));
+                    gaps.into_iter().fold(gap, most)
+                }
                 None => all.map(gap_of).fold(f64::NEG_INFINITY, most),
             });
         }

@@ -5,12 +5,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec2, Vec3};
-use rayon::prelude::*;
 
 use super::texel_filter::bilinear;
 use super::texel_image::{Part, TexelImage, linear_rgb};
 use super::tiles::{self, Band, SIDE, TileWriter, Tiles};
 use crate::error::Result;
+use crate::parallel;
 use crate::reserve;
 use crate::scene::Wrap;
 
@@ -242,9 +242,9 @@ fn means<T: Send>(
         }
         sum
     };
-    out.par_iter_mut().enumerate().for_each(|(i, out)| {
+    parallel::fill(out, 1 << 12, |i| {
         let (row, column) = (i / columns.len(), i % columns.len());
-        *out = convert(mean(columns.start + column as u32, first + row as u32));
+        convert(mean(columns.start + column as u32, first + row as u32))
     });
 }
 

@@ -1,10 +1,10 @@
 //! Bounding boxes in world space, in f64.
 
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
 use crate::camera::sides;
 use crate::math::absolute;
+use crate::parallel;
 use crate::scene::{CheckedCamera, ShapeKind};
 
 /// An axis-aligned box; empty where `min > max`.
@@ -23,14 +23,10 @@ impl Bounds {
     /// Returns the smallest box around the points that `point` returns for the indices below `n`,
     /// in parallel. `None` is skipped.
     pub fn from_points(n: usize, point: impl Fn(usize) -> Option<DVec3> + Sync) -> Self {
-        const CHUNK: usize = 1 << 16;
-        (0..n.div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                let points = chunk * CHUNK..n.min((chunk + 1) * CHUNK);
-                points.filter_map(&point).fold(Self::EMPTY, Self::with)
-            })
-            .reduce(|| Self::EMPTY, Self::union)
+        let boxes = parallel::map(parallel::ranges(n, 1 << 16), |points| {
+            points.filter_map(&point).fold(Self::EMPTY, Self::with)
+        });
+        boxes.into_iter().fold(Self::EMPTY, Self::union)
     }
 
     /// Returns the bounding box of a shape; empty for a mesh and its instances.

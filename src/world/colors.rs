@@ -1,11 +1,10 @@
 //! Chooses the colours of a mesh: which colours of its file are read, and how they are shown.
 
-use rayon::prelude::*;
-
 use crate::error::{Error, Problem, Result};
 use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property, Scalars};
 use crate::output::legend::Legend;
 use crate::output::srgb;
+use crate::parallel;
 use crate::scene::written::MeshColorDescription::{Property as Mapped, Stored};
 use crate::scene::written::{MAX_COLOR, PropertyColorDescription, StoredColor};
 use crate::scene::{ColorSpace, Trimesh};
@@ -81,24 +80,32 @@ fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>) -> u64 {
     let is_usable = |value: f64| value.abs() <= MAX_COLOR;
     let mut replaced = 0;
     if let Colors::F32(colors) = colors {
-        let unusable = |rgb: &&mut [f32; 3]| !rgb.iter().all(|&c| is_usable(c.into()));
-        let all = colors.par_iter_mut().with_min_len(1 << 14);
-        replaced += all.filter(unusable).map(|rgb| *rgb = [1.0; 3]).count();
+        replaced += replace(colors, [1.0; 3], |rgb| rgb.iter().all(|&c| is_usable(c.into())));
     }
     // Without alpha, the colour is white.
     match alpha {
-        Some(Scalars::F32(alpha)) => {
-            let all = alpha.par_iter_mut().with_min_len(1 << 14);
-            replaced += all.filter(|a| !is_usable(f64::from(**a))).map(|a| *a = 0.0).count();
-        }
-        Some(Scalars::F64(alpha)) => {
-            let all = alpha.par_iter_mut().with_min_len(1 << 14);
-            replaced += all.filter(|a| !is_usable(**a)).map(|a| *a = 0.0).count();
-        }
+        Some(Scalars::F32(alpha)) => replaced += replace(alpha, 0.0, |&a| is_usable(a.into())),
+        Some(Scalars::F64(alpha)) => replaced += replace(alpha, 0.0, |&a| is_usable(a)),
         _ => {}
     }
-    replaced as u64
+    replaced
 }
+
+/// Replaces what is not usable by `other`. Returns its number.
+fn replace<T: Copy + Send + Sync>(
+    all: &mut [T],
+    other: T,
+    usable: impl Fn(&T) -> bool + Sync,
+) -> u64 {
+    let parts = parallel::map(all.chunks_mut(CHUNK), |part| {
+        let bad = part.iter_mut().filter(|value| !usable(value));
+        bad.map(|value| *value = other).count() as u64
+    });
+    parts.into_iter().sum()
+}
+
+/// Values of a task.
+const CHUNK: usize = 1 << 14;
 
 /// Range of the finite values of a property.
 struct Finite {
@@ -124,8 +131,9 @@ impl Finite {
             high: a.high.max(b.high),
             others: a.others + b.others,
         };
-        let all = (0..values.len()).into_par_iter().with_min_len(1 << 14);
-        all.fold(|| Self::NONE, one).reduce(|| Self::NONE, both)
+        let parts = parallel::ranges(values.len(), CHUNK);
+        let found = parallel::map(parts, |part| part.fold(Self::NONE, one));
+        found.into_iter().fold(Self::NONE, both)
     }
 
     /// Returns the default range of the colour map, which has a width also for equal values.

@@ -16,11 +16,15 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh, Positions, Uvs};
 use crate::output::legend::Legend;
+use crate::parallel;
 use crate::reserve::{self, MemoryLimit};
 use crate::scene::written::MAX_COORDINATE;
 use crate::scene::{Smooth, Trimesh};
 use crate::shading::{MeshColors, Shape, UvSource};
 use crate::units::counted;
+
+/// Elements of a task.
+const CHUNK: usize = 1 << 14;
 
 /// Size in bytes of a point: its sphere and the index of its shape.
 const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
@@ -209,7 +213,9 @@ impl PlacedMesh {
         let Self { mesh, colors, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
-                all.par_iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
+                parallel::each(all.chunks_mut(CHUNK), |all| {
+                    all.iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
+                });
                 all
             }
             Positions::F64(all) => {
@@ -274,13 +280,8 @@ impl PlacedMesh {
         reserve::exact(spheres, mesh.positions.len(), &spec.path.display().to_string())?;
         let center = spec.center - origin;
         let place = |p: DVec3| Sphere { center: linear * (p - middle) + center, radius };
-        match &mesh.positions {
-            Positions::F32(all) => {
-                let points = all.par_iter().map(|p| DVec3::from(p.map(f64::from)));
-                spheres.par_extend(points.map(place));
-            }
-            Positions::F64(all) => spheres.par_extend(all.par_iter().map(|&p| place(p.into()))),
-        }
+        let points = (0..mesh.positions.len()).into_par_iter();
+        spheres.par_extend(points.map(|i| place(mesh.positions.get(i))));
         // `gather` refuses too many primitives before an index is used.
         let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
         shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
@@ -346,9 +347,11 @@ impl WithoutArea {
 
 /// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
-    normals.par_iter_mut().for_each(|n| {
-        let turned = linear * DVec3::from(n.map(f64::from));
-        *n = turned.normalize_or_zero().as_vec3().to_array();
+    parallel::each(normals.chunks_mut(CHUNK), |normals| {
+        for n in normals {
+            let turned = linear * DVec3::from(n.map(f64::from));
+            *n = turned.normalize_or_zero().as_vec3().to_array();
+        }
     });
     normals
 }
@@ -474,7 +477,9 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
 /// Returns the number of rows with a number that is NaN or infinite.
 fn not_finite<const N: usize>(rows: &[[f32; N]]) -> u64 {
     let is_bad = |row: &&[f32; N]| !row.iter().all(|x| x.is_finite());
-    rows.par_iter().with_min_len(1 << 14).filter(is_bad).count() as u64
+    let counts =
+        parallel::map(rows.chunks(CHUNK), |rows| rows.iter().filter(is_bad).count() as u64);
+    counts.into_iter().sum()
 }
 
 #[cfg(test)]

@@ -9,6 +9,10 @@ use serde::Serialize;
 
 use crate::error::Problem;
 use crate::geometry::{Placement, TriangleMesh};
+use crate::parallel;
+
+/// Triangles of a task.
+const CHUNK: usize = 1 << 15;
 
 /// Detail of a mesh in single precision relative to the scene's origin.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,8 +48,9 @@ impl Detail {
         exact: impl Fn(u32) -> DVec3 + Sync,
         rounded: impl Fn(DVec3) -> [f32; 3] + Sync,
     ) -> Self {
-        let found =
-            triangles.par_iter().with_min_len(1 << 14).fold(Edges::default, |mut all, t| {
+        let found = parallel::map(triangles.chunks(CHUNK), |triangles| {
+            let mut all = Edges::default();
+            for t in triangles {
                 let at = t.map(&exact);
                 let seen = at.map(&rounded);
                 for (i, j) in [(0, 1), (1, 2), (2, 0)] {
@@ -54,9 +59,11 @@ impl Detail {
                         all.collapsed.push([t[i].min(t[j]), t[i].max(t[j])]);
                     }
                 }
-                all
-            });
-        let Edges { shortest_squared, collapsed } = found.reduce(Edges::default, Edges::with);
+            }
+            all
+        });
+        let found = found.into_iter().fold(Edges::default(), Edges::with);
+        let Edges { shortest_squared, collapsed } = found;
         let shortest_edge = shortest_squared.sqrt() * scale;
         Self { ulp: ulp(farthest), shortest_edge, collapsed_edges: count_once(collapsed) }
     }
@@ -121,7 +128,6 @@ fn warning(place: &str, what: &str, ulp: f64, collapsed: u64) -> Option<Problem>
 /// returns. In a mesh from a file, such an edge had two different ends: the reader drops triangles
 /// with two equal corners.
 fn collapsed_edges(mesh: &TriangleMesh, placed: impl Fn(u32) -> [f32; 3] + Sync) -> u64 {
-    const CHUNK: usize = 1 << 15;
     let in_chunk = |triangles: &[[u32; 3]]| {
         let mut found = Vec::new();
         for &[a, b, c] in triangles {
@@ -134,11 +140,7 @@ fn collapsed_edges(mesh: &TriangleMesh, placed: impl Fn(u32) -> [f32; 3] + Sync)
         }
         found
     };
-    let chunks = mesh.triangles().par_chunks(CHUNK).map(in_chunk);
-    count_once(chunks.reduce(Vec::new, |mut all, mut more| {
-        all.append(&mut more);
-        all
-    }))
+    count_once(parallel::map(mesh.triangles().chunks(CHUNK), in_chunk).concat())
 }
 
 /// Returns the number of different edges: triangles share them.

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::accel::lane::LaneRay;
 use crate::geometry::{Box3, slabs_meet};
+use crate::parallel;
 
 /// Number of neighbouring items, or of neighbouring boxes of one level, that share a box.
 const BLOCK: usize = 8;
@@ -35,10 +36,10 @@ impl Blocks {
         // Along an axis without extent, infinity times 0 gives NaN, which casts to 0. A centre on
         // the upper bound wraps to 0 in `morton`. The order affects only speed.
         let scale = (DVec3::ONE / (all.max - all.min)).max(DVec3::ZERO) * f64::from(1 << 21);
-        let mut order: Vec<(u64, u32)> = (0..boxes.len() as u32)
-            .into_par_iter()
-            .map(|item| (morton((boxes[item as usize].center() - all.min) * scale), item))
-            .collect();
+        let mut order = vec![(0u64, 0u32); boxes.len()];
+        parallel::fill(&mut order, 1 << 12, |item| {
+            (morton((boxes[item].center() - all.min) * scale), item as u32)
+        });
         order.par_sort_unstable();
         let order: Vec<u32> = order.into_iter().map(|(_, item)| item).collect();
         let items = |block: &[u32]| Box3::around(block.iter().map(|&item| boxes[item as usize]));

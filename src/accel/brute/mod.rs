@@ -19,7 +19,6 @@ pub use self::near::{Near, Outline, near_primitive};
 use std::cmp::Ordering;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
@@ -28,6 +27,7 @@ use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
 use crate::geometry::{Box3, Geometry, GeometryKind, Unseen};
 use crate::monitor::Monitor;
+use crate::parallel;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 /// The oracle: closest hits and occlusion by exact tests of every primitive.
@@ -73,13 +73,16 @@ impl<'g> Brute<'g> {
             return Err(over_limit(limit));
         }
         let all = 0..geometry.count() as u32;
-        let bounds = |primitive| bounds(geometry, primitive);
+        let boxes = |count, primitive: &(dyn Fn(usize) -> u32 + Sync)| {
+            let mut boxes = vec![Box3::EMPTY; count];
+            parallel::fill(&mut boxes, 1 << 12, |i| bounds(geometry, primitive(i)));
+            boxes
+        };
         let blocks = if unseen.is_empty() {
-            Blocks::new(&all.into_par_iter().map(bounds).collect::<Vec<_>>())
+            Blocks::new(&boxes(all.len(), &|i| i as u32))
         } else {
             let seen: Vec<u32> = all.filter(|&primitive| !unseen.has(primitive)).collect();
-            let boxes: Vec<Box3> = seen.par_iter().copied().map(bounds).collect();
-            Blocks::new(&boxes).renamed(&seen)
+            Blocks::new(&boxes(seen.len(), &|i| seen[i])).renamed(&seen)
         };
         monitor.check()?;
         Ok(Self { geometry, blocks, peak_bytes })

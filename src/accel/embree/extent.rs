@@ -2,10 +2,10 @@
 //! triangle.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use crate::geometry::{TriangleMesh, doubles};
+use crate::parallel;
 
 /// Number of triangles that share one bound on their longest edge.
 const BLOCK: usize = 256;
@@ -28,7 +28,9 @@ impl Extent {
         let vertices = mesh.vertices();
         let [low, high] = mesh.bounds().map(doubles);
         let corner = |i: u32| doubles(vertices[i as usize]);
-        let longest = |part: &[[u32; 3]]| {
+        let triangles = mesh.triangles();
+        let longest = |block: usize| {
+            let part = &triangles[block * BLOCK..triangles.len().min((block + 1) * BLOCK)];
             let square = part.iter().fold(0.0f64, |most, &[a, b, c]| {
                 let (a, b, c) = (corner(a), corner(b), corner(c));
                 let longest = (a - b).length_squared().max((b - c).length_squared());
@@ -36,7 +38,8 @@ impl Extent {
             });
             (square.sqrt() * (1.0 + f64::from(f32::EPSILON))) as f32
         };
-        let edges = mesh.triangles().par_chunks(BLOCK).map(longest).collect();
+        let mut edges = vec![0.0; triangles.len().div_ceil(BLOCK)];
+        parallel::fill(&mut edges, 64, longest);
         Self { centre: (low + high) * 0.5, radius: (high - low).length() * 0.5, edges }
     }
 

@@ -7,13 +7,12 @@ use std::path::PathBuf;
 use std::slice;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::batch::job::Job;
 use crate::batch::journal::{FrameRecord, JournalRecord, MeshRecord};
 use crate::batch::tasks;
 use crate::output::Outputs;
 use crate::output::finished::{self, FileState};
+use crate::parallel;
 
 /// State of one input of a job.
 #[derive(Debug, Clone, Default)]
@@ -75,7 +74,7 @@ impl SheetEntry {
                 all[number].add(record, &run);
             }
         }
-        all.par_iter_mut().for_each(|entry| entry.keep_whole(job));
+        parallel::each(all.iter_mut(), |entry| entry.keep_whole(job));
         all
     }
 
@@ -83,11 +82,11 @@ impl SheetEntry {
     /// whose files are complete without a record.
     fn keep_whole(&mut self, job: &Job) {
         self.failures.retain(|frame, _| *frame < job.frames());
-        let frames = (0..job.frames()).into_par_iter().filter_map(|frame| {
+        let frames = parallel::map(0..job.frames(), |frame| {
             let record = self.frames.get(&frame).cloned().flatten();
             is_whole(job, self.number, frame, record.as_ref()).then_some((frame, record))
         });
-        self.frames = frames.collect::<Vec<_>>().into_iter().collect();
+        self.frames = frames.into_iter().flatten().collect();
     }
 
     /// Adds a record of a run, given with its number and its range of tasks: the frames of all

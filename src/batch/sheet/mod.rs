@@ -9,11 +9,10 @@ mod thumbnails;
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::error::{Problem, Result};
 use crate::monitor::Monitor;
 use crate::output::atomic::{PartFile, Sweep};
+use crate::parallel;
 use crate::threads;
 
 use super::job::Job;
@@ -54,7 +53,8 @@ pub fn write(
     let pool = threads::pool(threads)?;
     let entries = pool.install(|| SheetEntry::all(job, &journal::read(&job.folder)));
     let strip = |entry: &SheetEntry| Strip::of(job, entry, each, monitor);
-    let strips = pool.install(|| entries.par_iter().map(strip).collect::<Result<Vec<_>>>())?;
+    let strips = pool.install(|| parallel::map(entries.iter(), strip));
+    let strips = strips.into_iter().collect::<Result<Vec<_>>>()?;
     let sweep = Sweep::default();
     let html = page::html(job, &entries, &strips, problems);
     let page = || write_text(&sweep, &job.folder.join(PAGE), &html);
@@ -64,11 +64,9 @@ pub fn write(
         sweep.target(&path);
         png::write(&path, entries, strips)
     };
-    let parts = entries
-        .par_chunks(PICTURES_PER_SHEET)
-        .zip(strips.par_chunks(PICTURES_PER_SHEET))
-        .enumerate();
-    let sheets = || parts.map(sheet).collect::<Result<Vec<PathBuf>>>();
+    let parts =
+        entries.chunks(PICTURES_PER_SHEET).zip(strips.chunks(PICTURES_PER_SHEET)).enumerate();
+    let sheets = || parallel::map(parts, sheet).into_iter().collect::<Result<Vec<PathBuf>>>();
     let (page, sheets) = pool.install(|| rayon::join(page, sheets));
     Ok([vec![page?], sheets?].concat())
 }

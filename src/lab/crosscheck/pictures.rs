@@ -3,7 +3,6 @@
 
 use std::sync::Mutex;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::check::CrossCheck;
@@ -20,6 +19,7 @@ use crate::lab::query::QueryPacket;
 use crate::lab::rays::PacketToTrace;
 use crate::lab::verdict::{Verdict, judge};
 use crate::monitor::Monitor;
+use crate::parallel;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
 use crate::render::render;
 use crate::simd::{self, Isa};
@@ -112,15 +112,12 @@ pub fn compare_pictures(
             .filter(|&i| !same(&reference.pixels[i], &film.pixels[i]))
             .collect();
         let looked_into = &different[..different.len().min(EXPLAINED)];
-        let reasons: Vec<Reason> = looked_into
-            .par_iter()
-            .filter(|_| !monitor.stopped())
-            .map(|&i| {
-                let (built_backends, reason) = ([*first, *other], Mutex::default());
-                explain(context, Witness { oracle, built_backends, reason }, pixel(i))
-            })
-            .collect();
-        monitor.check()?;
+        let reasons = parallel::map(looked_into.iter(), |&i| {
+            let (built_backends, reason) = ([*first, *other], Mutex::default());
+            monitor.check()?;
+            Ok(explain(context, Witness { oracle, built_backends, reason }, pixel(i)))
+        });
+        let reasons = reasons.into_iter().collect::<Result<Vec<Reason>>>()?;
         let count = |is: fn(&Reason) -> bool| reasons.iter().filter(|r| is(r)).count() as u64;
         let unexplained = reasons.iter().position(|r| *r == Reason::default());
         reports.push(PictureReport {

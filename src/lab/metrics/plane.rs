@@ -1,6 +1,9 @@
 //! One channel of a picture, and its convolution with separable kernels.
 
-use rayon::prelude::*;
+use crate::parallel;
+
+/// Pixels of a task.
+pub(super) const PART: usize = 1 << 12;
 
 /// One channel of a picture, in rows from the top.
 #[derive(Debug, Clone)]
@@ -18,7 +21,9 @@ impl ChannelPlane {
         width: usize,
         value: impl Fn(&T) -> f64 + Sync + Send,
     ) -> Self {
-        Self { width, values: pixels.par_iter().map(value).collect() }
+        let mut values = vec![0.0; pixels.len()];
+        parallel::fill(&mut values, PART, |i| value(&pixels[i]));
+        Self { width, values }
     }
 
     /// Convolves along x with `row`, then along y with `column`. Both have an odd length.
@@ -33,7 +38,8 @@ impl ChannelPlane {
     pub fn along_x(&self, kernel: &[f64]) -> Self {
         let (width, radius) = (self.width, kernel.len() / 2);
         let mut values = vec![0.0; self.values.len()];
-        values.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(to, from)| {
+        let rows = values.chunks_mut(width).zip(self.values.chunks(width));
+        parallel::each(rows, |(to, from)| {
             let (first, last) = (from[0], from[width - 1]);
             let mut padded = vec![first; radius];
             padded.extend_from_slice(from);
@@ -50,7 +56,7 @@ impl ChannelPlane {
         let (width, radius) = (self.width, kernel.len() / 2);
         let bottom = (self.values.len() / width).saturating_sub(1);
         let mut values = vec![0.0; self.values.len()];
-        values.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+        parallel::each(values.chunks_mut(width).enumerate(), |(y, to)| {
             for (offset, weight) in kernel.iter().enumerate() {
                 let from = (y + offset).saturating_sub(radius).min(bottom);
                 add(to, &self.values[from * width..], *weight);

@@ -11,11 +11,10 @@
 
 use std::ops::RangeInclusive;
 
-use rayon::prelude::*;
-
 use super::context::ReadContext;
 use super::faces::PlyFaces;
 use crate::error::Result;
+use crate::parallel;
 use crate::reserve;
 
 /// Number of triangles in a block. The range of lowest vertices is stored for each block.
@@ -48,7 +47,7 @@ pub(super) fn drop(faces: &mut PlyFaces, vertices: usize, job: &ReadContext) -> 
         true => Vec::new(),
         false => all.repeated(ends[0], (ends[1] - ends[0]) as usize),
     };
-    let repeated: Vec<Vec<u32>> = stretches.par_windows(2).map(repeated).collect();
+    let repeated = parallel::map(stretches.windows(2), repeated);
     job.check()?;
     let mut repeated = repeated.concat();
     repeated.sort_unstable();
@@ -78,7 +77,7 @@ impl<'a> Triangles<'a> {
             }
             low..=high
         };
-        Self { all, lowest: all.par_chunks(BLOCK).map(range).collect() }
+        Self { all, lowest: parallel::map(all.chunks(BLOCK), range) }
     }
 
     /// Splits the vertices into at most one range per thread, each with about the same number of

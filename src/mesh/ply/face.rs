@@ -1,8 +1,6 @@
 //! Converts faces and strips to triangles. Faces are read in bulk if all are triangles, in binary
 //! rows of equal size and without texture data. Otherwise they are read one by one.
 
-use rayon::prelude::*;
-
 use super::attributes::{Attributes, Capacity};
 use super::block::Uniform;
 use super::check::{Checker, Tally};
@@ -17,6 +15,7 @@ use super::scalar::{Native, Scalar};
 use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::normals::VertexPosition;
+use crate::parallel;
 use crate::reserve;
 use crate::units::plural;
 
@@ -101,30 +100,26 @@ fn copy<T: Native + Into<i64>, P: VertexPosition>(
     let stride = uniform.stride;
     let rows = &table.data[uniform.start..uniform.start + count * stride];
     let mut triangles = reserve::filled([0u32; 3], count, table.context.name)?;
-    let tallies: Vec<Tally> = triangles
-        .par_chunks_mut(GRAIN)
-        .zip(rows.par_chunks(GRAIN * stride))
-        .enumerate()
-        .map(|(block, (triangles, rows))| {
-            let mut checker = Checker::new(positions, "face");
-            if table.context.stopped() {
-                return checker.tally;
-            }
-            let first = table.span.first + (block * GRAIN) as u64;
-            for (i, (triangle, bytes)) in
-                triangles.iter_mut().zip(rows.chunks_exact(stride)).enumerate()
-            {
-                let items = &bytes[at..at + 3 * size_of::<T>()];
-                let corner = |i: usize| T::take(items, i * size_of::<T>(), big).into();
-                let corners = [corner(0), corner(1), corner(2)];
-                *triangle = match checker.good(corners) {
-                    Some(good) => good,
-                    None => checker.explain(first + i as u64, corners).unwrap_or(DROPPED),
-                };
-            }
-            checker.tally
-        })
-        .collect();
+    let blocks = triangles.chunks_mut(GRAIN).zip(rows.chunks(GRAIN * stride)).enumerate();
+    let tallies = parallel::map(blocks, |(block, (triangles, rows))| {
+        let mut checker = Checker::new(positions, "face");
+        if table.context.stopped() {
+            return checker.tally;
+        }
+        let first = table.span.first + (block * GRAIN) as u64;
+        for (i, (triangle, bytes)) in
+            triangles.iter_mut().zip(rows.chunks_exact(stride)).enumerate()
+        {
+            let items = &bytes[at..at + 3 * size_of::<T>()];
+            let corner = |i: usize| T::take(items, i * size_of::<T>(), big).into();
+            let corners = [corner(0), corner(1), corner(2)];
+            *triangle = match checker.good(corners) {
+                Some(good) => good,
+                None => checker.explain(first + i as u64, corners).unwrap_or(DROPPED),
+            };
+        }
+        checker.tally
+    });
     let mut tally = Tally::default();
     tallies.into_iter().for_each(|next| tally.add(next));
     tally.faces = count as u64;

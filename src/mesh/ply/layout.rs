@@ -5,13 +5,12 @@
 //! they are equal, row n starts at n times the size of a row. Otherwise a second pass walks from
 //! row to row, list by list.
 
-use rayon::prelude::*;
-
 use super::block::{RowBlock, Span, Uniform, too_short};
 use super::context::ReadContext;
 use super::header::{Element, Format, Header, PropertyType};
 use super::scalar::Scalar;
 use crate::error::{Error, Result};
+use crate::parallel;
 use crate::units::counted;
 
 /// Maximum number of rows that one task reads.
@@ -141,8 +140,10 @@ impl BinaryRows<'_> {
                 lists.iter().all(|&(at, kind, length)| count_at(row, at, kind, big) == Some(length))
             }
         };
-        rows.par_chunks(stride * ROWS_PER_BLOCK as usize)
-            .all(|rows| !self.context.stopped() && rows.chunks_exact(stride).all(alike))
+        let blocks: Vec<&[u8]> = rows.chunks(stride * ROWS_PER_BLOCK as usize).collect();
+        let differs =
+            |i: usize| self.context.stopped() || !blocks[i].chunks_exact(stride).all(alike);
+        parallel::first(blocks.len(), &differs).is_none()
     }
 
     /// Locates rows one after the other, list by list.

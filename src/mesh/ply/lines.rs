@@ -3,14 +3,13 @@
 //! A row is one line. Blank lines do not count. Lines are first counted in parallel. Then blocks of
 //! rows can be read in parallel, because the first row and line of each block are known.
 
-use rayon::prelude::*;
-
 use super::block::{RowBlock, Span, too_short};
 use super::context::ReadContext;
 use super::header::{Element, Header, show};
 use super::row::{Fault, Row, RowResult};
 use super::scalar::Scalar;
 use crate::error::Result;
+use crate::parallel;
 use crate::units::counted;
 
 /// Number of bytes of text that one task counts.
@@ -57,7 +56,7 @@ fn chunks(data: &[u8], context: &ReadContext) -> Result<Vec<Chunk>> {
     }
     bounds.push(data.len());
     let count = |pair: &[usize]| context.check().map(|()| count(data, pair[0], pair[1]));
-    bounds.par_windows(2).map(count).collect()
+    parallel::map(bounds.windows(2), count).into_iter().collect()
 }
 
 fn count(data: &[u8], start: usize, end: usize) -> Chunk {

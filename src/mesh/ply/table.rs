@@ -1,13 +1,12 @@
 //! Reads the rows of one element block by block, in parallel.
 
-use rayon::prelude::*;
-
 use super::block::{RowBlock, Span, expected, too_short};
 use super::context::ReadContext;
 use super::header::Element;
 use super::lines::Text;
 use super::row::{BinaryRow, Fault, Row, RowResult};
 use crate::error::{Error, Result};
+use crate::parallel;
 
 /// Minimum number of blocks per batch. The blocks of a batch are in memory twice, separate and
 /// joined: some megabytes.
@@ -35,8 +34,7 @@ impl Table<'_> {
         for blocks in self.span.blocks.chunks(batch) {
             self.context.check()?;
             let read = |block| read(&mut Reader { table: self, block });
-            let results: Vec<Result<T>> = blocks.par_iter().map(read).collect();
-            for result in results {
+            for result in parallel::map(blocks.iter(), read) {
                 take(result?)?;
             }
         }

@@ -14,9 +14,10 @@ use super::super::bounds::Bounds3;
 use super::groups::{self, Collect};
 use super::in_order;
 use super::reference::{Group, Reference};
-use super::split::{MAX_SAH_LEVELS, Set, SplitSerial, centroids_of};
+use super::split::{MAX_SAH_LEVELS, Set, SplitSerial, bounds_of, centroids_of};
 use crate::error::Result;
 use crate::geometry::{Geometry, Sphere, Unseen};
+use crate::parallel;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
@@ -109,10 +110,6 @@ impl CellGrid {
     }
 }
 
-fn bounds_of<T: Sync>(all: &[T], bounds: impl Fn(&T) -> Bounds3 + Sync + Send) -> Bounds3 {
-    all.par_iter().with_min_len(1 << 14).map(bounds).reduce(|| Bounds3::EMPTY, Bounds3::union)
-}
-
 /// The groups of one task's primitives, with their cells.
 struct Chunk {
     groups: Vec<Group>,
@@ -187,7 +184,7 @@ impl Collect for Filling {
 pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     let primitives = groups::sorted_count(geometry) as u32;
     let size = primitives.div_ceil(MAX_CHUNKS).max(MIN_CHUNK);
-    let ranges = (0..primitives).into_par_iter().step_by(size as usize);
+    let ranges = (0..primitives).step_by(size as usize);
     let ranges = ranges.map(|start| start..start.saturating_add(size).min(primitives));
     let is_large = primitives >= MIN_PRIMITIVES;
     let Some(grid) = is_large.then(|| CellGrid::new(geometry)).flatten() else {
@@ -197,7 +194,7 @@ pub fn sort(geometry: &Geometry, unseen: &Unseen, isa: Isa) -> Result<Sorted> {
     // A quad has two groups.
     reserve::probe(u64::from(primitives) * 2 * size_of::<(Group, u16)>() as u64, "bvh")?;
     let fill = |range| simd::dispatch(isa, FillChunk { geometry, unseen, grid, range });
-    let mut chunks: Vec<Chunk> = ranges.map(fill).collect();
+    let mut chunks = parallel::map(ranges, fill);
     let mut cells = occupied(&chunks);
     let mut nodes = Vec::new();
     let centroids = centroids_of(&cells);
@@ -261,7 +258,7 @@ fn scatter(geometry: &Geometry, chunks: Vec<Chunk>, count: usize) -> Result<Vec<
     reserve::exact(&mut references, count, "bvh")?;
     // Atomic, because each task writes to places all over the array.
     let groups: Vec<AtomicU32> = (0..count).into_par_iter().map(|_| AtomicU32::new(0)).collect();
-    chunks.into_par_iter().for_each(|mut chunk| {
+    parallel::each(chunks.into_iter(), |mut chunk| {
         for (group, &cell) in chunk.groups.iter().zip(&chunk.cell_of) {
             let next = &mut chunk.cells[usize::from(cell)].next;
             groups[*next].store(group.bits(), Relaxed);

@@ -12,6 +12,7 @@ use super::super::node::{Block, Child, ChildKind, Indices, Node, SphereLeaf, WID
 use super::binary::BinaryTree;
 use super::binary_node::{BinaryNode, Slot};
 use crate::error::Result;
+use crate::parallel;
 use crate::reserve;
 
 /// The finished tree. Children are indices into its arrays.
@@ -221,7 +222,10 @@ fn write(binary: &[Slot], plan: &[Plan], root: usize, nodes: &mut [Node], base: 
     let levels =
         |(i, start, nodes): (usize, usize, &mut [Node])| write(binary, plan, i, nodes, start);
     let depth = match parallel {
-        true => below.into_par_iter().flatten().map(levels).max(),
+        true => {
+            let below: Vec<_> = below.into_iter().flatten().collect();
+            parallel::map(below.into_iter(), levels).into_iter().max()
+        }
         false => below.into_iter().flatten().map(levels).max(),
     };
     depth.unwrap_or(0) + 1

@@ -3,13 +3,12 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::super::bounds::Bounds3;
 use super::groups::{self, Collect};
 use super::reference::{Group, Reference};
 use crate::error::Result;
 use crate::geometry::{Geometry, Unseen};
+use crate::parallel;
 use crate::reserve;
 use crate::simd::{self, Isa, Kernel};
 
@@ -21,7 +20,7 @@ use crate::simd::{self, Isa, Kernel};
 /// `Retry` if there is too little memory. It is tried out before any reference is made.
 pub fn references(
     (geometry, unseen): (&Geometry, &Unseen),
-    ranges: impl IndexedParallelIterator<Item = Range<u32>>,
+    ranges: impl ExactSizeIterator<Item = Range<u32>> + Send,
     pairs: bool,
     isa: Isa,
 ) -> Result<Vec<Reference>> {
@@ -29,7 +28,7 @@ pub fn references(
     let most = 2 * groups::count(geometry, unseen) * size_of::<Reference>();
     reserve::probe(most as u64, "bvh")?;
     let make = |range| simd::dispatch(isa, MakeReferences { geometry, unseen, range, pairs });
-    let chunks: Vec<Vec<Reference>> = ranges.map(make).collect();
+    let chunks = parallel::map(ranges, make);
     let mut references = Vec::new();
     reserve::exact(&mut references, chunks.iter().map(Vec::len).sum(), "bvh")?;
     for chunk in chunks {

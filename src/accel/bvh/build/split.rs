@@ -1,11 +1,10 @@
 //! Splits a set of references into two.
 
-use rayon::prelude::*;
-
 use super::super::bounds::Bounds3;
 use super::super::simd::MAX_DEPTH;
 use super::reference::Reference;
 use super::sah::{self, Bins, Grid, Split};
+use crate::parallel;
 use crate::simd::{self, Isa, Kernel};
 
 /// Sets of at least this many references are binned in parallel.
@@ -45,11 +44,9 @@ pub fn split(isa: Isa, set: Set) -> (Set, Set) {
         return simd::dispatch(isa, SplitSerial(set, stride));
     }
     let grid = Grid::new(&set.centroids);
-    let bins = set
-        .references
-        .par_chunks(MIN_PARALLEL_BINS / 4)
-        .map(|part| simd::dispatch(isa, Fill { grid: &grid, part }))
-        .reduce(|| Bins::EMPTY, |a, b| a.merge(&b));
+    let fill = |part| simd::dispatch(isa, Fill { grid: &grid, part });
+    let bins = parallel::map(set.references.chunks(MIN_PARALLEL_BINS / 4), fill);
+    let bins = bins.iter().fold(Bins::EMPTY, |all, part| all.merge(part));
     simd::dispatch(isa, SplitByBins { set, grid: &grid, bins: &bins })
 }
 
@@ -116,13 +113,16 @@ pub fn split_at(set: Set, middle: usize, [left, right]: [Bounds3; 2]) -> (Set, S
     )
 }
 
+/// Returns the box around the boxes of all items. Runs in parallel.
+pub fn bounds_of<T: Sync>(all: &[T], bounds: impl Fn(&T) -> Bounds3 + Sync) -> Bounds3 {
+    let around = |part: &[T]| part.iter().map(&bounds).fold(Bounds3::EMPTY, Bounds3::union);
+    let parts = parallel::map(all.chunks(1 << 14), around);
+    parts.into_iter().fold(Bounds3::EMPTY, Bounds3::union)
+}
+
 /// Returns the box of the doubled centroids. Runs in parallel.
 pub fn centroids_of(references: &[Reference]) -> Bounds3 {
-    references
-        .par_iter()
-        .with_min_len(MIN_PARALLEL_BINS / 16)
-        .map(|reference| reference.bounds.center2_point())
-        .reduce(|| Bounds3::EMPTY, Bounds3::union)
+    bounds_of(references, |reference| reference.bounds.center2_point())
 }
 
 /// Moves the references of the left side to the front. Returns their number and the boxes of the

@@ -12,9 +12,9 @@ mod color;
 mod exposures;
 
 use glam::{DVec3, dvec3};
-use rayon::prelude::*;
 
-use super::plane::{ChannelPlane, gaussian};
+use super::plane::{ChannelPlane, PART, gaussian};
+use crate::parallel;
 use color::{Spaces, hyab};
 use exposures::Exposures;
 
@@ -56,7 +56,7 @@ pub fn hdr(test: &[[f32; 3]], reference: &[[f32; 3]], width: usize) -> Vec<f64> 
         let mapped = |p: &[f32; 3]| exposures::aces(DVec3::from(p.map(f64::from)) * gain);
         let planes = |pixels: &[[f32; 3]]| Filtered::new(pixels, width, mapped);
         let map = difference(&planes(test), &planes(reference));
-        worst.par_iter_mut().zip(map).for_each(|(worst, value)| *worst = value.max(*worst));
+        worst.iter_mut().zip(map).for_each(|(worst, value)| *worst = value.max(*worst));
     }
     worst
 }
@@ -76,7 +76,8 @@ impl Filtered {
         linear: impl Fn(&T) -> DVec3 + Sync + Send,
     ) -> Self {
         let spaces = Spaces::new();
-        let opponent: Vec<DVec3> = pixels.par_iter().map(|p| spaces.opponent(linear(p))).collect();
+        let mut opponent = vec![DVec3::ZERO; pixels.len()];
+        parallel::fill(&mut opponent, PART, |i| spaces.opponent(linear(&pixels[i])));
         let plane = |axis: usize| ChannelPlane::map(&opponent, width, move |p| p[axis]);
         let lightness = plane(0);
         let [y, cx] = [(&lightness, ACHROMATIC), (&plane(1), RED_GREEN)].map(|(plane, (a, b))| {
@@ -84,10 +85,10 @@ impl Filtered {
             plane.convolved(&kernel, &kernel).values
         });
         let cz = blue_yellow(&plane(2));
-        let colors = (0..pixels.len())
-            .into_par_iter()
-            .map(|i| spaces.hunt_lab(spaces.clamped_rgb(dvec3(y[i], cx[i], cz[i]))));
-        Self { colors: colors.collect(), features: features(&lightness) }
+        let color = |i: usize| spaces.hunt_lab(spaces.clamped_rgb(dvec3(y[i], cx[i], cz[i])));
+        let mut colors = opponent;
+        parallel::fill(&mut colors, PART, color);
+        Self { colors, features: features(&lightness) }
     }
 }
 
@@ -172,7 +173,9 @@ fn difference(test: &Filtered, reference: &Filtered) -> Vec<f64> {
         let feature = (edge.max(point) / std::f64::consts::SQRT_2).powf(QF);
         color.powf(1.0 - feature)
     };
-    (0..test.colors.len()).into_par_iter().map(pixel).collect()
+    let mut errors = vec![0.0; test.colors.len()];
+    parallel::fill(&mut errors, PART, pixel);
+    errors
 }
 
 #[cfg(test)]
