@@ -6,10 +6,12 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+/// Elements of a task, if each takes some nanoseconds.
+pub const GRAIN: usize = 1 << 12;
+
 /// Calls `work` for each index below `count`, on the current rayon pool.
 fn times(count: usize, work: &(dyn Fn() + Sync)) {
-    // One at a time. Else the last tasks are handed out many at a time, and threads wait for the one
-    // that got them.
+    // One at a time. Else a thread gets the last tasks many at a time, and others wait for it.
     (0..count).into_par_iter().with_max_len(1).for_each(|_| work());
 }
 
@@ -37,13 +39,23 @@ pub fn map<I: ExactSizeIterator + Send, T: Send>(
     all
 }
 
-/// Sets each element to the value of its index, `size` of them in a task.
-pub fn fill<T: Send>(all: &mut [T], size: usize, value: impl Fn(usize) -> T + Sync) {
-    each(all.chunks_mut(size).enumerate(), |(part, all)| {
-        for (to, i) in all.iter_mut().zip(part * size..) {
+/// Sets each element to the value of its index.
+pub fn fill<T: Send>(all: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    each(all.chunks_mut(GRAIN).enumerate(), |(part, all)| {
+        for (to, i) in all.iter_mut().zip(part * GRAIN..) {
             *to = value(i);
         }
     });
+}
+
+/// Returns the values of the indices below `count`.
+pub fn values<T: Clone + Default + Send>(
+    count: usize,
+    value: impl Fn(usize) -> T + Sync,
+) -> Vec<T> {
+    let mut all = vec![T::default(); count];
+    fill(&mut all, value);
+    all
 }
 
 /// Returns the first index below `count` for which `found` is true.

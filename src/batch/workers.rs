@@ -12,8 +12,6 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicBool, AtomicUsize};
 use std::sync::{Mutex, PoisonError};
 
-use rayon::ThreadPool;
-
 use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::files::FileSet;
@@ -23,7 +21,7 @@ use crate::output::atomic::{PartFile, Sweep};
 use crate::render::RayCounts;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
-use crate::threads::{self, lock};
+use crate::threads::{self, Pool, lock};
 use crate::units::plural;
 use crate::world::ReadFiles;
 
@@ -98,9 +96,9 @@ pub struct Run<'a> {
     pub sweep: Sweep,
     pub settings: Settings,
     /// Threads that trace rays and write files.
-    pub pool: ThreadPool,
+    pub pool: Pool,
     /// Threads that read meshes and build accelerators, so that these do not wait for rays.
-    pub loading: ThreadPool,
+    pub loading: Pool,
     /// Files that the job reads and that are known before a mesh is read.
     inputs: FileSet,
     /// Hashes of the files that earlier runs wrote, if `--resume` checks them.
@@ -127,7 +125,7 @@ pub fn run(
     options: &BatchOptions,
     (monitor, status, journal): (&Monitor, &Status, &Journal),
     tell: &(dyn Fn(Event) + Sync),
-    (loading, inputs): (ThreadPool, FileSet),
+    (loading, inputs): (Pool, FileSet),
 ) -> Result<Outcome> {
     let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
     let limit = options.max_memory.unwrap_or_else(|| {

@@ -4,7 +4,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, Args, ValueHint};
-use rayon::ThreadPool;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::ValueCounts;
@@ -13,6 +12,7 @@ use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
 use crate::scene::{SamplerKind, ToneOperator};
 use crate::simd::Isa;
 use crate::studio::{Appearance, Axis, Quality, Studio, smooth};
+use crate::threads::Pool;
 use crate::units::counted;
 use crate::units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two};
 
@@ -253,7 +253,7 @@ impl WorkerArgs {
     ///
     /// # Errors
     /// `Retry` if the system cannot start that many.
-    pub fn pool(&self) -> Result<ThreadPool> {
+    pub fn pool(&self) -> Result<Pool> {
         machine::pool(self.threads)
     }
 }

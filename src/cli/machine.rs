@@ -1,10 +1,11 @@
 //! Threads, instruction set and processor of the machine.
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPoolBuilder;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::lab::result::Machine;
 use crate::simd::Isa;
+use crate::threads::{self, Pool};
 
 use super::version;
 
@@ -25,8 +26,8 @@ pub fn threads(asked: Option<u16>) -> usize {
 ///
 /// # Errors
 /// `Retry` if the system cannot start that many.
-pub fn pool(asked: Option<u16>) -> Result<ThreadPool> {
-    crate::threads::pool(threads(asked))
+pub fn pool(asked: Option<u16>) -> Result<Pool> {
+    threads::pool(self::threads(asked))
 }
 
 /// Starts rayon's global pool, which is used where no pool is named.

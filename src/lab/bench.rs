@@ -2,8 +2,6 @@
 
 use std::time::Instant;
 
-use rayon::ThreadPool;
-
 use super::ab::{TimingPlan, interleave};
 use super::agreement::{self, Agreement};
 use super::backend::{TestedBackend, build_all};
@@ -17,7 +15,7 @@ use crate::monitor::Monitor;
 use crate::ray::LANES;
 use crate::render::render;
 use crate::simd::Isa;
-use crate::threads;
+use crate::threads::{self, Pool};
 use crate::units::plural;
 use crate::world::World;
 
@@ -80,7 +78,7 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// Runs all measurements. The current pool builds the accelerators for rays and pictures, and
     /// computes all answers. `pools` run what is timed.
-    fn all(&self, pools: &[ThreadPool]) -> Result<SceneResult> {
+    fn all(&self, pools: &[Pool]) -> Result<SceneResult> {
         let mut rows = Vec::new();
         for pool in pools {
             rows.push(pool.install(|| self.builds())?);

@@ -18,8 +18,8 @@ const PORTION: u64 = 4096;
 pub fn in_portions<T: Send>(
     count: u64,
     monitor: &Monitor,
-    work: impl Fn(u64) -> T + Sync,
-    mut take: impl FnMut(Vec<T>),
+    work: &(dyn Fn(u64) -> T + Sync),
+    take: &mut dyn FnMut(Vec<T>),
 ) -> Result<()> {
     for first in (0..count).step_by(PORTION as usize) {
         let portion = 0..(count - first).min(PORTION) as usize;

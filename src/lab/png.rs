@@ -1,15 +1,15 @@
 //! PNG files in memory.
 
-use std::io::Cursor;
-
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
+use image::codecs::png::PngEncoder;
 
 /// Encodes a picture as a PNG file; empty if the encoder fails.
 pub fn encode(image: &RgbImage) -> Vec<u8> {
-    let mut file = Cursor::new(Vec::new());
-    // Writing to memory cannot fail; only the encoder itself can.
-    match image.write_to(&mut file, ImageFormat::Png) {
-        Ok(()) => file.into_inner(),
+    let mut file = Vec::new();
+    // Writing to memory cannot fail; only the encoder itself can. `write_to` would compile the
+    // encoders of all formats.
+    match image.write_with_encoder(PngEncoder::new(&mut file)) {
+        Ok(()) => file,
         Err(_) => Vec::new(),
     }
 }

@@ -23,9 +23,8 @@ impl<P: Fn(u32) -> DVec3 + Sync> Places<P> {
             let next = numbers.len() as u32;
             numbers.entry(position_key(position(vertex))).or_insert(next);
         }
-        let mut marked = vec![false; vertices];
         let is_marked = |v| numbers.contains_key(&position_key(position(v as u32)));
-        parallel::fill(&mut marked, 1 << 14, is_marked);
+        let marked = parallel::values(vertices, is_marked);
         Self { numbers, marked, position }
     }
 

@@ -2,15 +2,16 @@
 //! damaged file.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::block::read as read_blocks;
 use exr::compression::Compression;
 use exr::error::{Error as ExrError, Result as ExrResult};
-use exr::meta::BlockDescription;
+use exr::io::Tracking;
 use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 
@@ -28,6 +29,14 @@ const MAX_RATIO: u64 = 1400;
 
 /// Factor of the ratio for DWAA and DWAB. Of 64 equal values of 4 bytes they keep one of 2 bytes.
 const MAX_LOSSY_FACTOR: u64 = 128;
+
+/// Reads the headers of a file from its start. `lenient` skips attributes that cannot be read. All
+/// callers have the type of reader of [`read_blocks`]: the crate is compiled once for each.
+pub fn meta(mut file: &File, lenient: bool) -> ExrResult<MetaData> {
+    file.rewind()?;
+    let file = Tracking::new(BufReader::new(file.try_clone()?));
+    MetaData::read_from_buffered(file, lenient)
+}
 
 /// Checks for values that make the `exr` crate divide by zero, or allocate far more memory than the
 /// pixels need.

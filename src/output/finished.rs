@@ -4,11 +4,11 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use ::exr::meta::MetaData;
 use ::exr::meta::attribute::AttributeValue;
 use ::exr::meta::header::Header;
 
 use super::exr::read_sorted;
+use super::exr_check;
 
 /// Name of the EXR attribute and of the PNG text with the fingerprint: a line of hashes that
 /// identifies the inputs of the render.
@@ -29,7 +29,7 @@ pub enum FileState {
 /// offset ends where the file ends. Blocks are not decoded.
 pub fn exr(path: &Path) -> FileState {
     inspect(path, |file| {
-        let meta = MetaData::read_from_buffered(BufReader::new(&mut *file), false).ok()?;
+        let meta = exr_check::meta(file, false).ok()?;
         let header = meta.headers.first()?;
         file.rewind().ok()?;
         let table_at = read_sorted(file).ok()?.len() as u64;
@@ -99,8 +99,7 @@ pub fn is_foreign(path: &Path) -> bool {
         return false;
     }
     let exr = || {
-        file.rewind().ok()?;
-        let meta = MetaData::read_from_buffered(BufReader::new(file), false).ok()?;
+        let meta = exr_check::meta(&file, false).ok()?;
         exr_fingerprint(meta.headers.first()?)
     };
     exr().is_none()

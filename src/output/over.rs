@@ -5,13 +5,11 @@ use crate::parallel;
 /// Composites premultiplied `pixels` over the opaque `plate` with the over operator. The result has
 /// alpha 1.
 pub fn over(pixels: &[[f32; 4]], plate: &[[f32; 3]]) -> Vec<[f32; 4]> {
-    let mut composed = vec![[0.0; 4]; pixels.len()];
-    parallel::fill(&mut composed, 1 << 12, |i| {
+    parallel::values(pixels.len(), |i| {
         let ([r, g, b, alpha], [x, y, z]) = (pixels[i], plate[i]);
         let rest = 1.0 - alpha;
         [r + rest * x, g + rest * y, b + rest * z, 1.0]
-    });
-    composed
+    })
 }
 
 #[cfg(test)]

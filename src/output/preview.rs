@@ -46,8 +46,7 @@ pub fn bytes(film: &Film, layer: &str) -> Option<Vec<u8>> {
         true => (x - low) / (high - low),
         false => 0.5,
     };
-    let mut picture = vec![[0u8; 3]; film.pixels.len()];
-    parallel::fill(&mut picture, 1 << 12, |pixel| {
+    let picture = parallel::values(film.pixels.len(), |pixel| {
         let [x, y, z] = [0, 1, 2].map(|axis| value(axis, pixel));
         match mapping {
             Mapping::Depth if x > ranges[0][1] => [0; 3],
@@ -82,7 +81,7 @@ fn channels(film: &Film, layer: &str) -> Option<[usize; 3]> {
 fn range(film: &Film, channel: usize) -> [f32; 2] {
     let none = [f32::INFINITY, f32::NEG_INFINITY];
     let wider = |[a, b]: [f32; 2], [low, high]: [f32; 2]| [a.min(low), b.max(high)];
-    let ranges = parallel::map(parallel::ranges(film.pixels.len(), 1 << 12), |pixels| {
+    let ranges = parallel::map(parallel::ranges(film.pixels.len(), parallel::GRAIN), |pixels| {
         let values = pixels.map(|pixel| film.planes.float(channel, pixel));
         let values = values.filter(|value| *value != 0.0 && value.abs() < 1e30);
         values.fold(none, |all, value| wider(all, [value; 2]))

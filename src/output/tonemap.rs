@@ -6,14 +6,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::parallel;
+use crate::parallel::{self, GRAIN};
 use crate::scene::{ToneOperator, Tonemap};
 
 use super::srgb;
 use super::value_counts::finite;
-
-/// Pixels of a task.
-const PART: usize = 1 << 12;
 
 /// The format of a PNG's pixels.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +73,7 @@ pub fn to_samples(
             }
         }
     };
-    let parts = bytes.chunks_mut(channels * size * PART).zip(pixels.chunks(PART));
+    let parts = bytes.chunks_mut(channels * size * GRAIN).zip(pixels.chunks(GRAIN));
     parallel::each(parts, |(bytes, pixels)| {
         bytes.chunks_mut(channels * size).zip(pixels).for_each(|(to, pixel)| one(to, pixel));
     });

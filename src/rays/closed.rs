@@ -6,6 +6,7 @@ use super::arrays::MeshArrays;
 use crate::error::Result;
 use crate::mesh::position_key;
 use crate::monitor::Monitor;
+use crate::parallel;
 use crate::reserve;
 
 /// In place of an edge from a vertex to itself. No edge has this number.
@@ -36,12 +37,11 @@ pub(super) fn is_closed(mesh: &dyn MeshArrays, monitor: &Monitor) -> Result<bool
         true => NO_EDGE,
         false => u64::from(a.min(b)) << 32 | u64::from(a.max(b)),
     };
-    let mut edges: Vec<[u64; 3]> = Vec::new();
-    reserve::exact(&mut edges, faces.len(), "edges")?;
-    edges.par_extend((0..faces.len()).into_par_iter().map(|i| {
+    let mut edges = reserve::filled([0u64; 3], faces.len(), "edges")?;
+    parallel::fill(&mut edges, |i| {
         let [a, b, c] = faces.get(i).map(|index| vertex(index).unwrap_or(u32::MAX));
         [(a, b), (b, c), (c, a)].map(edge)
-    }));
+    });
     let mut edges = edges.into_flattened();
     monitor.check()?;
     edges.par_sort_unstable();

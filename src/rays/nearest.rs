@@ -2,14 +2,14 @@
 
 use glam::DVec3;
 
-use super::filling::Filling;
 use super::inside::check_points;
-use super::progress;
+use super::progress::{self, CHUNK};
 use super::scene::RayScene;
 use crate::accel::bvh::Bvh;
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::parallel;
+use crate::reserve;
 
 /// Nearest points on the meshes, an element for each point.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,30 +48,19 @@ impl RayScene {
         let chunks = progress::in_chunks(points.len(), monitor, |range| {
             Ok(points[range].iter().map(|&p| self.nearest(&bvh, p.into())).collect::<Vec<_>>())
         })?;
-        let count = points.len();
-        let lengths = || chunks.iter().map(Vec::len);
-        let mut point = Filling::new(count, "point")?;
-        let mut distance = Filling::new(count, "distance")?;
-        let mut primitive = Filling::new(count, "primitive")?;
-        let mut mesh = Filling::new(count, "mesh")?;
-        let ids = primitive.parts(lengths()).into_iter().zip(mesh.parts(lengths()));
-        let places = point.parts(lengths()).into_iter().zip(distance.parts(lengths()));
-        let parts = chunks.iter().zip(ids).zip(places);
-        parallel::each(parts, |((found, (mut primitive, mut mesh)), (mut point, mut distance))| {
-            for nearest in found {
-                let place = self.place(nearest.primitive);
-                mesh.extend(&[place.0 as i32]);
-                primitive.extend(&[place.1 as i64]);
-                point.extend(&[nearest.point.to_array()]);
-                distance.extend(&[nearest.squared.sqrt()]);
-            }
-        });
-        Ok(ClosestPoints {
-            point: point.finish(),
-            distance: distance.finish(),
-            primitive: primitive.finish(),
-            mesh: mesh.finish(),
-        })
+        let (count, nearest) = (points.len(), |i: usize| &chunks[i / CHUNK][i % CHUNK]);
+        let place = |i: usize| self.place(nearest(i).primitive);
+        let mut found = ClosestPoints {
+            point: reserve::filled([0.0; 3], count, "point")?,
+            distance: reserve::filled(0.0, count, "distance")?,
+            primitive: reserve::filled(0, count, "primitive")?,
+            mesh: reserve::filled(0, count, "mesh")?,
+        };
+        parallel::fill(&mut found.point, |i| nearest(i).point.to_array());
+        parallel::fill(&mut found.distance, |i| nearest(i).squared.sqrt());
+        parallel::fill(&mut found.primitive, |i| place(i).1 as i64);
+        parallel::fill(&mut found.mesh, |i| place(i).0 as i32);
+        Ok(found)
     }
 
     fn nearest(&self, bvh: &Bvh, point: DVec3) -> Nearest {

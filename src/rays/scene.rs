@@ -5,7 +5,6 @@ use std::str::FromStr;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::arrays::{self, MeshArrays};
 use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
@@ -13,6 +12,7 @@ use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Box3, Geometry, TriangleMesh};
 use crate::monitor::{Monitor, Phase};
+use crate::parallel;
 use crate::reserve;
 use crate::simd::Isa;
 
@@ -268,19 +268,18 @@ fn origin_of(range: Box3) -> DVec3 {
 /// Rounds a mesh to f32, relative to `origin`.
 fn rounded(mesh: &dyn MeshArrays, origin: DVec3) -> Result<TriangleMesh> {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
-    let mut local = Vec::new();
     // A mesh has one element of padding.
-    reserve::exact(&mut local, vertices.len() + 1, "vertices")?;
-    local.par_extend((0..vertices.len()).into_par_iter().map(|i| {
+    let mut local = reserve::filled([0f32; 3], vertices.len() + 1, "vertices")?;
+    local.pop();
+    parallel::fill(&mut local, |i| {
         let vertex = vertices.get(i).filter(|v| v.is_finite()).unwrap_or(origin);
         (vertex - origin).as_vec3().to_array()
-    }));
-    let mut triangles = Vec::new();
-    reserve::exact(&mut triangles, faces.len(), "faces")?;
+    });
+    let mut triangles = reserve::filled([0; 3], faces.len(), "faces")?;
     let count = vertices.len() as u64;
     let last = (vertices.len() - 1) as u32;
     // The caller's arrays may have changed since they were checked.
     let triangle = |i: usize| faces.get(i).map(|v| v.map_or(last, |v| v.min(count - 1) as u32));
-    triangles.par_extend((0..faces.len()).into_par_iter().map(triangle));
+    parallel::fill(&mut triangles, triangle);
     Ok(TriangleMesh::new(local, triangles, false))
 }

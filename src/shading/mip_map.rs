@@ -242,7 +242,7 @@ fn means<T: Send>(
         }
         sum
     };
-    parallel::fill(out, 1 << 12, |i| {
+    parallel::fill(out, |i| {
         let (row, column) = (i / columns.len(), i % columns.len());
         convert(mean(columns.start + column as u32, first + row as u32))
     });

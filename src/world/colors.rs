@@ -4,7 +4,7 @@ use crate::error::{Error, Problem, Result};
 use crate::mesh::{self, ColorRequest, Colors, Mesh, MeshElement, Property, Scalars};
 use crate::output::legend::Legend;
 use crate::output::srgb;
-use crate::parallel;
+use crate::parallel::{self, GRAIN};
 use crate::scene::written::MeshColorDescription::{Property as Mapped, Stored};
 use crate::scene::written::{MAX_COLOR, PropertyColorDescription, StoredColor};
 use crate::scene::{ColorSpace, Trimesh};
@@ -97,15 +97,12 @@ fn replace<T: Copy + Send + Sync>(
     other: T,
     usable: impl Fn(&T) -> bool + Sync,
 ) -> u64 {
-    let parts = parallel::map(all.chunks_mut(CHUNK), |part| {
+    let parts = parallel::map(all.chunks_mut(GRAIN), |part| {
         let bad = part.iter_mut().filter(|value| !usable(value));
         bad.map(|value| *value = other).count() as u64
     });
     parts.into_iter().sum()
 }
-
-/// Values of a task.
-const CHUNK: usize = 1 << 14;
 
 /// Range of the finite values of a property.
 struct Finite {
@@ -131,7 +128,7 @@ impl Finite {
             high: a.high.max(b.high),
             others: a.others + b.others,
         };
-        let parts = parallel::ranges(values.len(), CHUNK);
+        let parts = parallel::ranges(values.len(), GRAIN);
         let found = parallel::map(parts, |part| part.fold(Self::NONE, one));
         found.into_iter().fold(Self::NONE, both)
     }

@@ -16,15 +16,12 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Sphere, TriangleMesh};
 use crate::mesh::{self, Mesh, Positions, Uvs};
 use crate::output::legend::Legend;
-use crate::parallel;
+use crate::parallel::{self, GRAIN};
 use crate::reserve::{self, MemoryLimit};
 use crate::scene::written::MAX_COORDINATE;
 use crate::scene::{Smooth, Trimesh};
 use crate::shading::{MeshColors, Shape, UvSource};
 use crate::units::counted;
-
-/// Elements of a task.
-const CHUNK: usize = 1 << 14;
 
 /// Size in bytes of a point: its sphere and the index of its shape.
 const POINT_BYTES: usize = size_of::<Sphere>() + size_of::<u32>();
@@ -213,16 +210,16 @@ impl PlacedMesh {
         let Self { mesh, colors, spec, linear, .. } = self;
         let vertices = match mesh.positions {
             Positions::F32(mut all) => {
-                parallel::each(all.chunks_mut(CHUNK), |all| {
+                parallel::each(all.chunks_mut(GRAIN), |all| {
                     all.iter_mut().for_each(|p| *p = placed(DVec3::from(p.map(f64::from))));
                 });
                 all
             }
             Positions::F64(all) => {
                 // One more, for the padding vertex that `TriangleMesh` adds.
-                let mut rounded = Vec::with_capacity(all.len() + 1);
-                let each = all.par_iter().map(|&p| placed_exactly(DVec3::from(p)));
-                each.collect_into_vec(&mut rounded);
+                let mut rounded = vec![[0.0; 3]; all.len() + 1];
+                rounded.pop();
+                parallel::fill(&mut rounded, |i| placed_exactly(DVec3::from(all[i])));
                 rounded
             }
         };
@@ -347,7 +344,7 @@ impl WithoutArea {
 
 /// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
-    parallel::each(normals.chunks_mut(CHUNK), |normals| {
+    parallel::each(normals.chunks_mut(GRAIN), |normals| {
         for n in normals {
             let turned = linear * DVec3::from(n.map(f64::from));
             *n = turned.normalize_or_zero().as_vec3().to_array();
@@ -478,7 +475,7 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
 fn not_finite<const N: usize>(rows: &[[f32; N]]) -> u64 {
     let is_bad = |row: &&[f32; N]| !row.iter().all(|x| x.is_finite());
     let counts =
-        parallel::map(rows.chunks(CHUNK), |rows| rows.iter().filter(is_bad).count() as u64);
+        parallel::map(rows.chunks(GRAIN), |rows| rows.iter().filter(is_bad).count() as u64);
     counts.into_iter().sum()
 }
 

@@ -9,10 +9,7 @@ use serde::Serialize;
 
 use crate::error::Problem;
 use crate::geometry::{Placement, TriangleMesh};
-use crate::parallel;
-
-/// Triangles of a task.
-const CHUNK: usize = 1 << 15;
+use crate::parallel::{self, GRAIN};
 
 /// Detail of a mesh in single precision relative to the scene's origin.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +45,7 @@ impl Detail {
         exact: impl Fn(u32) -> DVec3 + Sync,
         rounded: impl Fn(DVec3) -> [f32; 3] + Sync,
     ) -> Self {
-        let found = parallel::map(triangles.chunks(CHUNK), |triangles| {
+        let found = parallel::map(triangles.chunks(GRAIN), |triangles| {
             let mut all = Edges::default();
             for t in triangles {
                 let at = t.map(&exact);
@@ -140,7 +137,7 @@ fn collapsed_edges(mesh: &TriangleMesh, placed: impl Fn(u32) -> [f32; 3] + Sync)
         }
         found
     };
-    count_once(parallel::map(mesh.triangles().chunks(CHUNK), in_chunk).concat())
+    count_once(parallel::map(mesh.triangles().chunks(GRAIN), in_chunk).concat())
 }
 
 /// Returns the number of different edges: triangles share them.

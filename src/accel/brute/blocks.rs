@@ -36,8 +36,7 @@ impl Blocks {
         // Along an axis without extent, infinity times 0 gives NaN, which casts to 0. A centre on
         // the upper bound wraps to 0 in `morton`. The order affects only speed.
         let scale = (DVec3::ONE / (all.max - all.min)).max(DVec3::ZERO) * f64::from(1 << 21);
-        let mut order = vec![(0u64, 0u32); boxes.len()];
-        parallel::fill(&mut order, 1 << 12, |item| {
+        let mut order = parallel::values(boxes.len(), |item| {
             (morton((boxes[item].center() - all.min) * scale), item as u32)
         });
         order.par_sort_unstable();

@@ -75,7 +75,7 @@ impl<'g> Brute<'g> {
         let all = 0..geometry.count() as u32;
         let boxes = |count, primitive: &(dyn Fn(usize) -> u32 + Sync)| {
             let mut boxes = vec![Box3::EMPTY; count];
-            parallel::fill(&mut boxes, 1 << 12, |i| bounds(geometry, primitive(i)));
+            parallel::fill(&mut boxes, |i| bounds(geometry, primitive(i)));
             boxes
         };
         let blocks = if unseen.is_empty() {

@@ -38,8 +38,7 @@ impl Extent {
             });
             (square.sqrt() * (1.0 + f64::from(f32::EPSILON))) as f32
         };
-        let mut edges = vec![0.0; triangles.len().div_ceil(BLOCK)];
-        parallel::fill(&mut edges, 64, longest);
+        let edges = parallel::map(0..triangles.len().div_ceil(BLOCK), longest);
         Self { centre: (low + high) * 0.5, radius: (high - low).length() * 0.5, edges }
     }
 

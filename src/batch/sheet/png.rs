@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::FONT_6X10;
-use image::{ImageFormat, Rgb, RgbImage, imageops};
+use image::codecs::png::PngEncoder;
+use image::{Rgb, RgbImage, imageops};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::atomic::PartFile;
@@ -34,7 +35,7 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
     let mut part = PartFile::create(path)?;
     part.fill_by(|file, _| {
         let mut buffered = BufWriter::new(file);
-        let written = sheet.write_to(&mut buffered, ImageFormat::Png);
+        let written = sheet.write_with_encoder(PngEncoder::new(&mut buffered));
         written.map_err(|error| {
             let message = format!("cannot write: {error}");
             Error::new(ErrorKind::Retry, Problem::new(path.display().to_string(), message))

@@ -83,7 +83,7 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
     let camera = &job.loaded.scene.camera;
     let subject = StudyNames {
         machine: machine::describe(isa),
-        threads: pool.current_num_threads(),
+        threads: pool.0.current_num_threads(),
         scene: args.input.display().to_string(),
         hash: job.loaded.hash,
         size: [camera.width, camera.height],

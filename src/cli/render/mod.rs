@@ -74,7 +74,7 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let monitor = Arc::new(Monitor::default());
     let pool = args.machine.workers.pool()?;
-    let threads = pool.current_num_threads();
+    let threads = pool.0.current_num_threads();
     let mut job = pool.install(|| load::load(options::request(args)?, &monitor))?;
     let ready = std::mem::take(&mut job.ready);
     let options = pool.install(|| RenderOptions::resolve(args, &job, threads))?;

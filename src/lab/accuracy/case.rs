@@ -235,8 +235,8 @@ impl CaseRun<'_> {
             in_portions(
                 packets,
                 run.monitor,
-                |index| judge(run, &built, index),
-                |portion: Vec<Vec<CaseCounts>>| {
+                &|index| judge(run, &built, index),
+                &mut |portion: Vec<Vec<CaseCounts>>| {
                     for counts in &portion {
                         sums.iter_mut().zip(counts).for_each(|(sum, counts)| sum.add(counts));
                     }

@@ -23,7 +23,6 @@ use exr::image::read::image::ReadLayers;
 use exr::image::read::layers::ReadChannels;
 use exr::image::read::read;
 use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer as Part};
-use exr::meta::MetaData;
 use exr::meta::attribute::AttributeValue;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -84,7 +83,8 @@ impl Picture {
 fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<PictureLayer>> {
     exr_check::check(path)?;
     let failed = |error| exr_error(path, error);
-    let meta = MetaData::read_from_file(path, true).map_err(failed)?;
+    let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    let meta = exr_check::meta(&file, true).map_err(failed)?;
     let bytes = meta.headers.iter().map(|header| header.total_pixel_bytes() as u64);
     fits(path, bytes.fold(0, u64::saturating_add))?;
     let image = read()

@@ -61,8 +61,8 @@ pub fn check_rays(check: &CrossCheck, monitor: &Monitor) -> Result<CrosscheckRep
     in_portions(
         plan.packets() as u64,
         monitor,
-        |index| check_packet(check, &plan.case(index as usize), index % stride == 0),
-        |portion: Vec<PacketVerdicts>| {
+        &|index| check_packet(check, &plan.case(index as usize), index % stride == 0),
+        &mut |portion: Vec<PacketVerdicts>| {
             portion.iter().for_each(|part| report.add(part, KEPT));
             done += portion.len() as u64;
             monitor.set_done(done);

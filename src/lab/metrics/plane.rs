@@ -2,9 +2,6 @@
 
 use crate::parallel;
 
-/// Pixels of a task.
-pub(super) const PART: usize = 1 << 12;
-
 /// One channel of a picture, in rows from the top.
 #[derive(Debug, Clone)]
 pub struct ChannelPlane {
@@ -21,9 +18,7 @@ impl ChannelPlane {
         width: usize,
         value: impl Fn(&T) -> f64 + Sync + Send,
     ) -> Self {
-        let mut values = vec![0.0; pixels.len()];
-        parallel::fill(&mut values, PART, |i| value(&pixels[i]));
-        Self { width, values }
+        Self { width, values: parallel::values(pixels.len(), |i| value(&pixels[i])) }
     }
 
     /// Convolves along x with `row`, then along y with `column`. Both have an odd length.

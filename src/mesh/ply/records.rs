@@ -1,14 +1,13 @@
 //! Copies columns of rows that all have the same size into arrays.
 
-use rayon::prelude::*;
-
 use super::block::Uniform;
 use super::header::PropertyType;
 use super::plan::{ATTRIBUTE_ROLE_COUNT, Columns, ROLE_COUNT};
 use super::scalar::{Native, Scalar};
 use super::table::Table;
+use crate::parallel;
 
-/// Minimum number of rows per task.
+/// Number of rows of a task.
 const GRAIN: usize = 1 << 13;
 
 /// Rows that all have the same size.
@@ -62,7 +61,7 @@ impl<'a> Records<'a> {
         self.pack(all, role, native, convert, |[value]| value);
     }
 
-    fn pack<const N: usize, T: Native, O: Send>(
+    fn pack<const N: usize, T: Native, O: Clone + Send>(
         &self,
         all: &mut Vec<O>,
         first: usize,
@@ -71,15 +70,22 @@ impl<'a> Records<'a> {
         element: impl Fn([T; N]) -> O + Sync,
     ) {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
-        let big = self.big;
-        let rows = self.rows.par_chunks_exact(self.stride).with_min_len(GRAIN);
-        if roles.iter().all(|(kind, _)| *kind == native) {
-            let at = roles.map(|(_, at)| at);
-            rows.map(|row| element(at.map(|at| T::take(row, at, big)))).collect_into_vec(all);
-        } else {
-            let read = |row| element(roles.map(|(kind, at)| convert(kind.read(row, at, big))));
-            rows.map(read).collect_into_vec(all);
-        }
+        let (big, at) = (self.big, roles.map(|(_, at)| at));
+        let native = roles.iter().all(|(kind, _)| *kind == native);
+        // Of zeros, the system provides the memory only when the tasks touch it.
+        let capacity = std::mem::take(all).capacity();
+        *all = vec![element([T::default(); N]); capacity];
+        all.truncate(self.rows.len() / self.stride);
+        let tasks = all.chunks_mut(GRAIN).zip(self.rows.chunks(GRAIN * self.stride));
+        parallel::each(tasks, |(all, rows)| {
+            let rows = all.iter_mut().zip(rows.chunks_exact(self.stride));
+            if native {
+                rows.for_each(|(to, row)| *to = element(at.map(|at| T::take(row, at, big))));
+            } else {
+                let read = |row| element(roles.map(|(kind, at)| convert(kind.read(row, at, big))));
+                rows.for_each(|(to, row)| *to = read(row));
+            }
+        });
     }
 }
 

@@ -6,12 +6,11 @@
 //! size.
 
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::Seek;
 use std::ops::Range;
 use std::path::Path;
 
 use exr::math::Vec2;
-use exr::meta::MetaData;
 use exr::meta::attribute::{ChannelList, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, read};
@@ -44,11 +43,9 @@ impl ExrLayout {
     ///
     /// # Errors
     /// `Invalid` for a file that is no EXR or has neither R, G and B nor Y alone, as half or float.
-    pub fn read_header(file: &mut BufReader<File>, path: &Path) -> Result<Self> {
+    pub fn read_header(file: &File, path: &Path) -> Result<Self> {
         exr_check::check(path)?;
-        rewind(file, path)?;
-        let meta = MetaData::read_from_buffered(&mut *file, false);
-        let meta = meta.map_err(|error| exr_error(path, error))?;
+        let meta = exr_check::meta(file, false).map_err(|error| exr_error(path, error))?;
         let has = |header: &Header, name: &str| {
             header.channels.list.iter().any(|channel| channel.name.eq(name))
         };
@@ -119,11 +116,11 @@ impl ExrLayout {
     ///
     /// # Errors
     /// `Invalid` for damaged files, `Retry` if memory is short.
-    pub fn read(&self, file: &mut BufReader<File>, path: &Path) -> Result<Vec<f32>> {
+    pub fn read(&self, mut file: File, path: &Path) -> Result<Vec<f32>> {
         let count = usize::try_from(self.pixels()).unwrap_or(usize::MAX).saturating_mul(3);
         let bytes = (count as u64).saturating_mul(size_of::<f32>() as u64);
         reserve::probe(bytes, &path.display().to_string())?;
-        rewind(file, path)?;
+        file.rewind().map_err(|error| Error::io(path, "read the texture", &error))?;
         let layout = self.clone();
         let level = read().no_deep_data().largest_resolution_level();
         let pixels = if self.is_grey {
@@ -133,7 +130,7 @@ impl ExrLayout {
             let image = Part { channels: &self.channels, read }
                 .first_valid_layer()
                 .all_attributes()
-                .from_buffered(file);
+                .from_unbuffered(file);
             image.map(|image| image.layer_data.channel_data.pixels)
         } else {
             let black = move |_: Vec2<usize>, _: &_| vec![0.0f32; count];
@@ -144,7 +141,7 @@ impl ExrLayout {
             let image = Part { channels: &self.channels, read }
                 .first_valid_layer()
                 .all_attributes()
-                .from_buffered(file);
+                .from_unbuffered(file);
             image.map(|image| image.layer_data.channel_data.pixels)
         };
         pixels.map_err(|error| exr_error(path, error))
@@ -168,8 +165,4 @@ impl<'s, C: ReadChannels<'s>> ReadChannels<'s> for Part<'_, C> {
         }
         self.read.create_channels_reader(header)
     }
-}
-
-fn rewind(file: &mut BufReader<File>, path: &Path) -> Result<()> {
-    file.rewind().map_err(|error| Error::io(path, "read the texture", &error))
 }

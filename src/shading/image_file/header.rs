@@ -72,7 +72,7 @@ impl Opened {
 
 /// Decoder of the image's pixels.
 pub(super) enum ImageSource {
-    Exr(ExrLayout, BufReader<File>),
+    Exr(ExrLayout, File),
     /// The last field is the divisor of integers, if it is not the largest value of their type.
     Image(ImageFormat, Box<dyn ImageDecoder>, Option<u16>),
 }
@@ -137,8 +137,8 @@ pub(super) fn source(path: &Path, max_bytes: u64) -> Result<Opened> {
             ImageSource::Image(format, Box::new(decoder), white)
         }
         ImageFormat::OpenExr => {
-            let mut file = reader.into_inner();
-            ImageSource::Exr(ExrLayout::read_header(&mut file, path)?, file)
+            let file = reader.into_inner().into_inner();
+            ImageSource::Exr(ExrLayout::read_header(&file, path)?, file)
         }
         _ => {
             reader.limits(limits(max_bytes));

@@ -186,8 +186,8 @@ fn read_whole(
     needed: u64,
 ) -> Result<DecodedImage> {
     let (had_alpha, image) = match opened.source {
-        ImageSource::Exr(layout, mut file) => {
-            let floats = layout.read(&mut file, path)?;
+        ImageSource::Exr(layout, file) => {
+            let floats = layout.read(file, path)?;
             (layout.has_alpha, decode_exr(layout, floats, curve))
         }
         ImageSource::Image(format, decoder, white) => {

@@ -13,7 +13,7 @@ mod exposures;
 
 use glam::{DVec3, dvec3};
 
-use super::plane::{ChannelPlane, PART, gaussian};
+use super::plane::{ChannelPlane, gaussian};
 use crate::parallel;
 use color::{Spaces, hyab};
 use exposures::Exposures;
@@ -76,8 +76,7 @@ impl Filtered {
         linear: impl Fn(&T) -> DVec3 + Sync + Send,
     ) -> Self {
         let spaces = Spaces::new();
-        let mut opponent = vec![DVec3::ZERO; pixels.len()];
-        parallel::fill(&mut opponent, PART, |i| spaces.opponent(linear(&pixels[i])));
+        let opponent = parallel::values(pixels.len(), |i| spaces.opponent(linear(&pixels[i])));
         let plane = |axis: usize| ChannelPlane::map(&opponent, width, move |p| p[axis]);
         let lightness = plane(0);
         let [y, cx] = [(&lightness, ACHROMATIC), (&plane(1), RED_GREEN)].map(|(plane, (a, b))| {
@@ -86,9 +85,7 @@ impl Filtered {
         });
         let cz = blue_yellow(&plane(2));
         let color = |i: usize| spaces.hunt_lab(spaces.clamped_rgb(dvec3(y[i], cx[i], cz[i])));
-        let mut colors = opponent;
-        parallel::fill(&mut colors, PART, color);
-        Self { colors, features: features(&lightness) }
+        Self { colors: parallel::values(pixels.len(), color), features: features(&lightness) }
     }
 }
 
@@ -173,9 +170,7 @@ fn difference(test: &Filtered, reference: &Filtered) -> Vec<f64> {
         let feature = (edge.max(point) / std::f64::consts::SQRT_2).powf(QF);
         color.powf(1.0 - feature)
     };
-    let mut errors = vec![0.0; test.colors.len()];
-    parallel::fill(&mut errors, PART, pixel);
-    errors
+    parallel::values(test.colors.len(), pixel)
 }
 
 #[cfg(test)]
