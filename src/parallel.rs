@@ -49,12 +49,9 @@ pub fn fill<T: Send>(all: &mut [T], value: impl Fn(usize) -> T + Sync) {
 }
 
 /// Returns the values of the indices below `count`.
-pub fn values<T: Clone + Default + Send>(
-    count: usize,
-    value: impl Fn(usize) -> T + Sync,
-) -> Vec<T> {
+pub fn values<T: Clone + Default + Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let mut all = vec![T::default(); count];
-    fill(&mut all, value);
+    fill(&mut all, of);
     all
 }
 
@@ -64,9 +61,6 @@ pub fn first(count: usize, found: &(dyn Fn(usize) -> bool + Sync)) -> Option<usi
 }
 
 /// The ranges of `size` indices, the last of fewer, that are together those below `count`.
-pub fn ranges(
-    count: usize,
-    size: usize,
-) -> impl ExactSizeIterator<Item = Range<usize>> + Clone + Send {
+pub fn ranges(count: usize, size: usize) -> impl ExactSizeIterator<Item = Range<usize>> + Send {
     (0..count.div_ceil(size)).map(move |part| part * size..count.min((part + 1) * size))
 }

@@ -34,10 +34,8 @@ impl TriangleMesh {
     /// Returns a copy of the mesh in the scene.
     #[must_use]
     pub fn placed(&self, placement: &Placement) -> Self {
-        let mut vertices = self.vertices().to_vec();
-        parallel::each(vertices.chunks_mut(1 << 14), |part| {
-            part.iter_mut().for_each(|v| *v = placement.place(*v));
-        });
+        let all = self.vertices();
+        let vertices = parallel::values(all.len(), |i| placement.place(all[i]));
         let triangles = self.triangles.clone();
         let placed = Self::new(vertices, triangles, self.loop_only);
         Self { stitches: self.stitches.clone(), ..placed }

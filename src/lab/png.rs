@@ -6,8 +6,7 @@ use image::codecs::png::PngEncoder;
 /// Encodes a picture as a PNG file; empty if the encoder fails.
 pub fn encode(image: &RgbImage) -> Vec<u8> {
     let mut file = Vec::new();
-    // Writing to memory cannot fail; only the encoder itself can. `write_to` would compile the
-    // encoders of all formats.
+    // Only the encoder itself can fail. `write_to` would compile the encoders of all formats.
     match image.write_with_encoder(PngEncoder::new(&mut file)) {
         Ok(()) => file,
         Err(_) => Vec::new(),

@@ -5,9 +5,6 @@ use crate::error::{Error, Result};
 use crate::parallel;
 use crate::units::{counted, plural};
 
-/// Triangles that a thread checks at a time.
-const RUN: usize = 1 << 14;
-
 /// Refuses a triangle with an index beyond the vertices, with a vertex that is not finite, or with
 /// the same vertex twice.
 ///
@@ -29,7 +26,7 @@ fn checked(place: &str, positions: &Positions, triangles: &[[u32; 3]]) -> Result
         let infinite = triangle.iter().find(|&&v| !positions.get(v as usize).is_finite());
         infinite.map(|v| format!("found vertex {v}, which is not finite"))
     };
-    let runs = parallel::ranges(triangles.len(), RUN);
+    let runs = parallel::ranges(triangles.len(), parallel::GRAIN);
     let found = parallel::map(runs, |mut run| run.find_map(problem));
     match found.into_iter().flatten().next() {
         Some(message) => Err(Error::invalid(place, message)),

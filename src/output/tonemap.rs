@@ -57,25 +57,24 @@ pub fn to_samples(
     let channels = if transparent { 4 } else { 3 };
     let size = usize::from(depth.bits() / 8);
     let mut bytes = vec![0; pixels.len() * channels * size];
-    let one = |to: &mut [u8], pixel: &[f32; 4]| {
-        let [r, g, b] = straight(pixel, transparent).map(|value| curve.exposed(value));
-        let alpha = f64::from(finite(pixel[3])).clamp(0.0, 1.0);
-        match depth {
-            Depth::Eight => {
-                let bytes = [curve.byte(r), curve.byte(g), curve.byte(b), quantise(alpha)];
-                to.copy_from_slice(&bytes[..channels]);
-            }
-            Depth::Sixteen => {
-                let levels = [curve.encode(r), curve.encode(g), curve.encode(b), alpha];
-                for (to, level) in to.chunks_exact_mut(size).zip(levels) {
-                    to.copy_from_slice(&((65535.0 * level).round() as u16).to_be_bytes());
+    let parts = bytes.chunks_mut(channels * size * GRAIN).zip(pixels.chunks(GRAIN));
+    parallel::each(parts, |(bytes, pixels)| {
+        for (to, pixel) in bytes.chunks_mut(channels * size).zip(pixels) {
+            let [r, g, b] = straight(pixel, transparent).map(|value| curve.exposed(value));
+            let alpha = f64::from(finite(pixel[3])).clamp(0.0, 1.0);
+            match depth {
+                Depth::Eight => {
+                    let bytes = [curve.byte(r), curve.byte(g), curve.byte(b), quantise(alpha)];
+                    to.copy_from_slice(&bytes[..channels]);
+                }
+                Depth::Sixteen => {
+                    let levels = [curve.encode(r), curve.encode(g), curve.encode(b), alpha];
+                    for (to, level) in to.chunks_exact_mut(size).zip(levels) {
+                        to.copy_from_slice(&((65535.0 * level).round() as u16).to_be_bytes());
+                    }
                 }
             }
         }
-    };
-    let parts = bytes.chunks_mut(channels * size * GRAIN).zip(pixels.chunks(GRAIN));
-    parallel::each(parts, |(bytes, pixels)| {
-        bytes.chunks_mut(channels * size).zip(pixels).for_each(|(to, pixel)| one(to, pixel));
     });
     bytes
 }

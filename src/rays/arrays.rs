@@ -262,8 +262,8 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
     let vertex = |i: usize, k: usize| faces.get(i)[k].and_then(|v| vertices.get(v as usize));
     let sound = |v: DVec3| v.abs().max_element() <= MAX_COORDINATE && !v.is_nan();
     let bad = |i: usize| (0..3).any(|k| !vertex(i, k).is_some_and(sound));
-    let parts = parallel::ranges(faces.len(), 1 << 14);
-    let found = parallel::map(parts.clone(), |mut part| part.find(|&i| bad(i)));
+    let parts = || parallel::ranges(faces.len(), 1 << 14);
+    let found = parallel::map(parts(), |mut part| part.find(|&i| bad(i)));
     if let Some(i) = found.into_iter().flatten().next() {
         let k = (0..3).find(|&k| !vertex(i, k).is_some_and(sound)).unwrap_or(0);
         let index = faces.written(i, k);
@@ -278,7 +278,7 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
             ),
         });
     }
-    let boxes = parallel::map(parts, |part| {
+    let boxes = parallel::map(parts(), |part| {
         part.fold(Box3::EMPTY, |all, i| all.union(Box3::of(&corners(mesh, i))))
     });
     Ok(boxes.into_iter().fold(Box3::EMPTY, Box3::union))

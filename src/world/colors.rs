@@ -91,15 +91,11 @@ fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>) -> u64 {
     replaced
 }
 
-/// Replaces what is not usable by `other`. Returns its number.
-fn replace<T: Copy + Send + Sync>(
-    all: &mut [T],
-    other: T,
-    usable: impl Fn(&T) -> bool + Sync,
-) -> u64 {
+/// Replaces what is not good by `by`. Returns its number.
+fn replace<T: Copy + Send + Sync>(all: &mut [T], by: T, good: impl Fn(&T) -> bool + Sync) -> u64 {
     let parts = parallel::map(all.chunks_mut(GRAIN), |part| {
-        let bad = part.iter_mut().filter(|value| !usable(value));
-        bad.map(|value| *value = other).count() as u64
+        let bad = part.iter_mut().filter(|value| !good(value));
+        bad.map(|value| *value = by).count() as u64
     });
     parts.into_iter().sum()
 }

@@ -28,9 +28,7 @@ impl Extent {
         let vertices = mesh.vertices();
         let [low, high] = mesh.bounds().map(doubles);
         let corner = |i: u32| doubles(vertices[i as usize]);
-        let triangles = mesh.triangles();
-        let longest = |block: usize| {
-            let part = &triangles[block * BLOCK..triangles.len().min((block + 1) * BLOCK)];
+        let longest = |part: &[[u32; 3]]| {
             let square = part.iter().fold(0.0f64, |most, &[a, b, c]| {
                 let (a, b, c) = (corner(a), corner(b), corner(c));
                 let longest = (a - b).length_squared().max((b - c).length_squared());
@@ -38,7 +36,7 @@ impl Extent {
             });
             (square.sqrt() * (1.0 + f64::from(f32::EPSILON))) as f32
         };
-        let edges = parallel::map(0..triangles.len().div_ceil(BLOCK), longest);
+        let edges = parallel::map(mesh.triangles().chunks(BLOCK), longest);
         Self { centre: (low + high) * 0.5, radius: (high - low).length() * 0.5, edges }
     }
 

@@ -15,12 +15,9 @@ use super::scalar::{Native, Scalar};
 use super::table::{Reader, RowConsumer, Table};
 use crate::error::Result;
 use crate::mesh::normals::VertexPosition;
-use crate::parallel;
+use crate::parallel::{self, GRAIN};
 use crate::reserve;
 use crate::units::plural;
-
-/// Number of triangles that one task copies.
-const GRAIN: usize = 1 << 14;
 
 /// Marks a dropped triangle in the bulk path. No mesh has a vertex with this index.
 const DROPPED: [u32; 3] = [u32::MAX; 3];

@@ -5,10 +5,7 @@ use super::header::PropertyType;
 use super::plan::{ATTRIBUTE_ROLE_COUNT, Columns, ROLE_COUNT};
 use super::scalar::{Native, Scalar};
 use super::table::Table;
-use crate::parallel;
-
-/// Number of rows of a task.
-const GRAIN: usize = 1 << 13;
+use crate::parallel::{self, GRAIN};
 
 /// Rows that all have the same size.
 pub(super) struct Records<'a> {

@@ -221,12 +221,10 @@ fn write(binary: &[Slot], plan: &[Plan], root: usize, nodes: &mut [Node], base: 
     node[0] = children.node(binary, &starts);
     let levels =
         |(i, start, nodes): (usize, usize, &mut [Node])| write(binary, plan, i, nodes, start);
+    let below = below.into_iter().flatten();
     let depth = match parallel {
-        true => {
-            let below: Vec<_> = below.into_iter().flatten().collect();
-            parallel::map(below.into_iter(), levels).into_iter().max()
-        }
-        false => below.into_iter().flatten().map(levels).max(),
+        true => parallel::map(below.collect::<Vec<_>>().into_iter(), levels).into_iter().max(),
+        false => below.map(levels).max(),
     };
     depth.unwrap_or(0) + 1
 }
