@@ -1,7 +1,9 @@
 #!/bin/sh
-# Installs the program from the packaged crate, as `cargo install` does, with no file of this folder.
-# Its renders must have the bytes of the program that `make build` compiled. The crate itself is not
-# optimised: it compiles faster, and the bytes do not depend on it.
+# crate.sh         installs the program from the packaged crate, as `cargo install` does, with no file of
+#                  this folder. Its renders must have the bytes of the program that `make build` compiled.
+#                  The crate itself is not optimised: it compiles faster, and the bytes do not depend on it.
+# crate.sh check   takes a quarter of the time: the packaged crate passes the compiler's checks with no
+#                  file of this folder, and its sources are those of this folder.
 set -eu
 cd "$(dirname "$0")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -16,6 +18,14 @@ cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
 say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
+if [ "${1:-}" = check ]; then
+    (cd / && cargo check --quiet --locked --release --manifest-path "$crate/Cargo.toml" --target-dir "$target")
+    diff -r src "$crate/src"
+    for file in build.rs Cargo.lock; do cmp "$file" "$crate/$file"; done
+    say "its sources are those of this folder, and pass the compiler's checks"
+    exit
+fi
+
 # In the target folder of `make build`, which has the dependencies. The program there is kept.
 cp "$built" "$scratch/built"
 (cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \
