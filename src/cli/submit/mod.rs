@@ -107,6 +107,7 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     // Before any mesh is opened: opening a pipe waits for its writer.
     batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
     batch::refuse_photographs(&job, &batch::tasks(job.inputs.len(), job.frames(), None)?)?;
+    batch::refuse_foreign_sheet(&job)?;
     let slurm = plan(args, &job, &limits, &program)?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
