@@ -59,16 +59,18 @@ pub struct Frame {
     pub again: Option<String>,
 }
 
-/// Predicts the memory of an input from file headers, without the accelerator. Also returns its
-/// scene, with a mesh in its default placement and the largest picture of a list of cameras.
+/// Predicts the memory of a task from file headers, without the accelerator. Also returns the scene
+/// of its input, with a mesh in its default placement and the largest picture of its frames.
 ///
 /// # Errors
 /// Errors of the scene and of the headers.
-pub fn predict(job: &Job, input: &JobInput) -> Result<(Scene, Prediction)> {
-    let scene = with_default_placement(job, input)?;
+pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
+    let scene = with_default_placement(job, &job.inputs[task.input])?;
     picture::check_storage(&scene, job.storage)?;
     let mut scene = scene;
-    let sizes = job.poses.iter().flat_map(|poses| &poses.list).map(|pose| pose.camera.size());
+    let frames = task.frames.start as usize..task.frames.end as usize;
+    let poses = job.poses.iter().flat_map(|poses| &poses.list[frames.clone()]);
+    let sizes = poses.map(|pose| pose.camera.size());
     let largest = sizes.max_by_key(|[width, height]| u64::from(*width) * u64::from(*height));
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);

@@ -48,7 +48,7 @@ pub struct BatchOptions {
     /// Number of worker threads, at least 1.
     pub threads: usize,
     /// Number of frames rendered at a time. `None`: derived from the picture size of the first
-    /// input.
+    /// task.
     pub jobs: Option<usize>,
     /// Limit in bytes for the whole run: meshes, textures, accelerators and films together.
     pub max_memory: Option<u64>,
@@ -129,7 +129,7 @@ pub fn run(
     tell: &(dyn Fn(Event) + Sync),
     (loading, inputs): (ThreadPool, FileSet),
 ) -> Result<Outcome> {
-    let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
+    let jobs = options.jobs.unwrap_or_else(|| jobs(job, tasks, options));
     let limit = options.max_memory.unwrap_or_else(|| {
         let available = memory::available_bytes().unwrap_or(u64::MAX);
         (available as f64 * SHARE_OF_AVAILABLE) as u64
@@ -187,9 +187,9 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
 
 /// Returns the number of frames to render at a time: one if a frame keeps all threads busy, more if
 /// frames are small.
-fn jobs(job: &Job, options: &BatchOptions) -> usize {
+fn jobs(job: &Job, tasks: &[Task], options: &BatchOptions) -> usize {
     let threads = options.threads;
-    let first = job.inputs.first().map(|input| scene::predict(job, input));
+    let first = tasks.first().map(|task| scene::predict(job, task));
     let Some(Ok((scene, _))) = first else {
         return 1;
     };
@@ -239,12 +239,12 @@ impl Run<'_> {
         }
     }
 
-    /// Predicts the memory of an input, accelerator included.
+    /// Predicts the memory of a task, accelerator included.
     ///
     /// # Errors
     /// `Limit` if it exceeds `--max-memory`; headers that cannot be read.
     fn predict(&self, task: &Task) -> Result<Prediction> {
-        let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
+        let (scene, prediction) = scene::predict(self.job, task)?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
         let footprint = match known {
             Some(footprint) => footprint,

@@ -36,6 +36,10 @@ pub const MEMORY_KEY: &str = "/limits/memory";
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
     batch::check_settings(&job)?;
+    let with_sheet = !args.run.no_sheet && args.frames.range.is_none();
+    if with_sheet {
+        batch::refuse_foreign_sheet(&job)?;
+    }
     if args.run.dry_run {
         return list(&job, args);
     }
@@ -88,8 +92,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         ));
     }
     // A list of paths that is lost does not stop the batch, but its exit code says so.
-    let with_sheet = outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none();
-    let sheet = match with_sheet {
+    let sheet = match with_sheet && outcome.signal.is_none() {
         true => {
             let paths = sheet::write(&job, &[], options.threads, &monitor);
             paths.and_then(|paths| print::paths(&paths))

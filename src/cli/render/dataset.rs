@@ -72,7 +72,7 @@ impl DatasetArgs {
 pub struct DatasetPaths {
     faces: Option<PathBuf>,
     /// The instances and the semantic classes, or none.
-    ids: Vec<PathBuf>,
+    pub ids: Vec<PathBuf>,
 }
 
 /// Part files for data sets, while they are written.

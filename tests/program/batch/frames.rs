@@ -363,6 +363,26 @@ fn fast_mode_of_embree_applies_to_every_frame() {
 }
 
 #[test]
+fn a_warning_that_all_frames_share_is_told_once() {
+    let scratch = Scratch::new();
+    let heights = PYRAMID.replace("property float z\n", "property float z\nproperty float h\n");
+    let heights = heights.replace("0 -1\n", "0 -1 0\n").replace("0 1\n", "0 1 0\n");
+    for name in ["a", "b"] {
+        scratch.write(&format!("{name}.ply"), &heights.replace("0 2 0\n", "0 2 0 2\n"));
+    }
+    let args = ["a.ply", "b.ply", "-o", "out", "--color", "h", "--legend", "--turntable", "3"];
+    let said = batch(&scratch, &args).good().stderr();
+    for name in ["a.ply", "b.ply"] {
+        let line = format!("warning: {name}: the picture is too small for the legend");
+        assert_eq!(said.matches(&line).count(), 1, "{said}");
+    }
+    let records = journal(&scratch, "out/batch.jsonl");
+    let frames = records.iter().filter(|record| record["event"] == "frame");
+    let warned = |frame: &&Value| frame["warnings"].to_string().contains("too small");
+    assert_eq!(frames.filter(warned).count(), 6, "each frame records its own");
+}
+
+#[test]
 fn ranges_together_render_all_frames() {
     let scratch = scans();
     let args =
