@@ -127,6 +127,7 @@ def colors(source, count):
     if found is None:
         return None
     found = np.asarray(found)
+    found = found.astype(found.dtype.newbyteorder("="), copy=False)
     if found.dtype.kind == "f":
         found = np.round(np.clip(np.nan_to_num(found), 0.0, 1.0) * 65535).astype(np.uint16)
     if found.dtype.kind in "iu" and found.dtype != np.uint16:
