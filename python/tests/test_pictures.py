@@ -198,6 +198,8 @@ def test_colours_of_vertices_are_shown(tmp_path):
     for order in "<>":
         picture = lightpath.render(Trimesh(Visual("vertex", words.astype(order + "u2"))), **SMALL, layers=["albedo"])
         assert np.allclose(picture["albedo"], expected, atol=1e-3)
+    with pytest.raises(ValueError, match="^colors: found masked values"):
+        lightpath.render(Trimesh(Visual("vertex", np.ma.array(rgba, mask=rgba == 0))), **SMALL)
     with pytest.raises(ValueError, match="colors: found 0 to 256, expected 0 to 255"):
         lightpath.render(Trimesh(Visual("vertex", rgba * np.int64(256) // 255)), **SMALL)
     bare = lightpath.render(Open3d(None, None), **SMALL)
