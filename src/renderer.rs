@@ -454,9 +454,11 @@ impl Renderer<'_> {
 pub struct WrittenPicture {
     /// Paths of the EXR and the PNG.
     pub files: [PathBuf; 2],
-    /// Warnings about values that the files do not hold: numbers that are not finite or beyond a
+    /// Warnings about values that the EXR does not hold: numbers that are not finite or beyond a
     /// half, coverage beyond the ranks of cryptomattes.
     pub warnings: Vec<Problem>,
+    /// Warnings about what the PNG does not show: a legend for which it is too small.
+    pub png_warnings: Vec<Problem>,
 }
 
 /// Writes the films of a [`Renderer`], also after the renderer is dropped.
@@ -501,8 +503,11 @@ impl PictureWriter {
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
         let (_, oddities) =
             picture::write(files, film, scene, header, storage, &Monitor::default())?;
-        let warnings = picture::oddity_warnings(&oddities);
-        Ok(WrittenPicture { files: Outputs::names(prefix.as_ref()), warnings })
+        Ok(WrittenPicture {
+            files: Outputs::names(prefix.as_ref()),
+            warnings: picture::exr_warnings(&oddities),
+            png_warnings: picture::png_warnings(&oddities),
+        })
     }
 }
 

@@ -125,6 +125,29 @@ def test_a_file_that_holds_not_every_value_gives_warnings(tmp_path):
     assert (tmp_path / "float.exr").read_bytes() != (tmp_path / "half.exr").read_bytes()
 
 
+def test_a_legend_without_room_is_a_warning_of_the_png(tmp_path):
+    head = TRIANGLE.replace("property float z", "property float z\nproperty float age")
+    rows = head[head.index("end_header"):]
+    for row in ["0 0 0", "1 0 0", "0 1 0"]:
+        rows = rows.replace(f"\n{row}\n", f"\n{row} {row[0]}\n")
+    (tmp_path / "a.ply").write_text(head[:head.index("end_header")] + rows)
+    scene = copy.deepcopy(SCENE)
+    scene["output"] = {"legend": True}
+    scene["scene"]["shapes"] = [{"type": "trimesh", "path": tmp_path / "a.ply", "material": "clay",
+                                 "color": {"property": "age"}}]
+    picture = lightpath.render(scene)
+    before = list(picture.warnings)
+    picture.write_exr(tmp_path / "a.exr")
+    assert picture.warnings == before
+    for _ in range(2):
+        picture.write_png(tmp_path / "a.png")
+        (warning,) = picture.warnings[len(before):]
+        assert "too small for the legend" in warning
+    picture = lightpath.render(scene)
+    picture.write(tmp_path / "a")
+    assert picture.warnings == [*before, warning]
+
+
 def test_one_layer_may_be_a_string():
     assert list(lightpath.render(cube(), **SMALL, layers="albedo")) == ["RGBA", "albedo"]
 
