@@ -148,6 +148,21 @@ def test_a_legend_without_room_is_a_warning_of_the_png(tmp_path):
     assert picture.warnings == [*before, warning]
 
 
+def test_copies_and_meshes_from_memory_have_mattes_of_their_own(tmp_path):
+    (tmp_path / "a.ply").write_text(TRIANGLE)
+    scene = copy.deepcopy(SCENE)
+    scene["output"] = {"layers": ["cryptomatte"]}
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[:, 0, 3] = -1.5, 0
+    scene["scene"]["shapes"] = [{"type": "trimesh", "name": "box", "path": tmp_path / "a.ply",
+                                 "instances": places, "material": "clay"}]
+    for name in ["box", "box.2", "other"]:
+        mesh = np.array([[1.5, 0, 0], [2.5, 0, 0], [1.5, 1, 0]]), [[0, 1, 2]]
+        picture = lightpath.render(scene, meshes={name: ("clay", *mesh)})
+        ids = picture["CryptoObject00"][..., [0, 2]]
+        assert len(np.unique(ids[ids != 0])) == 3, name
+
+
 def test_one_layer_may_be_a_string():
     assert list(lightpath.render(cube(), **SMALL, layers="albedo")) == ["RGBA", "albedo"]
 
