@@ -298,8 +298,19 @@ fn view(camera: &CheckedCamera) -> exr::CameraMatrices {
     }
 }
 
-/// Returns warnings about values that the files could not hold.
+/// Returns warnings about what the files could not hold: those of the EXR, then those of the PNG.
 pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
+    [exr_warnings(oddities), png_warnings(oddities)].concat()
+}
+
+/// Returns warnings about what the PNG could not hold.
+pub fn png_warnings(oddities: &ValueCounts) -> Vec<Problem> {
+    let message = "the picture is too small for the legend, which is left out";
+    oddities.legend_left_out.then(|| Problem::new("", message)).into_iter().collect()
+}
+
+/// Returns warnings about values that the EXR could not hold.
+pub fn exr_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
         let what =
@@ -318,10 +329,6 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         let message = format!("{pixels} clamped to 65504 in the EXR, the first at {spot}");
         let help = "make the lights weaker, or write --float, without dwaa";
         warnings.push(Problem::new("", message).help(help));
-    }
-    if oddities.legend_left_out {
-        let message = "the picture is too small for the legend, which is left out";
-        warnings.push(Problem::new("", message));
     }
     warnings.extend(dropped(&oddities.dropped));
     warnings

@@ -84,13 +84,12 @@ impl Scene {
     /// [`Scene::can_skip_shadow_rays`] if every such light has `points` points.
     pub fn can_skip_shadow_rays_with(&self, points: Option<u32>) -> bool {
         let spares = |light: &CheckedLight| match light.kind {
-            LightKind::Point { .. } => false,
             LightKind::Area { samples, .. }
             | LightKind::Sun { samples, .. }
             | LightKind::Environment { samples, map: None } => {
-                points.unwrap_or(samples) > FIRST_SHADOW_POINTS
+                light.kind.has_extent() && points.unwrap_or(samples) > FIRST_SHADOW_POINTS
             }
-            LightKind::Environment { map: Some(_), .. } => false,
+            LightKind::Point { .. } | LightKind::Environment { map: Some(_), .. } => false,
         };
         self.adaptive_shadows && self.lights.iter().any(spares)
     }
