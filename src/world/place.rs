@@ -291,7 +291,8 @@ impl PlacedMesh {
     /// [`PlacedMesh::append_spheres`] needs in addition to the mesh.
     ///
     /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 20 bytes per
-    /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
+    /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex. The
+    /// triangles beside stitches are found in [`mesh::stitching_bytes`].
     fn conversion_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
         if self.is_cloud() {
@@ -305,7 +306,7 @@ impl PlacedMesh {
             true => 20 * vertices + 12 * triangles,
             false => 0,
         };
-        (rounded + normals) as u64
+        (rounded + normals) as u64 + mesh::stitching_bytes(self.mesh.stitches.len(), vertices)
     }
 }
 
