@@ -54,7 +54,11 @@ pub fn pipeline<F: ShadePacket>(
             let (corner, first) = unit;
             camera_packet.first = first;
             camera_packet.quarter = by_quarters && quarters.has(first, samples);
-            camera_packet.sample = if camera_packet.quarter {
+            camera_packet.in_order =
+                by_quarters && !camera_packet.quarter && quarters.any_order(first, samples);
+            camera_packet.sample = if camera_packet.in_order {
+                [first; LANES]
+            } else if camera_packet.quarter {
                 let pixel = corner.map(|x| x.wrapping_sub(world.overscan));
                 quarters.samples(&sampler, pixel, first)
             } else {
