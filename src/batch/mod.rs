@@ -35,7 +35,7 @@ pub use outputs::{refuse_files, refuse_foreign_sheet, refuse_photographs, refuse
 pub use places::Places;
 pub use scene::{check_settings, predict};
 pub use status::{Event, Status};
-pub use tasks::{index, tasks};
+pub use tasks::{Task, index, tasks};
 pub use workers::{BatchOptions, Outcome};
 
 pub use journal::read as journal;

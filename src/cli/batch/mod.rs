@@ -92,13 +92,8 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         ));
     }
     // A list of paths that is lost does not stop the batch, but its exit code says so.
-<<<<<<< HEAD
-    let sheet = match with_sheet && outcome.signal.is_none() {
-=======
     let ended = outcome.signal.is_none() && outcome.fatal.is_none();
-    let with_sheet = ended && !args.run.no_sheet && options.range.is_none();
-    let sheet = match with_sheet {
->>>>>>> 0ff5c8e9c293f40fd32657ca809ebe1484283f38
+    let sheet = match with_sheet && ended {
         true => {
             let paths = sheet::write(&job, &[], options.threads, &monitor);
             paths.and_then(|paths| print::paths(&paths))

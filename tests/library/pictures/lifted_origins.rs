@@ -3,7 +3,7 @@
 
 use lightpath::LoadedScene;
 use lightpath::film::Film;
-use lightpath::scene::{Backend, written::AcceleratorName};
+use lightpath::scene::Backend;
 use serde_json::{Value, json};
 
 use crate::support::backends::on_both;
