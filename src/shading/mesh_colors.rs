@@ -17,8 +17,6 @@ pub struct MeshColors {
     pub element: MeshElement,
     /// The values, and how they become colours.
     pub source: ColorSource,
-    /// Index of the sphere that stands for the first vertex, if vertices are drawn as spheres.
-    pub first_sphere: u32,
 }
 
 /// Values, and how they become colours.
@@ -76,13 +74,8 @@ impl MeshColors {
         }
     }
 
-    /// Returns the linear colour of sphere `prim`, which stands for a vertex.
-    pub(super) fn of_sphere(&self, prim: u32) -> Vec3 {
-        self.of(prim - self.first_sphere)
-    }
-
     /// Returns the linear colour of one vertex or triangle.
-    fn of(&self, index: u32) -> Vec3 {
+    pub(super) fn of(&self, index: u32) -> Vec3 {
         match &self.source {
             ColorSource::Stored(colors) => colors.at(index),
             ColorSource::Mapped(scalars) => scalars.of(index),
@@ -177,11 +170,7 @@ mod tests {
     fn mapped(values: Vec<f64>, range: [f64; 2]) -> MeshColors {
         let nan = Vec3::new(1.0, 0.0, 1.0);
         let scalars = MappedScalars::new(Scalars::F64(values), ColorMap::Viridis, range, nan);
-        MeshColors {
-            element: MeshElement::Vertex,
-            source: ColorSource::Mapped(Box::new(scalars)),
-            first_sphere: 0,
-        }
+        MeshColors { element: MeshElement::Vertex, source: ColorSource::Mapped(Box::new(scalars)) }
     }
 
     #[test]

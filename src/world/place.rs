@@ -282,8 +282,8 @@ impl PlacedMesh {
             Positions::F64(all) => spheres.par_extend(all.par_iter().map(|&p| place(p.into()))),
         }
         // `gather` refuses too many primitives before an index is used.
-        let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
-        shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
+        shape.first = u32::try_from(first).unwrap_or(u32::MAX);
+        shape.colors = colors;
         Ok(())
     }
 
