@@ -94,10 +94,29 @@ fn file_name(path: &Path) -> Result<String> {
 pub struct Manifest {
     /// Path of the manifest's file.
     pub path: PathBuf,
+    /// Content of the file.
     text: String,
 }
 
 impl Manifest {
+    /// Returns the manifests that a picture has beside its EXR.
+    ///
+    /// # Errors
+    /// A file name that an EXR attribute cannot hold.
+    pub fn beside(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Result<Vec<Self>> {
+        match storage.crypto_sidecar {
+            true => manifests(&mut layer_attributes(plan), prefix),
+            false => Ok(Vec::new()),
+        }
+    }
+
+    /// Returns true if its file exists and has this content.
+    pub fn is_written(&self) -> bool {
+        let length = std::fs::metadata(&self.path).map(|data| data.len());
+        length.is_ok_and(|length| length == self.text.len() as u64)
+            && std::fs::read(&self.path).is_ok_and(|bytes| bytes == self.text.as_bytes())
+    }
+
     /// Creates the part file of the manifest.
     ///
     /// # Errors
@@ -112,7 +131,7 @@ impl Manifest {
     /// # Errors
     /// `Retry` if the disk is full.
     pub fn write((mut file, text): (PartFile, String), outputs: &mut Outputs) -> Result<PathBuf> {
-        file.fill((text + "\n").as_bytes())?;
+        file.fill(text.as_bytes())?;
         Ok(outputs.add(file))
     }
 }
@@ -134,7 +153,8 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
         let file = file_name(&path)?;
         let (name, text) = &mut attributes[index];
         *name = format!("{key}/manif_file");
-        found.push(Manifest { path, text: std::mem::replace(text, file) });
+        let text = std::mem::replace(text, file) + "\n";
+        found.push(Manifest { path, text });
     }
     Ok(found)
 }

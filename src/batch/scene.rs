@@ -11,7 +11,7 @@ use crate::layers::LayerPlan;
 use crate::memory::{self, Prediction};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
-use crate::picture::{self, PictureFiles};
+use crate::picture::{self, Manifest, PictureFiles};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject};
@@ -204,11 +204,12 @@ impl Ready {
             let decide = |frame: &Frame| match (&frame.fingerprint, resume) {
                 (Some(fingerprint), Resume::Keep(hashes)) => {
                     let files = PictureFiles::names(&frame.prefix, &plan, job.storage);
-                    resume::decide(&files, fingerprint, hashes)
+                    let manifests = Manifest::beside(&frame.prefix, &plan, job.storage)?;
+                    Ok(resume::decide((&files, &manifests), fingerprint, hashes))
                 }
-                _ => Decision::Render,
+                _ => Ok(Decision::Render),
             };
-            let verdicts: Vec<Decision> = some.par_iter().map(decide).collect();
+            let verdicts: Vec<Decision> = some.par_iter().map(decide).collect::<Result<_>>()?;
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
                     Decision::Keep => kept.push(frame.number),

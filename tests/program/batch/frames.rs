@@ -304,6 +304,18 @@ fn manifests_are_files_of_their_frames() {
     fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
     let said = run("1 frame rendered, 1 kept");
     assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
+    // As a run of another scene leaves it, if it is killed between two renames.
+    let manifest = "out/a/a.0001.CryptoObject.json";
+    let whole = text(manifest);
+    for other in [whole.replacen("\":\"", "b\":\"", 1), whole.replacen("\":\"", "\":\"0", 1)] {
+        assert_ne!(other, whole);
+        scratch.write(manifest, &other);
+        let done = batch(&scratch, &[&args[..], &["--no-verify"]].concat());
+        let said = done.stderr();
+        assert!(said.contains("a.0001.CryptoObject.json: the names or ids changed"), "{said}");
+        assert!(said.contains("1 frame rendered, 1 kept"), "{said}");
+        assert_eq!(text(manifest), whole);
+    }
     // The same settings in a job file. With another bit depth, the frames are rendered again.
     let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
                    "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
