@@ -71,6 +71,8 @@ pub struct Outcome {
     pub kept: u64,
     /// Index of an input, and the error of this input or of one of its frames.
     pub failures: Vec<(usize, Error)>,
+    /// Error that ended the run, because all later frames would have it: a full disk.
+    pub fatal: Option<Error>,
     /// Number of the signal that stopped the run.
     pub signal: Option<i32>,
 }
@@ -120,7 +122,7 @@ pub struct Run<'a> {
 /// Runs the tasks of a job and returns the outcome, which includes the errors of single inputs.
 ///
 /// # Errors
-/// Errors that concern all tasks: threads that cannot be started, a full disk.
+/// Threads that cannot be started.
 pub fn run(
     job: &Job,
     tasks: &[Task],
@@ -159,14 +161,12 @@ pub fn run(
         failures: Mutex::default(),
     };
     together((jobs + 1).min(tasks.len()), || run.work());
-    if let Some(error) = lock(&run.fatal).take() {
-        return Err(error);
-    }
     let failures = run.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(Outcome {
         rendered: status.rendered.load(Relaxed),
         kept: status.kept.load(Relaxed),
         failures,
+        fatal: run.fatal.into_inner().unwrap_or_else(PoisonError::into_inner),
         signal: Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0),
     })
 }
