@@ -18,7 +18,7 @@ use crate::studio::{self, MeshScene, Subject};
 use crate::world::{self, ContentHashes};
 
 use super::fingerprint::{Settings, fingerprint};
-use super::job::{Job, JobInput};
+use super::job::{Job, JobInput, LEGEND};
 use super::resume::{self, Decision, Resume};
 use super::tasks::{self, Task};
 
@@ -110,12 +110,30 @@ pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
             let subject = Subject { looks: job.looks.clone(), ..Subject::new(&input.path) };
             studio::with_default_placement(&subject, &job.template, &input.overrides)?
         }
-        false => {
-            let source = Source::File(&input.path);
-            studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?
-        }
+        false => load(job, input, &mut Vec::new())?,
     };
     Ok(loaded.scene)
+}
+
+/// Loads an input that is a scene, without a `--legend` that is not for it.
+///
+/// # Errors
+/// Errors of the scene.
+fn load(job: &Job, input: &JobInput, warnings: &mut Vec<Problem>) -> Result<Loaded> {
+    let load = |overrides, warnings: &mut Vec<Problem>| {
+        studio::load(Source::File(&input.path), overrides, job.light_samples, warnings)
+    };
+    if job.legend_of_meshes {
+        let mut overrides = input.overrides.clone();
+        overrides.remove(LEGEND);
+        let mut new = Vec::new();
+        let loaded = load(overrides, &mut new)?;
+        if !loaded.scene.shows_property() {
+            warnings.extend(new);
+            return Ok(loaded);
+        }
+    }
+    load(input.overrides.clone(), warnings)
 }
 
 /// Reads an input: a scene, or a mesh that is framed in the template. `memory_limit` limits the
@@ -130,8 +148,8 @@ pub fn read(
     monitor: &Monitor,
 ) -> Result<Ready> {
     let path = &input.path;
-    let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
+        let (overrides, samples) = (input.overrides.clone(), job.light_samples);
         let subject = Subject {
             up: input.up,
             rotate: input.rotate,
@@ -152,7 +170,7 @@ pub fn read(
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
     }
     let mut warnings = Vec::new();
-    let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
+    let loaded = load(job, input, &mut warnings)?;
     let target = loaded.description.camera.target().map(|target| target.vec());
     let pivot = match job.pivot.or(target) {
         Some(pivot) => pivot,

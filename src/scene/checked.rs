@@ -75,6 +75,17 @@ pub struct OcclusionRays {
 }
 
 impl Scene {
+    /// Returns true if a mesh shows a property by its `color`, which a legend can explain.
+    pub fn shows_property(&self) -> bool {
+        self.shapes.iter().any(|shape| match &shape.kind {
+            ShapeKind::Trimesh(mesh) => {
+                let color = mesh.color.as_ref().map(|request| &request.color);
+                matches!(color, Some(MeshColorDescription::Property(_)))
+            }
+            _ => false,
+        })
+    }
+
     /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
     /// environment without image that has more points than are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {

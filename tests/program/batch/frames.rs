@@ -266,6 +266,41 @@ fn frames_record_their_number_and_rate() {
 }
 
 #[test]
+fn a_legend_is_for_the_inputs_that_show_a_property() {
+    let scratch = Scratch::new();
+    let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                property float z\nproperty float heat\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n\
+                0 0 0 1\n1 0 0 2\n0 1 0 4\n3 0 1 2\n";
+    scratch.write("a.ply", mesh);
+    let scene = |shape: &str| {
+        format!(
+            r#"{{ "camera": {{ "type": "pinhole", "width": 8, "height": 8, "fov": 50,
+                               "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] }},
+                  "scene": {{ "shapes": [{{ {shape}, "material": {{}} }}] }} }}"#
+        )
+    };
+    let plain = scene(r#""type": "sphere", "center": [0, 0, 0], "radius": 1"#);
+    scratch.write("plain.json", &plain);
+    let colored = r#""type": "trimesh", "path": "a.ply", "color": { "property": "heat" }"#;
+    scratch.write("colored.json", &scene(colored));
+    let run = |folder: &str, flags: &[&str]| {
+        let inputs = ["batch", "a.ply", "plain.json", "colored.json", "--color", "heat"];
+        let size = ["--size", "320x200", "--no-sheet", "--quiet", "-o", folder];
+        scratch.run(&[&inputs[..], &size, flags].concat()).good();
+    };
+    run("with", &["--legend"]);
+    run("without", &[]);
+    for (name, changes) in [("a", true), ("plain", false), ("colored", true)] {
+        let png = |folder: &str| scratch.read(&format!("{folder}/{name}.png"));
+        assert_eq!(png("with") != png("without"), changes, "{name}");
+    }
+    // Without a mesh among the inputs, the flag is a mistake.
+    let done = scratch.run(&["batch", "plain.json", "--legend", "--dry-run"]);
+    assert!(done.code() == 2 && done.stderr().contains("--legend: found true"));
+}
+
+#[test]
 fn manifests_are_files_of_their_frames() {
     let scratch = scans();
     let files = ["--aov", "cryptomatte", "--crypto-sidecar", "--png-bits", "16"];
