@@ -87,8 +87,8 @@ fn end(origin: Vec3, q: Vec3, direction: Vec3) -> f32 {
     (1.0 - ulps).max(0.0)
 }
 
-/// Parameter at which rays to a light beyond the scene end. An origin that is lifted may be
-/// outside of the scene's box by 0.6 of the longest edge of its facet, rarely opposite to the light.
+/// Parameter at which rays to a light beyond the scene end. An origin that is lifted may be outside
+/// of the scene's box by 0.6 of the longest edge of its facet, rarely opposite to the light.
 pub const BEYOND: f32 = 1.4;
 
 /// Gives the `rays` of [`light_rays`] the direction in which the light points `q` are seen from

@@ -86,8 +86,8 @@ impl Cone {
             return None;
         }
         let (center, radius) = ((low + high) * 0.5, (high - low).length() * 0.5);
-        // All rays end before the square. There, the hull is wider than all of them by more than the
-        // rounding: a ray from a point has the distance from the middle that the point has.
+        // All rays end before the square. There, the hull is wider than all of them by more than
+        // the rounding: a ray from a point has the distance from the middle that the point has.
         let far = BEYOND_SQUARE * self.reach + radius;
         let half = self.tangent * 1.001 * (far + radius) + 3.0 * radius + 1e-5 * far;
         let [x, y] = self.across.map(|side| side * half);
