@@ -18,19 +18,23 @@ cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
 say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
-if [ "${1:-}" = check ]; then
-    (cd / && cargo check --quiet --locked --release --manifest-path "$crate/Cargo.toml" --target-dir "$target")
+# In the target folder of `make build`, which has the dependencies. Without optimisation, no file of
+# `make build` is replaced: cargo would take both crates for the same one.
+part=${1:-}
+set -- --locked --target-dir "$target" \
+    --config profile.release.package.lightpath.opt-level=0 \
+    --config profile.release.package.lightpath.codegen-units=64
+if [ "$part" = check ]; then
+    (cd / && cargo check --quiet --release --manifest-path "$crate/Cargo.toml" "$@")
     diff -r src "$crate/src"
     for file in build.rs Cargo.lock; do cmp "$file" "$crate/$file"; done
     say "its sources are those of this folder, and pass the compiler's checks"
     exit
 fi
 
-# In the target folder of `make build`, which has the dependencies. The program there is kept.
+# The program in the target folder is kept.
 cp "$built" "$scratch/built"
-(cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \
-    --no-track --config profile.release.package.lightpath.opt-level=0 \
-    --config profile.release.package.lightpath.codegen-units=64)
+(cd / && cargo install --quiet --path "$crate" --root "$scratch/installed" --no-track "$@")
 cp --remove-destination "$scratch/built" "$built"
 # The crate's path is another one in each run, so its files are of no further use.
 find "$target/release/deps" -newer "$scratch/built" -name '*lightpath-*' -delete
