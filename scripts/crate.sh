@@ -2,8 +2,8 @@
 # crate.sh         installs the program from the packaged crate, as `cargo install` does, with no file of
 #                  this folder. Its renders must have the bytes of the program that `make build` compiled.
 #                  The crate itself is not optimised: it compiles faster, and the bytes do not depend on it.
-# crate.sh check   takes a quarter of the time: the packaged crate passes the compiler's checks with no
-#                  file of this folder, and its sources are those of this folder.
+# crate.sh check   at once: the packaged crate has every file of which the compiler made that program, with
+#                  the same bytes.
 set -eu
 cd "$(dirname "$0")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -18,23 +18,24 @@ cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
 say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
-# In the target folder of `make build`, which has the dependencies. Without optimisation, no file of
-# `make build` is replaced: cargo would take both crates for the same one.
-part=${1:-}
-set -- --locked --target-dir "$target" \
-    --config profile.release.package.lightpath.opt-level=0 \
-    --config profile.release.package.lightpath.codegen-units=64
-if [ "$part" = check ]; then
-    (cd / && cargo check --quiet --release --manifest-path "$crate/Cargo.toml" "$@")
-    diff -r src "$crate/src"
-    for file in build.rs Cargo.lock; do cmp "$file" "$crate/$file"; done
-    say "its sources are those of this folder, and pass the compiler's checks"
+if [ "${1:-}" = check ]; then
+    # Cargo lists them behind the program's name. It rewrites Cargo.toml in a crate.
+    files=$(sed "s|^[^:]*:||; s| $PWD/|\n|g" "$built.d")
+    count=$(echo "$files" | wc -w)
+    [ "$count" -gt 500 ] || { say "found too few files in $built.d"; exit 1; }
+    mv "$crate/Cargo.toml.orig" "$crate/Cargo.toml"
+    for file in $files; do
+        [ -d "$file" ] || [ "${file#vendor/}" != "$file" ] || cmp "$file" "$crate/$file"
+    done
+    say "it has the $count files of which $built was made"
     exit
 fi
 
-# The program in the target folder is kept.
+# In the target folder of `make build`, which has the dependencies. The program there is kept.
 cp "$built" "$scratch/built"
-(cd / && cargo install --quiet --path "$crate" --root "$scratch/installed" --no-track "$@")
+(cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \
+    --no-track --config profile.release.package.lightpath.opt-level=0 \
+    --config profile.release.package.lightpath.codegen-units=64)
 cp --remove-destination "$scratch/built" "$built"
 # The crate's path is another one in each run, so its files are of no further use.
 find "$target/release/deps" -newer "$scratch/built" -name '*lightpath-*' -delete
