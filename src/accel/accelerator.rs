@@ -94,12 +94,6 @@ pub trait Accelerator: Send + Sync {
         None
     }
 
-    /// Returns `Some(true)` only if no ray inside a cone can hit anything: see
-    /// [`Accelerator::cone`].
-    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
-        self.cone(active, rays).map(|cone| cone == Cone::Empty)
-    }
-
     /// Returns `Some(true)` only if no shadow ray of the shaft is occluded.
     ///
     /// Conservative: may return `Some(false)` although nothing occludes the rays. Returns `None` if

@@ -13,7 +13,6 @@ mod clear_squares;
 mod crevices;
 mod differentials;
 mod drawn_lights;
-mod empty_blocks;
 mod expectation;
 mod joint;
 mod layers;
@@ -30,6 +29,7 @@ mod record;
 mod render_context;
 mod sampled_light;
 mod shadows;
+mod sights;
 mod skips;
 mod sole_triangle;
 mod split;
@@ -56,7 +56,7 @@ pub use self::tile_grid::{TILE, packet_end};
 use self::whitted::WhittedIntegrator;
 
 use self::camera_packet::CameraPacket;
-use self::empty_blocks::{EmptyBlocks, Sight};
+use self::sights::{Sight, Sights};
 use self::tile_grid::corners;
 
 /// Renders one tile into its rows.
@@ -140,7 +140,7 @@ impl<R: Record> TileKernel<'_, '_, '_, R> {
         let (world, count) = (self.context.world, self.samples.end - self.samples.start);
         // Layers, and sums that will be merged, need every sample of a pixel.
         let mut sky = (!self.record.has_words())
-            .then(|| EmptyBlocks::new(world, self.context.accelerator, count, pattern.block));
+            .then(|| Sights::new(world, self.context.accelerator, count, pattern.block));
         let mut background_rays = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(pattern, self.window) {

@@ -13,12 +13,12 @@ use crate::simd::Kernel;
 
 use super::block::{BlockSums, Values};
 use super::camera_packet::{CameraPacket, Pattern};
-use super::empty_blocks::{EmptyBlocks, Sight};
 use super::noise::{Goal, PixelSamples};
 use super::pipeline::{Block, ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
 use super::render_context::{RayCounts, RenderContext};
+use super::sights::{Sight, Sights};
 use super::tile_grid::{morton, packet_end};
 use super::whitted::WhittedIntegrator;
 
@@ -192,7 +192,7 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let first = !R::ON && passes.tallies.iter().all(|tally| tally.taken == 0);
         let mut sights = first.then(|| {
             let RenderContext { world, accelerator, .. } = self.context;
-            EmptyBlocks::new(world, accelerator, MIN_PASS_SAMPLES, pattern.block)
+            Sights::new(world, accelerator, MIN_PASS_SAMPLES, pattern.block)
         });
         let todo: Vec<(Block, Range<u32>)> = pixels
             .map(|[x, y]| {

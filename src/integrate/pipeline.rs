@@ -7,10 +7,10 @@ use crate::ray::{Coherence, LANES};
 use crate::sampler::Sampler;
 
 use super::camera_packet::{CameraPacket, Pattern};
-use super::empty_blocks::Sight;
 use super::joint::joint_light;
 use super::quarters::Quarters;
 use super::render_context::{RayCounts, RenderContext};
+use super::sights::Sight;
 use super::whitted::WhittedIntegrator;
 
 /// Shades the packets whose camera rays are traced.

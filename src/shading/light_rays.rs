@@ -87,9 +87,11 @@ fn end(origin: Vec3, q: Vec3, direction: Vec3) -> f32 {
     (1.0 - ulps).max(0.0)
 }
 
-/// Parameter at which rays to a light beyond the scene end. An origin that is lifted may be outside
-/// of the scene's box by 0.6 of the longest edge of its facet, rarely opposite to the light.
-pub const BEYOND: f32 = 1.4;
+/// Parameter at which rays from lifted origins to a light beyond the scene end. Without a lift, 1
+/// is outside of the scene. P' is at most L / sqrt(3) from P, where L is the longest edge of the
+/// facet: the weighted distances from its corners are at most the root of the sum over i < j of
+/// w_i w_j L^2.
+pub const BEYOND: f32 = 1.6;
 
 /// Gives the `rays` of [`light_rays`] the direction in which the light points `q` are seen from
 /// the surface, where a lifted origin is elsewhere. For light whose directions, not points, are

@@ -25,7 +25,7 @@ pub enum Sight {
 
 /// Squares of the picture that show nothing or one triangle. Keeps the result of the last query for
 /// each square size.
-pub struct EmptyBlocks<'a> {
+pub struct Sights<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     /// Number of square sizes, from the largest, that are worth a query.
@@ -40,7 +40,7 @@ struct Square {
     sight: Sight,
 }
 
-impl<'a> EmptyBlocks<'a> {
+impl<'a> Sights<'a> {
     /// Creates an empty cache for blocks of `block` pixels (width, height), with `samples` samples
     /// per pixel.
     pub fn new(
@@ -85,7 +85,7 @@ impl<'a> EmptyBlocks<'a> {
         Sight::Any
     }
 
-    /// [`EmptyBlocks::sight`] for one square. `None` if the backend has no such query.
+    /// [`Sights::sight`] for one square. `None` if the backend has no such query.
     fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<Sight> {
         let at = |pixel: u32| pixel.wrapping_sub(self.world.overscan) as i32 as f32;
         let mut rays = Rays::EMPTY;
