@@ -1,11 +1,12 @@
 #!/bin/bash
 # Builds the program and its core tests for 64-bit ARM Linux, and runs them in an emulator, QEMU:
 #
-#   PLY files of many writers
-#   pictures of all shipped scenes and of the reference scenes: every instruction set must give the same
-#   bytes, and those of this machine, up to last bits of the C library
-#   with the argument `kernels`, also the unit tests of the tree, which compare the kernels of every
-#   instruction set with f64 (they compile the library twice, so .ci/run leaves them out)
+#   aarch64.sh tests      PLY files of many writers; the answers of every instruction set
+#   aarch64.sh kernels    the same and the unit tests of the tree, which compare the kernels of every
+#                         instruction set with f64 (they compile the library twice, so .ci/run leaves them out)
+#   aarch64.sh pictures   after one of these: pictures of all shipped scenes and of the reference scenes.
+#                         Every instruction set must give the same bytes, and those of this machine, up to
+#                         last bits of the C library
 #
 # The compiler optimises little, because that takes longer than the tests save.
 set -euo pipefail
@@ -25,12 +26,21 @@ some_ran() {
         { echo "aarch64: a filter matched no test" >&2; exit 1; }
 }
 
-tests=(--test alone)
-[ "${1:-}" != kernels ] || tests+=(--lib)
-CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER=$qemu cargo-zigbuild test --locked --release --no-default-features \
-    --target "$triple" --target-dir "$emulated" --config profile.release.opt-level=1 \
-    --config profile.release.codegen-units=64 --config 'profile.release.lto="off"' \
-    "${tests[@]}" -- ply_corpus:: simd:: bvh:: | some_ran
-
-export LIGHTPATH_OTHER="$qemu $emulated/$triple/release/lightpath" LIGHTPATH_TIERS="portable neon"
-cargo test --locked --release --test program -- --ignored the_same_on_another_machine | some_ran
+case ${1:-} in
+tests | kernels)
+    tests=(--test alone)
+    [ "$1" = tests ] || tests+=(--lib)
+    CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER=$qemu cargo-zigbuild test --locked --release --no-default-features \
+        --target "$triple" --target-dir "$emulated" --config profile.release.opt-level=1 \
+        --config profile.release.codegen-units=64 --config 'profile.release.lto="off"' \
+        "${tests[@]}" -- ply_corpus:: simd:: bvh:: | some_ran
+    ;;
+pictures)
+    export LIGHTPATH_OTHER="$qemu $emulated/$triple/release/lightpath" LIGHTPATH_TIERS="portable neon"
+    cargo test --locked --release --test program -- --ignored the_same_on_another_machine | some_ran
+    ;;
+*)
+    echo "usage: $0 tests | kernels | pictures" >&2
+    exit 2
+    ;;
+esac

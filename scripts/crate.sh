@@ -1,7 +1,9 @@
 #!/bin/sh
-# Installs the program from the packaged crate, as `cargo install` does, with no file of this folder.
-# Its renders must have the bytes of the program that `make build` compiled. The crate itself is not
-# optimised: it compiles faster, and the bytes do not depend on it.
+# crate.sh         installs the program from the packaged crate, as `cargo install` does, with no file of
+#                  this folder. Its renders must have the bytes of the program that `make build` compiled.
+#                  The crate itself is not optimised: it compiles faster, and the bytes do not depend on it.
+# crate.sh check   at once: the packaged crate has every file of which the compiler made that program, with
+#                  the same bytes.
 set -eu
 cd "$(dirname "$0")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -16,6 +18,20 @@ cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
 say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
+if [ "${1:-}" = check ]; then
+    # Cargo lists them behind the program's name, and with them what build.rs looks at: the repository's
+    # commit and the library of Embree, which a crate has not. It rewrites Cargo.toml in a crate.
+    files=$(sed "s|^[^:]*:||; s| /|\n/|g" "$built.d" | sed -n "s|^$PWD/||p" | grep -v -e '^\.git/' -e '^vendor/')
+    count=$(echo "$files" | wc -w)
+    [ "$count" -gt 500 ] || { say "found too few files in $built.d"; exit 1; }
+    mv "$crate/Cargo.toml.orig" "$crate/Cargo.toml"
+    for file in $files; do
+        [ -d "$file" ] || cmp "$file" "$crate/$file"
+    done
+    say "it has the $count files of which $built was made"
+    exit
+fi
+
 # In the target folder of `make build`, which has the dependencies. The program there is kept.
 cp "$built" "$scratch/built"
 (cd / && cargo install --quiet --locked --path "$crate" --root "$scratch/installed" --target-dir "$target" \

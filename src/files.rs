@@ -12,17 +12,19 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// Device and inode of a file.
 type Inode = (u64, u64);
+/// Time of an inode's last change: seconds since 1970, and nanoseconds.
+type InodeTime = (i64, i64);
 
-/// Identity and version of a file: device and inode, size, time of the last write. Two reads with
-/// equal stamps have read the same bytes, with two exceptions.
-///
-/// A stamp misses two writes of equally many bytes within one tick of the file system's clock. It
-/// also misses a writer that restores size and time.
+/// Identity and version of a file: device and inode, size, time of the last write, and on Unix that
+/// of the last change of the inode, which no program can set back. Two reads with equal stamps have
+/// read the same bytes, except for two writes of equally many bytes within one tick of the file
+/// system's clock. On other systems a stamp also misses a writer that restores size and time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Stamp {
     node: Option<Inode>,
     bytes: u64,
     modified: Option<SystemTime>,
+    changed: Option<InodeTime>,
 }
 
 impl Stamp {
@@ -30,7 +32,8 @@ impl Stamp {
     /// only once.
     pub fn of(data: &Metadata) -> Option<Self> {
         let modified = data.modified().ok();
-        data.is_file().then(|| Self { node: node(data), bytes: data.len(), modified })
+        let (node, bytes, changed) = (node(data), data.len(), inode_time(data));
+        data.is_file().then_some(Self { node, bytes, modified, changed })
     }
 }
 
@@ -64,8 +67,19 @@ fn node(data: &Metadata) -> Option<Inode> {
     Some((data.dev(), data.ino()))
 }
 
+#[cfg(unix)]
+fn inode_time(data: &Metadata) -> Option<InodeTime> {
+    use std::os::unix::fs::MetadataExt;
+    Some((data.ctime(), data.ctime_nsec()))
+}
+
 #[cfg(not(unix))]
 fn node(_: &Metadata) -> Option<Inode> {
+    None
+}
+
+#[cfg(not(unix))]
+fn inode_time(_: &Metadata) -> Option<InodeTime> {
     None
 }
 
@@ -298,6 +312,16 @@ mod tests {
         assert_eq!(first, stamp());
         std::fs::write(&path, "three").unwrap();
         assert_ne!(first, stamp());
+        #[cfg(unix)]
+        {
+            let (before, date) = (stamp(), std::fs::metadata(&path).unwrap().modified().unwrap());
+            // More than a tick of the file system's clock.
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            std::fs::write(&path, "seven").unwrap();
+            File::options().write(true).open(&path).unwrap().set_modified(date).unwrap();
+            assert_eq!(std::fs::metadata(&path).unwrap().modified().unwrap(), date);
+            assert_ne!(before, stamp());
+        }
         assert_eq!(Stamp::of(&std::fs::metadata(folder.path()).unwrap()), None);
     }
 }

@@ -94,10 +94,29 @@ fn file_name(path: &Path) -> Result<String> {
 pub struct Manifest {
     /// Path of the manifest's file.
     pub path: PathBuf,
+    /// Content of the file.
     text: String,
 }
 
 impl Manifest {
+    /// Returns the manifests that a picture has beside its EXR.
+    ///
+    /// # Errors
+    /// A file name that an EXR attribute cannot hold.
+    pub fn beside(prefix: &Path, plan: &LayerPlan, storage: Storage) -> Result<Vec<Self>> {
+        match storage.crypto_sidecar {
+            true => manifests(&mut layer_attributes(plan), prefix),
+            false => Ok(Vec::new()),
+        }
+    }
+
+    /// Returns true if its file exists and has this content.
+    pub fn is_written(&self) -> bool {
+        let length = std::fs::metadata(&self.path).map(|data| data.len());
+        length.is_ok_and(|length| length == self.text.len() as u64)
+            && std::fs::read(&self.path).is_ok_and(|bytes| bytes == self.text.as_bytes())
+    }
+
     /// Creates the part file of the manifest.
     ///
     /// # Errors
@@ -112,7 +131,7 @@ impl Manifest {
     /// # Errors
     /// `Retry` if the disk is full.
     pub fn write((mut file, text): (PartFile, String), outputs: &mut Outputs) -> Result<PathBuf> {
-        file.fill((text + "\n").as_bytes())?;
+        file.fill(text.as_bytes())?;
         Ok(outputs.add(file))
     }
 }
@@ -134,7 +153,8 @@ pub fn manifests(attributes: &mut [(String, String)], prefix: &Path) -> Result<V
         let file = file_name(&path)?;
         let (name, text) = &mut attributes[index];
         *name = format!("{key}/manif_file");
-        found.push(Manifest { path, text: std::mem::replace(text, file) });
+        let text = std::mem::replace(text, file) + "\n";
+        found.push(Manifest { path, text });
     }
     Ok(found)
 }
@@ -298,8 +318,19 @@ fn view(camera: &CheckedCamera) -> exr::CameraMatrices {
     }
 }
 
-/// Returns warnings about values that the files could not hold.
+/// Returns warnings about what the files could not hold: those of the EXR, then those of the PNG.
 pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
+    [exr_warnings(oddities), png_warnings(oddities)].concat()
+}
+
+/// Returns warnings about what the PNG could not hold.
+pub fn png_warnings(oddities: &ValueCounts) -> Vec<Problem> {
+    let message = "the picture is too small for the legend, which is left out";
+    oddities.legend_left_out.then(|| Problem::new("", message)).into_iter().collect()
+}
+
+/// Returns warnings about values that the EXR could not hold.
+pub fn exr_warnings(oddities: &ValueCounts) -> Vec<Problem> {
     let mut warnings = Vec::new();
     if let Some(spot) = &oddities.first_non_finite {
         let what =
@@ -318,10 +349,6 @@ pub fn oddity_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         let message = format!("{pixels} clamped to 65504 in the EXR, the first at {spot}");
         let help = "make the lights weaker, or write --float, without dwaa";
         warnings.push(Problem::new("", message).help(help));
-    }
-    if oddities.legend_left_out {
-        let message = "the picture is too small for the legend, which is left out";
-        warnings.push(Problem::new("", message));
     }
     warnings.extend(dropped(&oddities.dropped));
     warnings

@@ -456,9 +456,11 @@ impl Renderer<'_> {
 pub struct WrittenPicture {
     /// Paths of the EXR and the PNG.
     pub files: [PathBuf; 2],
-    /// Warnings about values that the files do not hold: numbers that are not finite or beyond a
+    /// Warnings about values that the EXR does not hold: numbers that are not finite or beyond a
     /// half, coverage beyond the ranks of cryptomattes.
     pub warnings: Vec<Problem>,
+    /// Warnings about what the PNG does not show: a legend for which it is too small.
+    pub png_warnings: Vec<Problem>,
 }
 
 /// Writes the films of a [`Renderer`], also after the renderer is dropped.
@@ -503,14 +505,18 @@ impl PictureWriter {
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
         let (_, oddities) =
             picture::write(files, film, scene, header, storage, &Monitor::default())?;
-        let warnings = picture::oddity_warnings(&oddities);
-        Ok(WrittenPicture { files: Outputs::names(prefix.as_ref()), warnings })
+        Ok(WrittenPicture {
+            files: Outputs::names(prefix.as_ref()),
+            warnings: picture::exr_warnings(&oddities),
+            png_warnings: picture::png_warnings(&oddities),
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layers::Mattes;
     use crate::mesh::Positions;
 
     #[test]
@@ -518,10 +524,41 @@ mod tests {
         let scene = r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 60,
               "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
             "scene": { "materials": { "clay": {}, "chalk": {} }, "shapes": [] } }"#;
-        let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let mesh = Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).unwrap();
-        let loaded = LoadedScene::with_meshes(scene, &[], vec![("mesh", "clay", mesh)]).unwrap();
+        let meshes = vec![("mesh", "clay", triangle())];
+        let loaded = LoadedScene::with_meshes(scene, &[], meshes).unwrap();
         let [warning] = loaded.warnings() else { panic!("{:?}", loaded.warnings()) };
         assert!(warning.message.contains("chalk"), "{warning}");
+    }
+
+    #[test]
+    fn copies_have_other_names_than_meshes_from_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("box.ply");
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                   property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+                   end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        std::fs::write(&path, ply).unwrap();
+        let copy = |x: i32| [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
+        let scene = serde_json::json!({
+            "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 60,
+                "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "scene": { "materials": { "clay": {} }, "shapes": [
+                { "type": "trimesh", "name": "box", "path": path, "material": "clay",
+                  "instances": [copy(0), copy(2)] }] } });
+        for (name, copies) in [("box", ["box.2", "box.3"]), ("box.2", ["box", "box.3"])] {
+            let meshes = vec![(name, "clay", triangle())];
+            let loaded = LoadedScene::with_meshes(&scene.to_string(), &[], meshes).unwrap();
+            let attributes = Mattes::objects(&loaded.loaded.scene).attributes();
+            let mut texts = attributes.into_iter().filter(|(key, _)| key.ends_with("/manifest"));
+            let (_, manifest) = texts.next().unwrap();
+            for name in copies.into_iter().chain([name]) {
+                assert!(manifest.contains(&format!("\"{name}\":")), "{name}: {manifest}");
+            }
+        }
+    }
+
+    fn triangle() -> Mesh {
+        let corners = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).unwrap()
     }
 }

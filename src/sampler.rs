@@ -217,27 +217,28 @@ impl Sampler {
         Sets { shuffles, scrambles }
     }
 
-    /// [`Sampler::camera`] for N of the samples `first .. first + STRETCH`; `first` is a multiple
-    /// of [`STRETCH`]. `places` selects the samples by their positions in the order of Sobol's
-    /// sequence, each below [`STRETCH`]. [`Sampler::camera_stretch_samples`] returns this order.
+    /// [`Sampler::camera`] for N samples of the block `first .. first + size`. `size` is a power of
+    /// two, at most [`STRETCH`], and `first` a multiple of it. `places` selects the samples by
+    /// their positions in the order of Sobol's sequence, each below `size`.
+    /// [`Sampler::camera_stretch_samples`] returns this order.
     #[inline(always)]
     pub fn camera_stretch<const N: usize>(
         &self,
         pixel: [u32; 2],
-        first: u32,
-        places: &[u8; N],
+        (first, size): (u32, u32),
+        places: &Places<N>,
     ) -> [[f32; N]; 4] {
         let set = Set::<4>::new(self.key(pixel, first / SEQUENCE, 0) as u32);
-        let begin = shuffled(first, set.shuffle) / STRETCH as u32 * STRETCH as u32;
-        let mut indices = [0; N];
-        for i in 0..N {
-            indices[i] = begin + u32::from(places[i]);
-        }
-        let mut scrambles = [[0; N]; 4];
+        let begin = coordinates(shuffled(first, set.shuffle) & !(size - 1));
+        let mut points = [[0.0; N]; 4];
         for d in 0..4 {
-            scrambles[d] = [set.scrambles[d]; N];
+            for i in 0..N {
+                let sobol = begin[d] ^ places.coordinates[d][i];
+                let scrambled = owen_scramble_rev(sobol, set.scrambles[d]);
+                points[d][i] = u32_to_f32_norm(scrambled.reverse_bits());
+            }
         }
-        scrambled(&indices, &scrambles)
+        points
     }
 
     /// Returns the samples `first .. first + STRETCH` in the order of Sobol's sequence. Each is
@@ -376,11 +377,39 @@ const SCRAMBLES: [u32; 4] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8]
 /// Sobol's second dimension, for 16 bits. Its matrix is Pascal's triangle modulo 2: bit i of the
 /// result is the sum of all bits j of the index with i & j = i.
 #[inline(always)]
-fn pascal(index: u32) -> u32 {
+const fn pascal(index: u32) -> u32 {
     let sum = index ^ ((index >> 1) & 0x5555);
     let sum = sum ^ ((sum >> 2) & 0x3333);
     let sum = sum ^ ((sum >> 4) & 0x0f0f);
     sum ^ ((sum >> 8) & 0x00ff)
+}
+
+/// The four coordinates of a point of Sobol's sequence, with their bits reversed. Each is a sum
+/// modulo 2 over the bits of the index. So if two indices have no bit in common, the coordinates of
+/// their sum are the sums of their coordinates.
+#[inline(always)]
+const fn coordinates(index: u32) -> [u32; 4] {
+    let later = product(&MATRICES, index);
+    [index, pascal(index), later & 0xffff, later >> 16]
+}
+
+/// Coordinates of N points at the beginning of Sobol's sequence.
+#[derive(Debug)]
+pub struct Places<const N: usize> {
+    coordinates: [[u32; N]; 4],
+}
+
+impl<const N: usize> Places<N> {
+    /// For these positions in the sequence.
+    pub const fn new(places: &[u8; N]) -> Self {
+        let mut all = [[0; N]; 4];
+        let mut i = 0;
+        while i < N {
+            [all[0][i], all[1][i], all[2][i], all[3][i]] = coordinates(places[i] as u32);
+            i += 1;
+        }
+        Self { coordinates: all }
+    }
 }
 
 /// Matrices of `sobol_burley`'s third dimension and, from bit 16 on, fourth dimension. If bit i of
@@ -407,10 +436,11 @@ const MATRICES: [u32; 16] = [
 
 /// Product of a matrix and the low 16 bits of an index, modulo 2.
 #[inline(always)]
-fn product(matrix: &[u32; 16], index: u32) -> u32 {
-    let mut sum = 0;
-    for bit in 0..16 {
+const fn product(matrix: &[u32; 16], index: u32) -> u32 {
+    let (mut sum, mut bit) = (0, 0);
+    while bit < 16 {
         sum ^= matrix[bit] & ((index >> bit) & 1).wrapping_neg();
+        bit += 1;
     }
     sum
 }

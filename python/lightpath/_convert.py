@@ -6,10 +6,21 @@ import numpy as np
 MAX_COUNT = 2**32
 
 
-def _numbers(name, value, kinds, expected):
-    """Return the value as an array of one of the dtype kinds. An empty array may have any dtype."""
+def unmasked(name, value):
+    """Return the value. Raises ValueError for masked values: numpy's conversions ignore masks."""
     if np.ma.is_masked(value):
         raise ValueError(f"{name}: found masked values, expected an array without them")
+    return value
+
+
+def floats(name, value):
+    """Return an array, tensor or sequence as an array of float64."""
+    return np.asarray(unmasked(name, array(value)), dtype=np.float64)
+
+
+def _numbers(name, value, kinds, expected):
+    """Return the value as an array of one of the dtype kinds. An empty array may have any dtype."""
+    unmasked(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -89,7 +100,8 @@ def trimesh_arrays(source):
     """Return the vertices and faces of a `trimesh.Trimesh`."""
     if not (hasattr(source, "vertices") and hasattr(source, "faces")):
         raise wrong_type("mesh", source, "a trimesh.Trimesh")
-    return source.vertices.view(np.ndarray), source.faces.view(np.ndarray)
+    vertices, faces = unmasked("vertices", source.vertices), unmasked("faces", source.faces)
+    return vertices.view(np.ndarray), faces.view(np.ndarray)
 
 
 def open3d_arrays(source):
@@ -126,7 +138,8 @@ def colors(source, count):
     found = _vertex_colors(source)
     if found is None:
         return None
-    found = np.asarray(found)
+    found = np.asarray(unmasked("colors", found))
+    found = found.astype(found.dtype.newbyteorder("="), copy=False)
     if found.dtype.kind == "f":
         found = np.round(np.clip(np.nan_to_num(found), 0.0, 1.0) * 65535).astype(np.uint16)
     if found.dtype.kind in "iu" and found.dtype != np.uint16:

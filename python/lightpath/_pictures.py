@@ -31,8 +31,7 @@ class Picture(dict[str, NDArray[Any]]):
     Attributes
     ----------
     warnings : list of str
-        Problems of the scene that did not prevent the render, and values that a written EXR does
-        not hold.
+        Problems of the scene that did not prevent the render, and what written files do not hold.
     """
 
     warnings: list[str]
@@ -80,7 +79,7 @@ class Picture(dict[str, NDArray[Any]]):
         """Write PREFIX.exr and PREFIX.png, and return their paths.
 
         An ending .exr or .png of the prefix is dropped. `warnings` tells of values that the EXR does
-        not hold.
+        not hold, and of a legend for which the PNG is too small.
 
         Parameters
         ----------
@@ -89,15 +88,16 @@ class Picture(dict[str, NDArray[Any]]):
         float : bool, optional
             Whether the EXR holds 32-bit floats instead of 16-bit floats, which end at 65504.
         """
-        paths, warnings = self._write(prefix, float)
-        self._add_warnings(warnings)
-        return paths
+        written = self._write(prefix, float)
+        for _, warnings in written:
+            self._add_warnings(warnings)
+        return [path for path, _ in written]
 
     def _add_warnings(self, warnings):
         self.warnings += [text for text in warnings if text not in self.warnings]
 
     def _write(self, prefix, float=False):
-        """Write both files, and return their paths and warnings."""
+        """Write the EXR and the PNG, and return the path and the warnings of each."""
         if self._picture is None:
             raise ValueError("found the picture of a pickle, which has only arrays: write its files "
                              "where it was rendered")
@@ -106,8 +106,8 @@ class Picture(dict[str, NDArray[Any]]):
             raise ValueError(f"prefix: found the folder {prefix!r}, expected a name of files")
         start, end = os.path.splitext(prefix)
         prefix = start if end.lower() in (".exr", ".png") else prefix
-        paths, warnings = self._picture.write(prefix, bool(float))
-        return [Path(path) for path in paths], warnings
+        written = self._picture.write(prefix, bool(float))
+        return [(Path(path), warnings) for path, warnings in written]
 
     def write_exr(self, path: str | os.PathLike[str], *, float: bool = False) -> None:
         """Write an EXR with all layers. The file appears only when it is complete.
@@ -119,14 +119,17 @@ class Picture(dict[str, NDArray[Any]]):
         float : bool, optional
             As for `write`.
         """
-        self._add_warnings(self._write_one(path, 0, ".exr", float))
+        self._write_one(path, 0, ".exr", float)
 
     def write_png(self, path: str | os.PathLike[str]) -> None:
-        """Write a tone-mapped PNG. The file appears only when it is complete."""
+        """Write a tone-mapped PNG. The file appears only when it is complete.
+
+        `warnings` tells of a legend for which it is too small.
+        """
         self._write_one(path, 1, ".png")
 
     def _write_one(self, path, which, ending, float=False):
-        """Write one of the two files, and return the warnings of both."""
+        """Write one of the two files, and add its warnings."""
         path = Path(path)
         if path.suffix.lower() != ending:
             raise ValueError(f"path: found {str(path)!r}, expected a name with the ending {ending}")
@@ -134,19 +137,19 @@ class Picture(dict[str, NDArray[Any]]):
             raise cannot_write(path, errno.ENOENT, f"there is no folder {path.parent}")
         try:
             with tempfile.TemporaryDirectory(dir=path.parent, prefix=".lightpath-") as folder:
-                paths, warnings = self._write(Path(folder) / "picture", float)
-                os.replace(paths[which], path)
-                return warnings
+                written, warnings = self._write(Path(folder) / "picture", float)[which]
+                os.replace(written, path)
         except OSError as error:  # its message names the hidden folder
             reason = os.strerror(error.errno) if error.errno else error
             raise cannot_write(path, error.errno, reason) from None
+        self._add_warnings(warnings)
 
     def _repr_png_(self):
         if self._picture is None:
             return None
         with tempfile.TemporaryDirectory() as folder:
-            paths, _ = self._write(Path(folder) / "picture")
-            return paths[1].read_bytes()
+            _, (png, _) = self._write(Path(folder) / "picture")
+            return png.read_bytes()
 
 
 def _restored(layers, warnings, picture=None, read_only=()):

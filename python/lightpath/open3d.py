@@ -69,19 +69,19 @@ class RaycastingScene:
 
     def _rays(self, rays, tnear=0.0, tfar=np.inf):
         """Return the scene, the shape of the results, and the arguments of a query."""
-        rays = np.asarray(_convert.array(rays), dtype=np.float64)
+        rays = _convert.floats("rays", rays)
         if rays.ndim == 0 or rays.shape[-1] != 6:
             raise ValueError(f"rays: found shape {rays.shape}, expected (..., 6)")
         flat = rays.reshape(-1, 6)
         can_hit = np.isfinite(flat).all(axis=1) & flat[:, 3:].any(axis=1) & bool(self._meshes)
         flat = np.where(can_hit[:, np.newaxis], flat, [0.0, 0, 0, 0, 0, 1])
         scene = self.scene if self._meshes else RayScene(*STAND_IN, threads=1)
-        limits = tnear, np.where(can_hit, tfar, 0.0)
+        limits = tnear, np.where(can_hit, _convert.unmasked("tfar", tfar), 0.0)
         return scene, rays.shape[:-1], (flat[:, :3], flat[:, 3:], *limits)
 
     @staticmethod
     def _points(points):
-        points = np.asarray(_convert.array(points), dtype=np.float64)
+        points = _convert.floats("query_points", points)
         if points.ndim == 0 or points.shape[-1] != 3:
             raise ValueError(f"query_points: found shape {points.shape}, expected (..., 3)")
         return points.shape[:-1], points.reshape(-1, 3)
@@ -204,8 +204,8 @@ class RaycastingScene:
 
 
 def _rays_by_matrices(intrinsic_matrix, extrinsic_matrix, width_px, height_px):
-    intrinsic = np.asarray(_convert.array(intrinsic_matrix), dtype=np.float64)
-    extrinsic = np.asarray(_convert.array(extrinsic_matrix), dtype=np.float64)
+    intrinsic = _convert.floats("intrinsic_matrix", intrinsic_matrix)
+    extrinsic = _convert.floats("extrinsic_matrix", extrinsic_matrix)
     for name, matrix, size in [("intrinsic", intrinsic, 3), ("extrinsic", extrinsic, 4)]:
         if matrix.shape != (size, size):
             expected = f"expected ({size}, {size})"
@@ -233,7 +233,7 @@ def _rays_by_view(fov_deg, center, eye, up, width_px, height_px):
 
 
 def _vector(name, value):
-    vector = np.asarray(_convert.array(value), dtype=np.float64)
+    vector = _convert.floats(name, value)
     if vector.shape != (3,):
         raise ValueError(f"{name}: found shape {vector.shape}, expected (3,)")
     return vector

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _convert
 from ._rays import RayScene
 
 # Rays start before their origins, so that an origin on the surface is a hit: by this fraction of
@@ -50,8 +51,8 @@ class RayMeshIntersector:
         return self._built[1]
 
     def _rays(self, ray_origins, ray_directions):
-        origins = np.array(ray_origins, dtype=np.float64)
-        directions = np.array(ray_directions, dtype=np.float64)
+        origins = np.array(_convert.unmasked("ray_origins", ray_origins), dtype=np.float64)
+        directions = np.array(_convert.unmasked("ray_directions", ray_directions), dtype=np.float64)
         if origins.shape != directions.shape:
             raise ValueError("Ray origin and direction don't match!")
         if origins.size == 0:

@@ -138,18 +138,19 @@ impl Picture {
         column(py, self.film.planes.words.clone())
     }
 
-    /// Writes PREFIX.exr, of 32-bit floats or of halves, and PREFIX.png. Returns their paths, and
-    /// warnings about values that they do not hold.
+    /// Writes PREFIX.exr, of 32-bit floats or of halves, and PREFIX.png. Returns the path of each,
+    /// with warnings about what it does not hold.
     fn write(
         &self,
         py: Python<'_>,
         prefix: PathBuf,
         float: bool,
-    ) -> PyResult<(Vec<PathBuf>, Vec<String>)> {
+    ) -> PyResult<[(PathBuf, Vec<String>); 2]> {
         let pool = pools::pool(py, None)?;
         let writer = self.writer.clone().float(float);
         let written = py.detach(|| pool.install(|| writer.write(&self.loaded, &self.film, prefix)));
         let written = written.map_err(|error| errors::to_python(py, error))?;
-        Ok((written.files.to_vec(), texts(written.warnings)))
+        let [exr, png] = written.files;
+        Ok([(exr, texts(written.warnings)), (png, texts(written.png_warnings))])
     }
 }

@@ -57,6 +57,30 @@ def test_trimesh_directions_of_any_length(length):
     assert index_ray.tolist() == [0, 0] and np.allclose(locations[:, 2], [1, -1])
 
 
+def test_masked_values_are_refused():
+    ray = np.ma.array([[0.1, 0.2, 5, 0, 0, -1]], mask=[[0, 0, 1, 0, 0, 1]])
+    origin, direction = ray[:, :3], ray[:, 3:]
+    scene, rays = RaycastingScene(), RayMeshIntersector(Mesh(*cube()))
+    scene.add_triangles(*cube())
+    masked_mesh = RayMeshIntersector(Mesh(np.ma.array(cube()[0], mask=cube()[0] > 0), cube()[1]))
+    for name, query in {
+        "rays": lambda: scene.cast_rays(ray),
+        "tnear": lambda: scene.test_occlusions(ray.data, tnear=np.ma.array([1.0], mask=[1])),
+        "tfar": lambda: scene.test_occlusions(ray.data, tfar=np.ma.array([1.0], mask=[1])),
+        "query_points": lambda: scene.compute_distance(origin),
+        "eye": lambda: scene.create_rays_pinhole(60, [0, 0, 0], origin[0], [0, 1, 0], 8, 6),
+        "intrinsic_matrix": lambda: scene.create_rays_pinhole(
+            np.ma.array(np.eye(3), mask=np.eye(3)), np.eye(4), 8, 6),
+        "ray_origins": lambda: rays.intersects_first(origin, direction.data),
+        "ray_directions": lambda: rays.intersects_any(origin.data, direction),
+        "points": lambda: rays.contains_points(origin),
+        "vertices": lambda: masked_mesh.intersects_any(origin.data, direction.data),
+    }.items():
+        with pytest.raises(ValueError, match=f"^{name}: found masked values"):
+            query()
+    assert np.isfinite(scene.cast_rays(np.ma.array(ray.data, mask=False))["t_hit"]).all()
+
+
 def test_open3d_methods():
     scene = RaycastingScene()
     assert scene.add_triangles(*cube()) == 0 and scene.add_triangles(cube()[0] + 5, cube()[1]) == 1

@@ -125,6 +125,44 @@ def test_a_file_that_holds_not_every_value_gives_warnings(tmp_path):
     assert (tmp_path / "float.exr").read_bytes() != (tmp_path / "half.exr").read_bytes()
 
 
+def test_a_legend_without_room_is_a_warning_of_the_png(tmp_path):
+    head = TRIANGLE.replace("property float z", "property float z\nproperty float age")
+    rows = head[head.index("end_header"):]
+    for row in ["0 0 0", "1 0 0", "0 1 0"]:
+        rows = rows.replace(f"\n{row}\n", f"\n{row} {row[0]}\n")
+    (tmp_path / "a.ply").write_text(head[:head.index("end_header")] + rows)
+    scene = copy.deepcopy(SCENE)
+    scene["output"] = {"legend": True}
+    scene["scene"]["shapes"] = [{"type": "trimesh", "path": tmp_path / "a.ply", "material": "clay",
+                                 "color": {"property": "age"}}]
+    picture = lightpath.render(scene)
+    before = list(picture.warnings)
+    picture.write_exr(tmp_path / "a.exr")
+    assert picture.warnings == before
+    for _ in range(2):
+        picture.write_png(tmp_path / "a.png")
+        (warning,) = picture.warnings[len(before):]
+        assert "too small for the legend" in warning
+    picture = lightpath.render(scene)
+    picture.write(tmp_path / "a")
+    assert picture.warnings == [*before, warning]
+
+
+def test_copies_and_meshes_from_memory_have_mattes_of_their_own(tmp_path):
+    (tmp_path / "a.ply").write_text(TRIANGLE)
+    scene = copy.deepcopy(SCENE)
+    scene["output"] = {"layers": ["cryptomatte"]}
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[:, 0, 3] = -1.5, 0
+    scene["scene"]["shapes"] = [{"type": "trimesh", "name": "box", "path": tmp_path / "a.ply",
+                                 "instances": places, "material": "clay"}]
+    for name in ["box", "box.2", "other"]:
+        mesh = np.array([[1.5, 0, 0], [2.5, 0, 0], [1.5, 1, 0]]), [[0, 1, 2]]
+        picture = lightpath.render(scene, meshes={name: ("clay", *mesh)})
+        ids = picture["CryptoObject00"][..., [0, 2]]
+        assert len(np.unique(ids[ids != 0])) == 3, name
+
+
 def test_one_layer_may_be_a_string():
     assert list(lightpath.render(cube(), **SMALL, layers="albedo")) == ["RGBA", "albedo"]
 
@@ -194,6 +232,12 @@ def test_colours_of_vertices_are_shown(tmp_path):
         assert np.allclose(picture["albedo"], expected, atol=1e-3) and picture.warnings == []
     whole = lightpath.render(Trimesh(Visual("vertex", rgba.astype(np.int64))), **SMALL, layers=["albedo"])
     assert np.allclose(whole["albedo"], expected, atol=1e-3)
+    words = rgba.astype(np.uint16) * 257
+    for order in "<>":
+        picture = lightpath.render(Trimesh(Visual("vertex", words.astype(order + "u2"))), **SMALL, layers=["albedo"])
+        assert np.allclose(picture["albedo"], expected, atol=1e-3)
+    with pytest.raises(ValueError, match="^colors: found masked values"):
+        lightpath.render(Trimesh(Visual("vertex", np.ma.array(rgba, mask=rgba == 0))), **SMALL)
     with pytest.raises(ValueError, match="colors: found 0 to 256, expected 0 to 255"):
         lightpath.render(Trimesh(Visual("vertex", rgba * np.int64(256) // 255)), **SMALL)
     bare = lightpath.render(Open3d(None, None), **SMALL)

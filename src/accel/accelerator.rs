@@ -84,14 +84,13 @@ pub trait Accelerator: Send + Sync {
         self.occluded(active, rays, coherence);
     }
 
-    /// Returns `Some(true)` only if no ray inside the cone spanned by the active rays can hit
-    /// anything.
+    /// Returns what the rays inside the cone spanned by the active rays can hit.
     ///
     /// All active rays must share one origin; their `tnear` is 0 and their `tfar` infinite. A
     /// direction of the cone is a sum of the rays' directions with factors >= 0, rounded once.
-    /// Conservative: may return `Some(false)` for an empty cone. Returns `None` if the backend has
-    /// no such query.
-    fn is_cone_empty(&self, _: &Mask, _: &Rays) -> Option<bool> {
+    /// Conservative: may return more than the rays hit. Returns `None` if the backend has no such
+    /// query.
+    fn cone(&self, _: &Mask, _: &Rays) -> Option<Cone> {
         None
     }
 
@@ -119,6 +118,17 @@ pub trait Accelerator: Send + Sync {
     fn visits(&self, _: &Mask, _: &Rays, _shadow: bool, _: Coherence) -> Option<Visits> {
         None
     }
+}
+
+/// What the rays inside a cone can hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cone {
+    /// Nothing.
+    Empty,
+    /// At most this triangle or quad, by its scene-wide index.
+    Primitive(u32),
+    /// Anything.
+    Any,
 }
 
 /// Implements [`Accelerator::near`] by a loop over all primitives.

@@ -4,7 +4,7 @@
 //! A mask per ray would add a test to every primitive of every traversal. Separate accelerators
 //! leave the traversal unchanged. They share the arrays of the geometry.
 
-use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
+use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Cone, Visits, over_limit};
 use super::part::build_part;
 use super::shaft::Shaft;
 use crate::error::Result;
@@ -95,8 +95,8 @@ impl Accelerator for ByKind<'_> {
         self.of(RayKind::Shadow).occluded_unfiltered(active, rays, coherence);
     }
 
-    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
-        self.of(RayKind::Camera).is_cone_empty(active, rays)
+    fn cone(&self, active: &Mask, rays: &Rays) -> Option<Cone> {
+        self.of(RayKind::Camera).cone(active, rays)
     }
 
     fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {

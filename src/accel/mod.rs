@@ -15,7 +15,7 @@ mod part;
 mod predict;
 mod shaft;
 
-pub use accelerator::{Accelerator, BuildInfo, BuildOptions, Visits};
+pub use accelerator::{Accelerator, BuildInfo, BuildOptions, Cone, Visits};
 pub use footprint::MemoryFootprint;
 pub use geometry_ref::GeometryRef;
 pub use predict::memory_footprint;

@@ -22,6 +22,9 @@ use super::inputs;
 use super::names::{self, NamePattern};
 use super::places::Places;
 
+/// Pointer that `--legend` sets.
+pub const LEGEND: &str = "/output/legend";
+
 /// Output folder if none is given.
 const FOLDER: &str = "out";
 
@@ -44,6 +47,8 @@ pub struct Job {
     pub pivot: Option<DVec3>,
     /// Samples on every area light, sun and environment per shading point, if a flag sets them.
     pub light_samples: Option<u32>,
+    /// True if `--legend` is for meshes of the job: its scenes that show no property go without.
+    pub legend_of_meshes: bool,
     /// Drops triangles with invalid vertices.
     pub repair: bool,
     /// Reads mesh files instead of memory-mapping them.
@@ -156,6 +161,7 @@ impl Job {
         };
         let files = file.template.as_ref().map(|path| base.join(&path.0));
         let cameras = poses.iter().flat_map(|poses| poses.files.clone()).collect::<Vec<_>>();
+        let has_mesh = found.iter().any(|input| studio::is_mesh(&input.path));
         Ok(Self {
             inputs: found,
             template,
@@ -172,6 +178,7 @@ impl Job {
             pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
             turntable: file.turntable.as_ref().map(turntable),
             light_samples: flags.light_samples,
+            legend_of_meshes: has_mesh && flags.overrides.touches(LEGEND),
             repair: flags.repair,
             no_mmap: flags.no_mmap,
             storage: Storage {

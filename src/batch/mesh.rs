@@ -2,16 +2,17 @@
 //! frames in parallel, and drops it. Frames with another origin of coordinates follow, with another
 //! world of the same input.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use serde_json::Value;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Problem, Result};
 use crate::film::{Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
@@ -20,6 +21,7 @@ use crate::picture::{self, PictureFiles, PictureHeader, Storage};
 use crate::render::{RayCounts, RenderContext, render_layers};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Backend, CheckedCamera, Scene};
+use crate::threads::lock;
 use crate::world::{ContentHashes, LoadOptions, World};
 
 use super::file_hashes::sum;
@@ -50,6 +52,8 @@ struct Input<'a> {
     cameras: Vec<CheckedCamera>,
     /// Camera for the journal.
     camera: Value,
+    /// Warnings about frames that have been reported.
+    told: Mutex<BTreeSet<String>>,
 }
 
 /// A loaded input with its accelerator, shared by all frames with its origin.
@@ -119,6 +123,7 @@ impl Run<'_> {
             contents: hashed.then_some(contents),
             cameras: frames.iter().map(|frame| frame.loaded.scene.camera.clone()).collect(),
             camera,
+            told: Mutex::default(),
         };
         let world = self.load(&input, &loaded.scene, mesh, &mut messages)?;
         let (here, others) = origins::groups(&world.views, job.poses.is_none());
@@ -310,7 +315,7 @@ impl Run<'_> {
             Ok(written) => written,
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
-        let warnings = self.warn(built.input.path, &picture::oddity_warnings(&oddities));
+        let warnings = self.warn_once(built.input, &picture::oddity_warnings(&oddities));
         let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
         let xxh3 = xxh3.inspect_err(|error| self.end_if_shared(error))?;
         self.finished(&counts);
@@ -337,6 +342,17 @@ impl Run<'_> {
         noted.inspect_err(|error| self.end(error.clone()))?;
         (self.tell)(Event::Frame { outputs: &paths });
         Ok(())
+    }
+
+    /// Reports the warnings of a frame that no other frame of the input had: the pictures of a
+    /// turntable often share theirs. Returns the texts of all.
+    fn warn_once(&self, input: &Input, problems: &[Problem]) -> Vec<String> {
+        for problem in problems {
+            if lock(&input.told).insert(problem.to_string()) {
+                self.warn(input.path, std::slice::from_ref(problem));
+            }
+        }
+        problems.iter().map(Problem::to_string).collect()
     }
 }
 

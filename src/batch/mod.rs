@@ -31,11 +31,11 @@ pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
 pub use flags::Flags;
 pub use job::{Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
-pub use outputs::{refuse_files, refuse_photographs, refuse_sheet};
+pub use outputs::{refuse_files, refuse_foreign_sheet, refuse_photographs, refuse_sheet};
 pub use places::Places;
 pub use scene::{check_settings, predict};
 pub use status::{Event, Status};
-pub use tasks::{index, tasks};
+pub use tasks::{Task, index, tasks};
 pub use workers::{BatchOptions, Outcome};
 
 pub use journal::read as journal;
@@ -57,7 +57,8 @@ use journal::{Journal, now};
 ///
 /// # Errors
 /// Errors that concern all inputs: an invalid range, an output that would overwrite an input or a
-/// photograph, a pipe among the files of an input, a folder that cannot be written, a full disk.
+/// photograph, a pipe among the files of an input, a folder that cannot be written, a disk that is
+/// full at the start or at the end.
 pub fn run(
     job: &Job,
     options: &BatchOptions,
@@ -83,13 +84,15 @@ pub fn run(
     journal.add(&JournalRecord::Start { time: now(), version, range: [range.start, range.end] })?;
     let outcome =
         workers::run(job, &tasks, options, (monitor, status, &journal), tell, (loading, inputs))?;
-    journal.add(&JournalRecord::End {
+    let ended = journal.add(&JournalRecord::End {
         time: now(),
         rendered: outcome.rendered,
         kept: outcome.kept,
         failed: outcome.failures.len() as u64,
         signal: outcome.signal,
-    })?;
+    });
+    // After a fatal error, such as a full disk, the failures are more telling.
+    ended.or_else(|error| if outcome.fatal.is_some() { Ok(()) } else { Err(error) })?;
     Ok(outcome)
 }
 

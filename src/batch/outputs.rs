@@ -79,11 +79,25 @@ pub fn refuse_photographs(job: &Job, tasks: &[Task]) -> Result<()> {
         let prefixes = task.frames.clone().map(|frame| job.prefix(task.input, frame));
         prefixes.flat_map(|prefix| Outputs::names(&prefix)).find(|path| finished::is_foreign(path))
     };
-    let foreign = parallel::map(tasks.iter(), foreign);
-    let Some(output) = foreign.into_iter().flatten().next() else { return Ok(()) };
-    let message = "found a picture that is no frame of a batch, which would be overwritten";
-    Err(Error::invalid(output.display().to_string(), message)
-        .help("choose another folder: -o DIR, or remove the picture"))
+    let output = parallel::map(tasks.iter(), foreign).into_iter().flatten().next();
+    output.map_or(Ok(()), |output| Err(would_be_lost(&output, "frame")))
+}
+
+/// Refuses a contact sheet of a list of cameras that would overwrite a picture that no batch has
+/// made, for the same reason.
+///
+/// # Errors
+/// The first such picture.
+pub fn refuse_foreign_sheet(job: &Job) -> Result<()> {
+    let output = job.poses.as_ref().and_then(|_| sheet::foreign(job));
+    output.map_or(Ok(()), |output| Err(would_be_lost(&output, "contact sheet")))
+}
+
+fn would_be_lost(output: &Path, kind: &str) -> Error {
+    let message =
+        format!("found a picture that is no {kind} of a batch, which would be overwritten");
+    Error::invalid(output.display().to_string(), message)
+        .help("choose another folder: -o DIR, or remove the picture")
 }
 
 /// Refuses a contact sheet that would overwrite an input.

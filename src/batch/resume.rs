@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use crate::output::finished::{self, FileState};
+use crate::picture::Manifest;
 
 use super::file_hashes::FileHashes;
 use super::fingerprint::difference;
@@ -22,7 +23,7 @@ pub enum Resume<'a> {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Decision {
     /// The frame stays. Its EXR and its PNG are complete and have the expected fingerprint. Its
-    /// cryptomatte manifests exist.
+    /// cryptomatte manifests have the expected names and ids.
     Keep,
     /// The frame is rendered: no file exists, or no existing frame may stay, or the frame has no
     /// fingerprint.
@@ -32,14 +33,17 @@ pub enum Decision {
 }
 
 /// Decides about a frame by its files
-/// ([`PictureFiles::names`](crate::picture::PictureFiles::names)). With `hashes`, reads all bytes
-/// of files that may stay.
-pub fn decide(files: &[PathBuf], fingerprint: &str, hashes: Option<&FileHashes>) -> Decision {
+/// ([`PictureFiles::names`](crate::picture::PictureFiles::names)), among them `manifests`. With
+/// `hashes`, reads all bytes of files that may stay.
+pub fn decide(
+    (files, manifests): (&[PathBuf], &[Manifest]),
+    fingerprint: &str,
+    hashes: Option<&FileHashes>,
+) -> Decision {
     let found = files.iter().map(|path| match path.extension().and_then(OsStr::to_str) {
         Some("exr") => (path, finished::exr(path)),
         Some("png") => (path, finished::png(path)),
-        // A cryptomatte manifest holds no fingerprint. It is renamed before its EXR, whose
-        // fingerprint covers both.
+        // A cryptomatte manifest holds no fingerprint.
         _ if path.is_file() => (path, FileState::Whole(Some(fingerprint.to_string()))),
         _ => (path, FileState::Missing),
     });
@@ -58,6 +62,10 @@ pub fn decide(files: &[PathBuf], fingerprint: &str, hashes: Option<&FileHashes>)
             FileState::Broken => format!("{name} is not whole"),
             FileState::Missing => format!("{name} is missing"),
         });
+    }
+    // A run of another scene, killed between two renames, leaves its manifest beside an older EXR.
+    if let Some(Manifest { path, .. }) = manifests.iter().find(|manifest| !manifest.is_written()) {
+        return Decision::Again(format!("{}: the names or ids changed", path.display()));
     }
     let mismatch = hashes.and_then(|hashes| files.iter().find_map(|path| hashes.mismatch(path)));
     mismatch.map_or(Decision::Keep, Decision::Again)

@@ -11,14 +11,14 @@ use crate::memory::{self, Prediction};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::parallel;
-use crate::picture::{self, PictureFiles};
+use crate::picture::{self, Manifest, PictureFiles};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject};
 use crate::world::{self, ContentHashes};
 
 use super::fingerprint::{Settings, fingerprint};
-use super::job::{Job, JobInput};
+use super::job::{Job, JobInput, LEGEND};
 use super::resume::{self, Decision, Resume};
 use super::tasks::{self, Task};
 
@@ -59,16 +59,18 @@ pub struct Frame {
     pub again: Option<String>,
 }
 
-/// Predicts the memory of an input from file headers, without the accelerator. Also returns its
-/// scene, with a mesh in its default placement and the largest picture of a list of cameras.
+/// Predicts the memory of a task from file headers, without the accelerator. Also returns the scene
+/// of its input, with a mesh in its default placement and the largest picture of its frames.
 ///
 /// # Errors
 /// Errors of the scene and of the headers.
-pub fn predict(job: &Job, input: &JobInput) -> Result<(Scene, Prediction)> {
-    let scene = with_default_placement(job, input)?;
+pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
+    let scene = with_default_placement(job, &job.inputs[task.input])?;
     picture::check_storage(&scene, job.storage)?;
     let mut scene = scene;
-    let sizes = job.poses.iter().flat_map(|poses| &poses.list).map(|pose| pose.camera.size());
+    let frames = task.frames.start as usize..task.frames.end as usize;
+    let poses = job.poses.iter().flat_map(|poses| &poses.list[frames.clone()]);
+    let sizes = poses.map(|pose| pose.camera.size());
     let largest = sizes.max_by_key(|[width, height]| u64::from(*width) * u64::from(*height));
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);
@@ -110,12 +112,30 @@ pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
             let subject = Subject { looks: job.looks.clone(), ..Subject::new(&input.path) };
             studio::with_default_placement(&subject, &job.template, &input.overrides)?
         }
-        false => {
-            let source = Source::File(&input.path);
-            studio::load(source, input.overrides.clone(), job.light_samples, &mut Vec::new())?
-        }
+        false => load(job, input, &mut Vec::new())?,
     };
     Ok(loaded.scene)
+}
+
+/// Loads an input that is a scene, without a `--legend` that is not for it.
+///
+/// # Errors
+/// Errors of the scene.
+fn load(job: &Job, input: &JobInput, warnings: &mut Vec<Problem>) -> Result<Loaded> {
+    let load = |overrides, warnings: &mut Vec<Problem>| {
+        studio::load(Source::File(&input.path), overrides, job.light_samples, warnings)
+    };
+    if job.legend_of_meshes {
+        let mut overrides = input.overrides.clone();
+        overrides.remove(LEGEND);
+        let mut new = Vec::new();
+        let loaded = load(overrides, &mut new)?;
+        if !loaded.scene.shows_property() {
+            warnings.extend(new);
+            return Ok(loaded);
+        }
+    }
+    load(input.overrides.clone(), warnings)
 }
 
 /// Reads an input: a scene, or a mesh that is framed in the template. `memory_limit` limits the
@@ -130,8 +150,8 @@ pub fn read(
     monitor: &Monitor,
 ) -> Result<Ready> {
     let path = &input.path;
-    let (overrides, samples) = (input.overrides.clone(), job.light_samples);
     if studio::is_mesh(path) {
+        let (overrides, samples) = (input.overrides.clone(), job.light_samples);
         let subject = Subject {
             up: input.up,
             rotate: input.rotate,
@@ -152,7 +172,7 @@ pub fn read(
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
     }
     let mut warnings = Vec::new();
-    let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
+    let loaded = load(job, input, &mut warnings)?;
     let target = loaded.description.camera.target().map(|target| target.vec());
     let pivot = match job.pivot.or(target) {
         Some(pivot) => pivot,
@@ -204,11 +224,13 @@ impl Ready {
             let decide = |frame: &Frame| match (&frame.fingerprint, resume) {
                 (Some(fingerprint), Resume::Keep(hashes)) => {
                     let files = PictureFiles::names(&frame.prefix, &plan, job.storage);
-                    resume::decide(&files, fingerprint, hashes)
+                    let manifests = Manifest::beside(&frame.prefix, &plan, job.storage)?;
+                    Ok(resume::decide((&files, &manifests), fingerprint, hashes))
                 }
-                _ => Decision::Render,
+                _ => Ok(Decision::Render),
             };
             let verdicts = parallel::map(some.iter(), decide);
+            let verdicts: Vec<Decision> = verdicts.into_iter().collect::<Result<_>>()?;
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
                     Decision::Keep => kept.push(frame.number),

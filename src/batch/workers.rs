@@ -46,7 +46,7 @@ pub struct BatchOptions {
     /// Number of worker threads, at least 1.
     pub threads: usize,
     /// Number of frames rendered at a time. `None`: derived from the picture size of the first
-    /// input.
+    /// task.
     pub jobs: Option<usize>,
     /// Limit in bytes for the whole run: meshes, textures, accelerators and films together.
     pub max_memory: Option<u64>,
@@ -69,6 +69,8 @@ pub struct Outcome {
     pub kept: u64,
     /// Index of an input, and the error of this input or of one of its frames.
     pub failures: Vec<(usize, Error)>,
+    /// Error that ended the run, because all later frames would have it: a full disk.
+    pub fatal: Option<Error>,
     /// Number of the signal that stopped the run.
     pub signal: Option<i32>,
 }
@@ -118,7 +120,7 @@ pub struct Run<'a> {
 /// Runs the tasks of a job and returns the outcome, which includes the errors of single inputs.
 ///
 /// # Errors
-/// Errors that concern all tasks: threads that cannot be started, a full disk.
+/// Threads that cannot be started.
 pub fn run(
     job: &Job,
     tasks: &[Task],
@@ -127,7 +129,7 @@ pub fn run(
     tell: &(dyn Fn(Event) + Sync),
     (loading, inputs): (Pool, FileSet),
 ) -> Result<Outcome> {
-    let jobs = options.jobs.unwrap_or_else(|| jobs(job, options));
+    let jobs = options.jobs.unwrap_or_else(|| jobs(job, tasks, options));
     let limit = options.max_memory.unwrap_or_else(|| {
         let available = memory::available_bytes().unwrap_or(u64::MAX);
         (available as f64 * SHARE_OF_AVAILABLE) as u64
@@ -157,14 +159,12 @@ pub fn run(
         failures: Mutex::default(),
     };
     together((jobs + 1).min(tasks.len()), || run.work());
-    if let Some(error) = lock(&run.fatal).take() {
-        return Err(error);
-    }
     let failures = run.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(Outcome {
         rendered: status.rendered.load(Relaxed),
         kept: status.kept.load(Relaxed),
         failures,
+        fatal: run.fatal.into_inner().unwrap_or_else(PoisonError::into_inner),
         signal: Some(monitor.signal.load(Relaxed)).filter(|signal| *signal != 0),
     })
 }
@@ -185,9 +185,9 @@ pub fn together(count: usize, work: impl Fn() + Sync) {
 
 /// Returns the number of frames to render at a time: one if a frame keeps all threads busy, more if
 /// frames are small.
-fn jobs(job: &Job, options: &BatchOptions) -> usize {
+fn jobs(job: &Job, tasks: &[Task], options: &BatchOptions) -> usize {
     let threads = options.threads;
-    let first = job.inputs.first().map(|input| scene::predict(job, input));
+    let first = tasks.first().map(|task| scene::predict(job, task));
     let Some(Ok((scene, _))) = first else {
         return 1;
     };
@@ -237,12 +237,12 @@ impl Run<'_> {
         }
     }
 
-    /// Predicts the memory of an input, accelerator included.
+    /// Predicts the memory of a task, accelerator included.
     ///
     /// # Errors
     /// `Limit` if it exceeds `--max-memory`; headers that cannot be read.
     fn predict(&self, task: &Task) -> Result<Prediction> {
-        let (scene, prediction) = scene::predict(self.job, &self.job.inputs[task.input])?;
+        let (scene, prediction) = scene::predict(self.job, task)?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
         let footprint = match known {
             Some(footprint) => footprint,

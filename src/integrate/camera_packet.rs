@@ -93,8 +93,8 @@ pub struct CameraPacket {
     /// Row of the lane's pixel in the camera's frame; negative above the frame, as two's
     /// complement.
     pub y: [u32; LANES],
-    /// Index of the lane's camera sample. In packets of [`Quarters`](quarters::Quarters) all lanes
-    /// have `first` if nothing but the shared light reads it.
+    /// Index of the lane's camera sample. In packets of [`Quarters`](quarters::Quarters), and
+    /// with `in_order`, all lanes have `first` if nothing but the shared light reads it.
     pub sample: [u32; LANES],
     /// Top left pixel of the block, in the window's coordinates.
     pub corner: [u32; 2],
@@ -103,6 +103,9 @@ pub struct CameraPacket {
     pub first: u32,
     /// Whether this is a packet of [`Quarters`](quarters::Quarters).
     pub quarter: bool,
+    /// Whether the samples come in the order of the sequence: see
+    /// [`Quarters::any_order`](quarters::Quarters::any_order).
+    pub in_order: bool,
     /// Points in the unit square, stratified together with the pixel offsets. The caller of
     /// [`CameraPacket::aim`] may use them for a light.
     pub spare: [Lanes; 2],
@@ -119,6 +122,7 @@ impl CameraPacket {
         corner: [0; 2],
         first: 0,
         quarter: false,
+        in_order: false,
         spare: [[0.0; LANES]; 2],
     };
 
@@ -162,6 +166,8 @@ impl CameraPacket {
         let pixels = [&self.x, &self.y];
         let [x, y, s, t] = if self.quarter {
             quarters::points(sampler, self.pixel(0), self.first)
+        } else if self.in_order {
+            quarters::points_in_order(sampler, self.pixel(0), self.first)
         } else if lens || spare {
             sampler.camera_lanes(pixels, &self.sample)
         } else if antialiased {

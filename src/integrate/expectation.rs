@@ -3,7 +3,8 @@
 //! The mean of N / M over samples is E(N) / E(M) only if M is nearly constant, or if its noise
 //! neither depends on N nor matters. The own points of a light serve only if their terms are nearly
 //! equal, because N comes from the same points. Otherwise M is the mean over further points, which
-//! cost no rays. They are doubled twice until no term stands out.
+//! cost no rays. They are doubled twice until no term stands out. Each lane decides for itself: its
+//! light must not depend on which other samples share the packet.
 
 use super::camera_packet::CameraPacket;
 use super::sampled_light::SampledLight;
@@ -64,18 +65,22 @@ impl Terms {
         }
     }
 
-    fn mean(&self) -> [f64; LANES] {
+    /// Mean of a lane, or the share of `count` own points of mean `own` among all points, if that
+    /// is more: they found what these missed, and alpha needs a bound.
+    fn mean(&self, lane: usize, own: f64, count: u32) -> f64 {
         // A render that was stopped may have no terms.
-        self.sum.map(|sum| sum / f64::from(self.count.max(1)))
+        let mean = self.sum[lane] / f64::from(self.count.max(1));
+        let all = f64::from(count) + f64::from(self.count);
+        let found = own * f64::from(count) / all;
+        let is_more = found * mean >= 0.0 && found.abs() > mean.abs();
+        if is_more { found } else { mean }
     }
 
-    /// Whether the range of the terms is at most `limit` of their sum, in all lanes of `lanes`.
-    /// `others` is the light of other lights: a range is as important as its share of all light.
-    fn are_even(&self, limit: f64, others: &[f64; LANES], lanes: &Mask) -> bool {
-        let count = f64::from(self.count);
-        (0..LANES).filter(|&i| lanes.0[i] != 0).all(|i| {
-            self.most[i] - self.least[i] <= limit * (self.sum[i] + count * others[i]).abs()
-        })
+    /// Whether the range of a lane's terms is at most `limit` of their sum. `others` is the light
+    /// of other lights: a range is as important as its share of all light.
+    fn are_even(&self, lane: usize, limit: f64, others: f64) -> bool {
+        let sum = self.sum[lane] + f64::from(self.count) * others;
+        self.most[lane] - self.least[lane] <= limit * sum.abs()
     }
 }
 
@@ -104,22 +109,23 @@ impl WhittedIntegrator<'_> {
             let others = std::array::from_fn(|i| unshadowed[i] - own[i]);
             let mean =
                 self.expected(&sampled_light, area, (&own, &others, &shadowed), camera_packet);
-            let (Some(mean), Some(plate)) = (mean, &mut self.plate) else { continue };
+            let Some(plate) = &mut self.plate else { return };
             for i in (0..LANES).filter(|&i| shadowed.0[i] != 0) {
                 plate.expected[i] += mean[i] - own[i];
             }
         }
     }
 
-    /// Expected luminance of an area light without shadows, or `None` if the mean of its own
-    /// points, `own`, serves. `others` is the luminance of all other lights.
+    /// Expected luminance of an area light without shadows in `lanes`. It is `own`, the mean of
+    /// the light's own points, where that serves. `others` is the luminance of all other lights.
     fn expected(
         &mut self,
         sampled_light: &SampledLight,
         area: &Area,
         (own, others, lanes): (&[f64; LANES], &[f64; LANES], &Mask),
         camera_packet: &CameraPacket,
-    ) -> Option<[f64; LANES]> {
+    ) -> [f64; LANES] {
+        let (mut expected, mut open) = (*own, *lanes);
         let brightest = area.brightest(&self.points.at);
         let brightest = brightest.map(|q| self.term(sampled_light, area, &q));
         let (sampler, pixels) = (self.sampler, [&camera_packet.x, &camera_packet.y]);
@@ -135,8 +141,11 @@ impl WhittedIntegrator<'_> {
                 terms.add(&self.term(sampled_light, area, &q));
                 number = number.map(|number: u32| number.wrapping_add(1));
             }
-            if terms.are_even(OWN_RANGE, others, lanes) {
-                return None;
+            for i in (0..LANES).filter(|&i| terms.are_even(i, OWN_RANGE, others[i])) {
+                open.0[i] = 0;
+            }
+            if !open.any() {
+                return expected;
             }
         }
         let mut terms = Terms::NONE;
@@ -151,18 +160,18 @@ impl WhittedIntegrator<'_> {
                 terms.add(&self.term(sampled_light, area, &q));
                 number = number.map(|number: u32| number.wrapping_add(1));
             }
-            if self.monitor.stopped() || terms.are_even(FURTHER_RANGE, others, lanes) {
+            let last = step == MAX_POINTS || self.monitor.stopped();
+            for i in 0..LANES {
+                if open.0[i] != 0 && (last || terms.are_even(i, FURTHER_RANGE, others[i])) {
+                    expected[i] = terms.mean(i, own[i], count);
+                    open.0[i] = 0;
+                }
+            }
+            if !open.any() {
                 break;
             }
         }
-        let all = f64::from(count) + f64::from(terms.count);
-        let mean = terms.mean();
-        // The own points count if they found what the further ones missed: alpha has a bound.
-        Some(std::array::from_fn(|i| {
-            let found = own[i] * f64::from(count) / all;
-            let is_more = found * mean[i] >= 0.0 && found.abs() > mean[i].abs();
-            if is_more { found } else { mean[i] }
-        }))
+        expected
     }
 
     /// Luminance that the light points `q` send to each lane without shadows.

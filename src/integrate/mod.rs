@@ -13,7 +13,6 @@ mod clear_squares;
 mod crevices;
 mod differentials;
 mod drawn_lights;
-mod empty_blocks;
 mod expectation;
 mod joint;
 mod layers;
@@ -30,7 +29,9 @@ mod record;
 mod render_context;
 mod sampled_light;
 mod shadows;
+mod sights;
 mod skips;
+mod sole_triangle;
 mod split;
 mod tile_grid;
 mod whitted;
@@ -47,7 +48,7 @@ pub use self::crevices::Crevices;
 pub use self::layers::Layers;
 pub use self::noise::{Goal, PixelSamples, Relative, rate};
 pub use self::passes::{MIN_PASS_SAMPLES, PassKernel, Passes};
-use self::pipeline::{ShadePacket, pipeline};
+use self::pipeline::{Block, ShadePacket, pipeline};
 pub use self::record::{Beauty, Record};
 pub use self::render_context::{RayCounts, RenderContext};
 pub use self::shadows::{OWN_LANES, ShadowRays};
@@ -55,7 +56,7 @@ pub use self::tile_grid::{TILE, packet_end};
 use self::whitted::WhittedIntegrator;
 
 use self::camera_packet::CameraPacket;
-use self::empty_blocks::EmptyBlocks;
+use self::sights::{Sight, Sights};
 use self::tile_grid::corners;
 
 /// Renders one tile into its rows.
@@ -98,8 +99,8 @@ impl<R: Record> Kernel for TileKernel<'_, '_, '_, R> {
         let packet_end = packet_end(world, self.window);
         let (blocks, background_rays) = self.blocks(&pattern, packet_end);
         let begin = samples.start / pattern.samples * pattern.samples;
-        let units = blocks.iter().flat_map(|&corner| {
-            (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (corner, first))
+        let units = blocks.iter().flat_map(|block| {
+            (begin..samples.end).step_by(pattern.samples as usize).map(move |first| (block, first))
         });
         let mut tile = ShadedTile { kernel: self, sums: BlockSums::new(&pattern, 4, 0) };
         let mut counts = pipeline(context, &pattern, &samples, packet_end, units, &mut tile);
@@ -131,23 +132,26 @@ impl<R: Record> ShadePacket for ShadedTile<'_, '_, '_, R> {
 }
 
 impl<R: Record> TileKernel<'_, '_, '_, R> {
-    /// Writes the blocks whose camera rays all miss, as background. Returns the corners of all
-    /// other blocks, and the number of camera rays of the written blocks. Called once per tile,
-    /// outside the loop over packets.
+    /// Writes the blocks whose camera rays all miss, as background. Returns all other blocks, and
+    /// the number of camera rays of the written blocks. Called once per tile, outside the loop over
+    /// packets.
     #[inline(never)]
-    fn blocks(&mut self, pattern: &Pattern, packet_end: [u32; 2]) -> (Vec<[u32; 2]>, u64) {
+    fn blocks(&mut self, pattern: &Pattern, packet_end: [u32; 2]) -> (Vec<Block>, u64) {
         let (world, count) = (self.context.world, self.samples.end - self.samples.start);
         // Layers, and sums that will be merged, need every sample of a pixel.
         let mut sky = (!self.record.has_words())
-            .then(|| EmptyBlocks::new(world, self.context.accelerator, count, pattern.block));
+            .then(|| Sights::new(world, self.context.accelerator, count, pattern.block));
         let mut background_rays = 0;
         let mut blocks = Vec::with_capacity((TILE * TILE) as usize / pattern.pixels());
         for corner in corners(pattern, self.window) {
-            if sky.as_mut().is_some_and(|sky| sky.has(corner)) {
-                self.write_sky(corner, pattern.block);
-                background_rays += u64::from(pattern.within(packet_end, corner)) * u64::from(count);
-            } else {
-                blocks.push(corner);
+            let sight = sky.as_mut().map_or(Sight::Any, |sky| sky.sight(corner));
+            match sight {
+                Sight::Background => {
+                    self.write_sky(corner, pattern.block);
+                    let rays = u64::from(pattern.within(packet_end, corner)) * u64::from(count);
+                    background_rays += rays;
+                }
+                Sight::Sole(_) | Sight::Any => blocks.push(Block { corner, sight }),
             }
         }
         (blocks, background_rays)

@@ -14,10 +14,11 @@ use crate::simd::Kernel;
 use super::block::{BlockSums, Values};
 use super::camera_packet::{CameraPacket, Pattern};
 use super::noise::{Goal, PixelSamples};
-use super::pipeline::{ShadePacket, pipeline};
+use super::pipeline::{Block, ShadePacket, pipeline};
 use super::plan::{Errors, SamplePlan};
 use super::record::Record;
 use super::render_context::{RayCounts, RenderContext};
+use super::sights::{Sight, Sights};
 use super::tile_grid::{morton, packet_end};
 use super::whitted::WhittedIntegrator;
 
@@ -187,15 +188,22 @@ impl<R: Record> Kernel for PassKernel<'_, '_, R> {
         let side = w.width().max(w.height()).next_power_of_two();
         let pixels =
             (0..side * side).map(morton).filter(|[x, y]| *x < w.width() && *y < w.height());
-        let todo: Vec<([u32; 2], Range<u32>)> = pixels
+        // Later passes sample few pixels of a square. Layers need traced hits.
+        let first = !R::ON && passes.tallies.iter().all(|tally| tally.taken == 0);
+        let mut sights = first.then(|| {
+            let RenderContext { world, accelerator, .. } = self.context;
+            Sights::new(world, accelerator, MIN_PASS_SAMPLES, pattern.block)
+        });
+        let todo: Vec<(Block, Range<u32>)> = pixels
             .map(|[x, y]| {
                 let corner = [w.x0 + x, w.y0 + y];
                 let tally = &passes.tallies[passes.index(corner)];
-                (corner, tally.taken..tally.wanted)
+                let sight = sights.as_mut().map_or(Sight::Any, |sights| sights.sight(corner));
+                (Block { corner, sight }, tally.taken..tally.wanted)
             })
             .collect();
-        let units = todo.into_iter().flat_map(|(corner, samples)| {
-            samples.step_by(MIN_PASS_SAMPLES as usize).map(move |first| (corner, first))
+        let units = todo.iter().flat_map(|(block, samples)| {
+            samples.clone().step_by(MIN_PASS_SAMPLES as usize).map(move |first| (block, first))
         });
         let mut pass =
             Pass { passes: self.passes, record: self.record, sums: BlockSums::new(&pattern, 4, 0) };

@@ -10,6 +10,7 @@ use super::camera_packet::{CameraPacket, Pattern};
 use super::joint::joint_light;
 use super::quarters::Quarters;
 use super::render_context::{RayCounts, RenderContext};
+use super::sights::Sight;
 use super::whitted::WhittedIntegrator;
 
 /// Shades the packets whose camera rays are traced.
@@ -27,17 +28,26 @@ pub trait ShadePacket {
     );
 }
 
+/// A block of pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct Block {
+    /// Its top left pixel.
+    pub corner: [u32; 2],
+    /// What its camera rays can hit.
+    pub sight: Sight,
+}
+
 /// Traces and finishes the packets of all units: traces packet k, then finishes packet k - 1. While
 /// one packet is traced, prefetches load the memory that shading of the other packet needs. A unit
-/// is the corner of a block and the first sample of a packet. Lanes are active left of and above
-/// `packet_end`. Returns early if the monitor stops the render.
+/// is a block and the first sample of a packet. Lanes are active left of and above `packet_end`.
+/// Returns early if the monitor stops the render.
 #[inline(always)]
-pub fn pipeline<F: ShadePacket>(
+pub fn pipeline<'b, F: ShadePacket>(
     context: RenderContext,
     pattern: &Pattern,
     samples: &Range<u32>,
     packet_end: [u32; 2],
-    units: impl Iterator<Item = ([u32; 2], u32)>,
+    units: impl Iterator<Item = (&'b Block, u32)>,
     work: &mut F,
 ) -> RayCounts {
     let RenderContext { world, accelerator, monitor, .. } = context;
@@ -51,10 +61,14 @@ pub fn pipeline<F: ShadePacket>(
     let (mut camera_packet, mut before) = (even, odd);
     for (traced, unit) in units.map(Some).chain([None]).enumerate() {
         if let Some(unit) = unit {
-            let (corner, first) = unit;
+            let (&Block { corner, ref sight }, first) = unit;
             camera_packet.first = first;
             camera_packet.quarter = by_quarters && quarters.has(first, samples);
-            camera_packet.sample = if camera_packet.quarter {
+            camera_packet.in_order =
+                by_quarters && !camera_packet.quarter && quarters.any_order(first, samples);
+            camera_packet.sample = if camera_packet.in_order {
+                [first; LANES]
+            } else if camera_packet.quarter {
                 let pixel = corner.map(|x| x.wrapping_sub(world.overscan));
                 quarters.samples(&sampler, pixel, first)
             } else {
@@ -71,7 +85,11 @@ pub fn pipeline<F: ShadePacket>(
             counts.primary += u64::from(rays);
             prefetch_vertices(&world.geometry, &before.packet, LANES / 2..LANES);
             let (active, packet) = (&camera_packet.active, &mut camera_packet.packet);
-            accelerator.closest_unfiltered(active, packet, Coherence::Coherent);
+            match sight {
+                Sight::Background => {}
+                Sight::Sole(triangle) => triangle.hit(active, packet),
+                Sight::Any => accelerator.closest_unfiltered(active, packet, Coherence::Coherent),
+            }
             prefetch_indices(&world.geometry, &camera_packet.packet);
         }
         if traced > 0 {

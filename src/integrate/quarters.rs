@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use crate::ray::LANES;
-use crate::sampler::{STRETCH, Sampler, SamplerKind};
+use crate::sampler::{Places, STRETCH, Sampler, SamplerKind};
 use crate::shading::Lanes;
 use crate::world::World;
 
@@ -39,6 +39,18 @@ const INDICES: [[u8; LANES]; PACKETS] = {
     }
     indices
 };
+
+/// Camera points of the four packets of a group.
+static PLACES: [Places<LANES>; PACKETS] = {
+    let [a, b, c, d] = &INDICES;
+    [Places::new(a), Places::new(b), Places::new(c), Places::new(d)]
+};
+
+/// Camera points of a packet of 16 samples in the order of the sequence: lane i has the position
+/// whose bits are those of i, reversed. So sums over the lanes fold as in
+/// [`Pattern`](super::camera_packet::Pattern).
+static SIXTEEN: Places<LANES> =
+    Places::new(&[0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15]);
 
 /// Decides which packets are reordered, and computes their samples.
 pub struct Quarters {
@@ -74,6 +86,19 @@ impl Quarters {
         self.on & (group >= samples.start) & (samples.end.saturating_sub(group) >= GROUP)
     }
 
+    /// Whether the 16 samples from `first` on may come in the order of the sequence, because
+    /// nothing but the shared light needs the sample indices of lanes.
+    ///
+    /// Their sum keeps its bits, because the shuffle of samples only swaps halves of the tree that
+    /// sums them.
+    #[inline(always)]
+    pub fn any_order(&self, first: u32, samples: &Range<u32>) -> bool {
+        self.on
+            & !self.needs_samples
+            & (first >= samples.start)
+            & (samples.end.saturating_sub(first) >= LANES as u32)
+    }
+
     /// Sample index of each lane, for the packet that would have the 16 samples from `first` on
     /// without reordering. All are `first` if nothing needs them. The packets of a group must come
     /// in order.
@@ -98,7 +123,13 @@ impl Quarters {
 /// Camera points of the same packet: [`Sampler::camera`] of its samples.
 #[inline(always)]
 pub fn points(sampler: &Sampler, pixel: [u32; 2], first: u32) -> [Lanes; 4] {
-    sampler.camera_stretch(pixel, first / GROUP * GROUP, &INDICES[packet(first)])
+    sampler.camera_stretch(pixel, (first / GROUP * GROUP, GROUP), &PLACES[packet(first)])
+}
+
+/// Camera points of the 16 samples from `first` on, in the order of the sequence.
+#[inline(always)]
+pub fn points_in_order(sampler: &Sampler, pixel: [u32; 2], first: u32) -> [Lanes; 4] {
+    sampler.camera_stretch(pixel, (first, LANES as u32), &SIXTEEN)
 }
 
 /// Index within its group of the packet whose first sample is `first`.
@@ -142,6 +173,35 @@ mod tests {
                 assert_eq!(seen, [[0, 0], [0, 1], [1, 0], [1, 1]]);
                 taken.sort_unstable();
                 assert_eq!(taken, (group..group + 64).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn samples_in_the_order_of_the_sequence_keep_the_bits_of_their_sum() {
+        let pattern = Pattern::for_spp(16);
+        for seed in 0..20 {
+            let sampler = Sampler::new(seed);
+            for first in [0, 16, 48, 1 << 16, 12 * 16] {
+                let pixel = [seed as u32 * 3, 7];
+                let points = points_in_order(&sampler, pixel, first);
+                let taken: [u32; LANES] = std::array::from_fn(|i| {
+                    let found = |&sample: &u32| {
+                        sampler.camera(pixel, sample) == points.map(|lanes| lanes[i])
+                    };
+                    (first..first + 16).find(found).expect("a sample of the packet")
+                });
+                let mut sorted = taken;
+                sorted.sort_unstable();
+                assert!(sorted.into_iter().eq(first..first + 16));
+                let sums = [taken, pattern.numbers(first)].map(|numbers| {
+                    let value = |sample: u32| (sample.wrapping_mul(0x9e37_79b9) as f32).sin();
+                    let values = [0; 4].map(|_| Values(numbers.map(value)));
+                    let mut sums = BlockSums::new(&pattern, 4, 0);
+                    sums.add(&pattern, first, &(0..u32::MAX), &values, &[true; 4]);
+                    sums.total(0, 0).to_bits()
+                });
+                assert_eq!(sums[0], sums[1], "{seed} {first}");
             }
         }
     }

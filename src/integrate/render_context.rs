@@ -10,8 +10,8 @@ use crate::world::World;
 /// Number of rays traced, by class.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct RayCounts {
-    /// Camera rays, including the rays of empty blocks, which are not traced one by one: see
-    /// [`Accelerator::is_cone_empty`].
+    /// Camera rays, including the rays of blocks that show nothing or one triangle, which are not
+    /// traced: see [`Accelerator::cone`].
     pub primary: u64,
     /// Shadow rays, from surfaces to lights, including the rays of empty shafts, which are not
     /// traced: see [`Accelerator::is_shaft_empty`].

@@ -5,7 +5,9 @@ use crate::accel::Accelerator;
 use crate::geometry::Geometry;
 use crate::ray::{Coherence, LANES, Mask, Rays};
 use crate::scene::Falloff;
-use crate::shading::{Area, Distant, Lanes3, LightWeights, ShadowPoints, light_rays};
+use crate::shading::{
+    Area, Distant, Lanes3, LightWeights, ShadowPoints, keep_directions, light_rays,
+};
 
 /// The shadow rays of a packet of shading points to one light.
 #[derive(Clone, Copy)]
@@ -37,11 +39,14 @@ impl<'a> ShadowRays<'a> {
         let normal = area.and_then(|area| area.normal);
         let falloff = area.map_or(falloff, |area| area.falloff(falloff));
         let mut active = light_rays(points, q, normal, falloff, glossy, rays, weights);
-        match area.and_then(|area| area.distant.as_ref()) {
-            Some(Distant::Environment(environment)) if environment.map().is_none() => {
-                environment.weigh(points, q, weights);
+        if let Some(distant) = area.and_then(|area| area.distant.as_ref()) {
+            keep_directions(points, q, distant.is_beyond(), rays);
+            match distant {
+                Distant::Environment(environment) if environment.map().is_none() => {
+                    environment.weigh(points, q, weights);
+                }
+                _ => {}
             }
-            _ => {}
         }
         let grazing = match area {
             Some(area) if area.plane_gap > 0.0 => area.end_before_plane(points, rays, &mut active),

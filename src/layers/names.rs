@@ -3,19 +3,39 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-use crate::scene::{Scene, ShapeKind};
+use crate::scene::{CheckedShape, Scene, ShapeKind};
 
 /// Returns a name for every shape: its own name, or else its kind (for a mesh, `trimesh.` and the
 /// file's stem). If that name is in use, `.2`, `.3`... is appended. Shapes with the same own name
-/// keep it.
+/// keep it, except copies of a mesh with `instances`: each has a name of its own.
 pub fn shapes(scene: &Scene) -> Vec<String> {
-    let mut used = UsedNames::new(scene.shapes.iter().filter_map(|shape| shape.name.as_ref()));
-    let names = scene.shapes.iter().map(|shape| match (&shape.name, &shape.kind) {
+    let own = own_names(&scene.shapes);
+    let mut used = UsedNames::new(own.iter().flatten());
+    let names = scene.shapes.iter().zip(&own).map(|(shape, name)| match (name, &shape.kind) {
         (Some(name), _) => name.clone(),
         (None, ShapeKind::Instance { of, .. }) => used.unique(kind(&scene.shapes[*of].kind)),
         (None, own) => used.unique(kind(own)),
     });
     names.collect()
+}
+
+/// Returns the shapes' own names, of which those of copies are numbered.
+fn own_names(shapes: &[CheckedShape]) -> Vec<Option<String>> {
+    let mesh_of_copy = |(index, shape): (usize, &CheckedShape)| match &shape.kind {
+        ShapeKind::Trimesh(mesh) if mesh.transform.is_some() => Some(index),
+        ShapeKind::Instance { of, .. } => Some(*of),
+        _ => None,
+    };
+    let meshes: Vec<Option<usize>> = shapes.iter().enumerate().map(mesh_of_copy).collect();
+    let plain = shapes.iter().zip(&meshes).filter(|(_, mesh)| mesh.is_none());
+    let mut used = UsedNames::new(plain.filter_map(|(shape, _)| shape.name.as_ref()));
+    let mut names: Vec<_> = shapes.iter().map(|shape| shape.name.clone()).collect();
+    let mut copies: Vec<usize> = (0..shapes.len()).filter(|&i| meshes[i].is_some()).collect();
+    copies.sort_by_key(|&i| meshes[i]);
+    for i in copies {
+        names[i] = names[i].take().map(|name| used.unique(name));
+    }
+    names
 }
 
 /// Returns a name for every material: its own name, or else `material.` and the name of the first

@@ -7,11 +7,12 @@ mod creases;
 mod normals;
 mod places;
 mod ply;
+mod shared_edges;
 mod stitches;
 mod vertex_faces;
 
 pub use arrays::*;
-pub use closing::closing_stitches;
+pub use closing::{closing_stitches, stitching_bytes};
 pub use creases::{Normals, creased_normals};
 pub use normals::{VertexPosition, vertex_normals};
 pub use places::position_key;

@@ -1,10 +1,9 @@
 //! Which triangles beside an edge are stitches in a picture, and whose surface they continue.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 
-use super::places::{Places, edges};
+use super::places::{NONE, Places};
+use super::shared_edges::SharedEdges;
 
 /// Returns the `candidates` that lie along an edge of a triangle, each with this triangle: the one
 /// across its longest edge. If another candidate lies there, the search goes on across that one's
@@ -20,26 +19,33 @@ pub fn kept_stitches(
         return Vec::new();
     }
     let places = Places::new(candidates, vertices, &position);
-    let mut longest = Vec::with_capacity(candidates.len());
+    let corners = candidates.iter().map(|&candidate| places.of(candidate)).collect();
+    let shared = SharedEdges::new(corners, places.count());
+    let own = |index: usize| shared.of(index as u32);
+    let longest = |index: usize| {
+        let corners = candidates[index].map(&position);
+        own(index)[longest_edge(corners)] as usize
+    };
     // For each edge of a candidate, the first candidate that has this edge and a longer one.
-    let mut longer: HashMap<[u32; 2], Option<usize>> = HashMap::new();
-    for (index, &candidate) in candidates.iter().enumerate() {
-        let edges = edges(places.of(candidate));
-        let own = edges[longest_edge(candidate.map(&position))];
-        longest.push(own);
-        for edge in edges {
-            let first = longer.entry(edge).or_default();
-            *first = first.or((edge != own).then_some(index));
+    let mut longer = vec![NONE; shared.count()];
+    for index in 0..candidates.len() {
+        let longest = longest(index);
+        for edge in own(index).map(|edge| edge as usize) {
+            if edge != longest && longer[edge] == NONE {
+                longer[edge] = index as u32;
+            }
         }
     }
-    let mut at_edge: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut at_edge = vec![NONE; shared.count()];
     for (prim, &triangle) in (0..).zip(triangles) {
-        for edge in places.edges(triangle).filter(|edge| longer.contains_key(edge)) {
-            at_edge.entry(edge).or_insert(prim);
+        for edge in places.edges(triangle).filter_map(|edge| shared.number(edge)) {
+            let first = &mut at_edge[edge as usize];
+            *first = prim.min(*first);
         }
     }
-    let next = |index: usize| longer[&longest[index]];
-    let found = |index: usize| at_edge.get(&longest[index]).copied();
+    let known = |number: u32| (number != NONE).then_some(number);
+    let next = |index: usize| known(longer[longest(index)]).map(|next| next as usize);
+    let found = |index: usize| known(at_edge[longest(index)]);
     let beside = candidates.iter().zip(follow(candidates.len(), found, next));
     beside.filter_map(|(candidate, beside)| Some((*candidate, beside?))).collect()
 }

@@ -9,7 +9,7 @@
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -164,20 +164,30 @@ impl PartFile {
     /// [`PartFile::fill`] first.
     ///
     /// # Errors
-    /// A failed rename. The part file is removed then.
+    /// A failed rename. The part file is removed then. `Retry` if the disk fails or is full after
+    /// the rename.
     pub fn commit(self) -> Result<PathBuf> {
         let Self { target, file, live } = self;
         file.persist(&target).map_err(|error| {
             Error::io(&target, "rename the finished file to this name", &error.error)
         })?;
         drop(live);
-        // Syncing the folder writes the rename to the disk. Not every file system supports it, and
-        // the file is complete either way.
-        if let Ok(folder) = File::open(folder_of(&target)) {
-            let _ = folder.sync_all();
+        // Syncing the folder writes the rename to the disk.
+        let synced = File::open(folder_of(&target)).map(|folder| folder.sync_all());
+        match synced {
+            Ok(Err(error)) if loses_data(&error) => Err(Error::io(&target, "write", &error)),
+            _ => Ok(target),
         }
-        Ok(target)
     }
+}
+
+/// Returns true if a sync failed because the disk fails or is full. Not every file system can sync
+/// a folder, which is no failure.
+fn loses_data(error: &io::Error) -> bool {
+    use io::ErrorKind as E;
+    let full_or_gone = [E::StorageFull, E::QuotaExceeded, E::StaleNetworkFileHandle];
+    // EIO has no name.
+    full_or_gone.contains(&error.kind()) || error.raw_os_error() == Some(5)
 }
 
 /// Checks that the name of `target` is short enough for a part file.
@@ -329,6 +339,14 @@ mod tests {
         let others = ["b.exr.lpdead12.part", "a.exr", "a.part"];
         assert!(others.iter().all(|name| path(name).exists()));
         alive.commit().unwrap();
+    }
+
+    /// EIO and ENOSPC; EINVAL and ENOSYS are what file systems say that cannot sync a folder.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_cannot_be_synced_is_no_failure_and_a_failing_disk_is() {
+        let loses = |number| loses_data(&io::Error::from_raw_os_error(number));
+        assert_eq!([5, 28, 22, 38].map(loses), [true, true, false, false]);
     }
 
     #[test]

@@ -160,10 +160,16 @@ impl Legend {
         let plain = (1e-4..1e7).contains(&largest) && decimals < 7;
         // Enough digits for neighbouring ticks to differ.
         let digits = (largest.log10().floor() - last_digit).max(2.0) as usize;
-        // Adding 0 turns -0 into 0.
-        let text = |value: f64, more: usize| match plain {
-            true => format!("{:.*}", decimals + more, value + 0.0),
-            false => format!("{:.*e}", digits + more, value + 0.0),
+        let text = |value: f64, more: usize| {
+            let text = match plain {
+                true => format!("{value:.*}", decimals + more),
+                false => format!("{value:.*e}", digits + more),
+            };
+            // Zero has no sign, also if a value is rounded to it.
+            match text.strip_prefix('-') {
+                Some(zero) if zero.parse() == Ok(0.0) => zero.to_string(),
+                _ => text,
+            }
         };
         // An end has up to two digits more, without zeros at their end.
         let end = |value: f64| {
@@ -235,6 +241,8 @@ mod tests {
         assert_eq!(texts([12.0, -3.0]), ["-3", "0", "5", "10", "12"], "a reversed range");
         assert_eq!(texts([0.0312, 0.0349]), ["0.0312", "0.032", "0.033", "0.034", "0.0349"]);
         assert_eq!(texts([-0.1, 10.1]), ["-0.1", "2", "4", "6", "8", "10.1"], "no room for 0");
+        assert_eq!(texts([-0.004, 600.0])[0], "0", "a minus sign before zero");
+        assert_eq!(texts([-600.0, -0.0])[6], "0", "a minus sign before zero");
         assert_eq!(texts([0.123456, 9.0001]), ["0.12", "2", "4", "6", "8", "9"]);
         assert_eq!(
             texts([0.0, 3e9]),

@@ -4,9 +4,9 @@ use super::batch::RayBatch;
 use super::filling::Filling;
 use super::progress;
 use super::refine::FoundHit;
-use super::rounded::Rounded;
+use super::rounded::{Rounded, Rounding};
 use super::scene::RayScene;
-use crate::accel::bvh::Crossing;
+use crate::accel::bvh::{Bvh, Crossing};
 use crate::error::Result;
 use crate::monitor::Monitor;
 use crate::parallel;
@@ -50,6 +50,7 @@ impl RayScene {
                 rounding.round(first, &mut rounded)?;
                 crossings.clear();
                 bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
+                self.add_strays(&bvh, &rounding, first, &rounded, &mut crossings);
                 self.collect_crossings(first, &crossings, &mut found);
             }
             let (mut counts, mut hits) = (vec![0; range.len()], Vec::with_capacity(found.len()));
@@ -120,6 +121,7 @@ impl RayScene {
                     crossings.iter().for_each(|crossing| counts[crossing.lane as usize] += 1);
                     continue;
                 }
+                self.add_strays(&bvh, &rounding, first, &rounded, &mut crossings);
                 found.clear();
                 self.collect_crossings(first, &crossings, &mut found);
                 self.refine(rays, &found, 0.0, |found, refined| {
@@ -131,6 +133,34 @@ impl RayScene {
             Ok(())
         })?;
         Ok(counts)
+    }
+
+    /// Adds the crossings of a packet's rays that stray from their limits, in order of the rays.
+    fn add_strays(
+        &self,
+        bvh: &Bvh,
+        rounding: &Rounding,
+        first: usize,
+        rounded: &Rounded,
+        crossings: &mut Vec<Crossing>,
+    ) {
+        if !rounded.limited.any() {
+            return;
+        }
+        let (rays, mut strays) = (&rounded.packet.rays, Vec::new());
+        let lanes = rounding.at_limits(first, &rounded.limited);
+        self.strays(bvh, rays, &lanes, false, &mut strays);
+        // The others are among the crossings.
+        strays.retain(|stray| {
+            let i = stray.lane as usize;
+            stray.t <= rays.tnear[i].into() || stray.t >= rays.tfar[i].into()
+        });
+        if !strays.is_empty() {
+            strays.sort_unstable_by_key(|stray| (stray.lane, stray.primitive));
+            strays.dedup_by_key(|stray| (stray.lane, stray.primitive));
+            crossings.extend(strays);
+            crossings.sort_by_key(|crossing| crossing.lane);
+        }
     }
 
     /// Appends the crossings of a packet, whose first ray has the index `first`, to `found`.

@@ -8,7 +8,7 @@ use super::filling::{Filling, Part};
 use super::further::Unanswered;
 use super::progress::{self, CHUNK};
 use super::refine::{FoundHit, Refined};
-use super::rounded::Rounded;
+use super::rounded::{Rounded, Rounding};
 use super::scene::RayScene;
 use crate::accel::Accelerator;
 use crate::error::Result;
@@ -59,6 +59,7 @@ impl RayScene {
         let begin = || (Rounded::EMPTY, Vec::with_capacity(CHUNK), Answers::new());
         chunks.try_for_each_init(begin, |(rounded, found, answers), (chunk, parts)| {
             monitor.check()?;
+            let mut limited = false;
             let ((t, (primitive, mesh)), (barycentrics, normal)) = parts;
             let range = chunk * CHUNK..chunk * CHUNK + t.room();
             let output = Output { t, primitive, mesh, barycentrics, normal };
@@ -66,6 +67,7 @@ impl RayScene {
             for first in range.clone().step_by(LANES) {
                 output.prefetch(first - range.start);
                 rounding.round(first, rounded)?;
+                limited |= rounded.limited.any();
                 let Rounded { active, packet, coherence, .. } = rounded;
                 accelerator.closest(active, packet, *coherence);
                 self.collect_hits(first, rounded, found);
@@ -75,6 +77,11 @@ impl RayScene {
             self.refine(rays, found, margin, |hits, refined| {
                 answers.store(range.start, hits, refined, &mut left);
             });
+            if limited {
+                let start = range.start;
+                let is_answered = |ray| [false, answers.t[ray - start] < f64::INFINITY];
+                self.leave_strays(&rounding, range.clone(), &mut left, is_answered)?;
+            }
             if !left.is_empty() {
                 self.search_on(&*accelerator, &rounding, left, |hits, refined, i| {
                     answers.store_nearer(range.start, &hits[i], refined, i);
@@ -113,22 +120,16 @@ impl RayScene {
     pub fn occluded(&self, rays: &RayBatch, monitor: &Monitor) -> Result<Vec<bool>> {
         let (accelerator, rounding) = (self.accelerator(), self.rounding(rays)?);
         let mut occluded = reserve::filled(false, rays.len(), "occluded")?;
-        let shortened = rounding.shortened();
         progress::fill(&mut occluded, monitor, |start, occluded| {
             let (mut rounded, mut left) = (Rounded::EMPTY, Vec::new());
             for (packet, occluded) in occluded.chunks_mut(LANES).enumerate() {
                 let first = start + packet * LANES;
                 rounding.round(first, &mut rounded)?;
-                let mut hit = rounded.hits_any(&*accelerator);
-                let doubtful = hit.and(&rounded.limited);
-                if doubtful.any() {
-                    shortened.round(first, &mut rounded)?;
-                    rounded.active = rounded.active.and(&doubtful);
-                    let doubtful = doubtful.without(&rounded.hits_any(&*accelerator));
-                    hit = hit.without(&doubtful);
-                    let lanes = (0..LANES).filter(|&i| doubtful.0[i] != 0);
-                    left.extend(lanes.map(|i| Unanswered { ray: first + i, last: None }));
-                }
+                let hit = if rounded.limited.any() {
+                    self.hits_within(&*accelerator, &rounding, first, &mut rounded, &mut left)?
+                } else {
+                    rounded.hits_any(&*accelerator)
+                };
                 for (occluded, hit) in occluded.iter_mut().zip(hit.0) {
                     *occluded = hit != 0;
                 }
@@ -139,6 +140,65 @@ impl RayScene {
             self.search_on(&*accelerator, &rounding, left, store)
         })?;
         Ok(occluded)
+    }
+
+    /// Returns the rays of a packet that certainly hit anything within their limits. Appends those
+    /// that may to `left`. `rounded` holds the packet, whose first ray has the index `first`, and
+    /// is changed.
+    ///
+    /// # Errors
+    /// The errors of [`Rounding::round`].
+    fn hits_within(
+        &self,
+        accelerator: &dyn Accelerator,
+        rounding: &Rounding,
+        first: usize,
+        rounded: &mut Rounded,
+        left: &mut Vec<Unanswered>,
+    ) -> Result<Mask> {
+        let limited = rounded.limited;
+        let mut unsure = Mask::NONE;
+        if let Ok(bvh) = self.bvh() {
+            let (mut strays, lanes) = (Vec::new(), rounding.at_limits(first, &limited));
+            self.strays(&bvh, &rounded.packet.rays, &lanes, true, &mut strays);
+            strays.iter().for_each(|stray| unsure.0[stray.lane as usize] = -1);
+        }
+        let hit = rounded.hits_any(accelerator).without(&unsure);
+        let mut doubtful = hit.and(&limited);
+        if doubtful.any() {
+            rounding.shortened().round(first, rounded)?;
+            rounded.active = rounded.active.and(&doubtful);
+            doubtful = doubtful.without(&self.hits_surely(accelerator, rounding, first, rounded));
+        }
+        let hit = hit.without(&doubtful);
+        let lanes = (0..LANES).filter(|&i| unsure.0[i] | doubtful.0[i] != 0);
+        left.extend(lanes.map(|i| Unanswered { ray: first + i, last: None }));
+        Ok(hit)
+    }
+
+    /// Returns the active rays, of those that have no strays, that certainly hit anything.
+    /// `rounded` holds shortened rays, and is changed.
+    fn hits_surely(
+        &self,
+        accelerator: &dyn Accelerator,
+        rounding: &Rounding,
+        first: usize,
+        rounded: &mut Rounded,
+    ) -> Mask {
+        if self.bvh().is_ok() {
+            return rounded.hits_any(accelerator);
+        }
+        // Embree does not tell strays. So the t of a hit decides.
+        let Rounded { active, packet, coherence, .. } = rounded;
+        accelerator.closest(active, packet, *coherence);
+        let (mut found, mut hit) = (Vec::new(), Mask::NONE);
+        self.collect_hits(first, rounded, &mut found);
+        self.refine(rounding.rays(), &found, self.margin(), |hits, refined| {
+            for (found, counts) in hits.iter().zip(refined.counts) {
+                hit.0[found.ray - first] = -i32::from(counts);
+            }
+        });
+        hit
     }
 }
 

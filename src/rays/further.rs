@@ -6,6 +6,9 @@
 //! none counts, the search goes on behind them. A hit that counts, but is so near to a limit that
 //! the error of t may decide, is treated the same way: see [`super::at_limit`].
 //!
+//! Grazing faces may be farther from a limit. If a ray has one there, all its hits are computed:
+//! see [`super::strays`].
+//!
 //! Embree does not tell all hits. There the search goes on directly behind a hit that does not
 //! count.
 
@@ -104,6 +107,14 @@ impl RayScene {
             });
             touches.clear();
             bvh.touches(&rounded.active, &rounded.packet.rays, &mut touches);
+            let mut entire = Mask::NONE;
+            for ray in packet.iter().filter(|ray| ray.last.is_none()) {
+                entire.0[ray.ray - first] = rounded.active.0[ray.ray - first];
+            }
+            if entire.any() {
+                let lanes = rounding.at_limits(first, &entire);
+                self.strays(bvh, &rounded.packet.rays, &lanes, true, &mut touches);
+            }
             self.collect_crossings(first, &touches, &mut found);
             if found.len() >= HITS_HELD {
                 self.store_counting(rounding.rays(), &found, &mut answered, store);

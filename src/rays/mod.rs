@@ -19,6 +19,7 @@ mod progress;
 mod refine;
 mod rounded;
 mod scene;
+mod strays;
 mod visible;
 
 pub use all_hits::AllHits;

@@ -85,8 +85,8 @@ impl<'a> Rounding<'a> {
         self.rays
     }
 
-    /// The rounding to rays whose hits count: they end within their own limits by more than what
-    /// rounding explains.
+    /// The rounding to rays that end within their own limits by more than what rounding explains,
+    /// except on grazing faces.
     pub fn shortened(&self) -> Self {
         Self { slack: -self.slack, ..*self }
     }

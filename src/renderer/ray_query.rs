@@ -6,7 +6,6 @@ use crate::accel::Accelerator;
 use crate::geometry::{Geometry, NONE, Surfaces, refine};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, lane};
 use crate::scene::{CheckedShape, ShapeKind};
-use crate::shading::Owner;
 use crate::world::World;
 
 /// A ray `origin + t direction`, with t in (`t_min`, `t_max`), in world space.
@@ -63,8 +62,8 @@ pub struct Hit {
     pub shape: usize,
     /// Index of the copy in the shape's `instances`; 0 for a shape without.
     pub instance: usize,
-    /// Index of the triangle in the shape's mesh. For a mesh drawn as points, the index of the
-    /// point if the scene has no other sphere, else 0. For other shapes 0.
+    /// Index of the triangle in the shape's mesh, or of the point if the mesh is drawn as points.
+    /// For other shapes 0.
     pub primitive: usize,
     /// Barycentric weights of the second and third corner of the triangle; 0 on a sphere.
     pub barycentric: [f64; 2],
@@ -156,10 +155,7 @@ fn hit_of_lane(
 ) -> Hit {
     let origin = world.geometry.origin;
     let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
-    let primitive = match world.shapes.owners[geom as usize] {
-        Owner::One(_) | Owner::Instance { .. } => prim as usize,
-        Owner::Each(_) => 0,
-    };
+    let primitive = world.shapes.index_in_shape(geom, prim) as usize;
     let ShapeNumber { shape, instance } = numbers[world.shapes.shape(geom, prim) as usize];
     Hit {
         t: surfaces.t[i].into(),

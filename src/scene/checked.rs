@@ -75,6 +75,17 @@ pub struct OcclusionRays {
 }
 
 impl Scene {
+    /// Returns true if a mesh shows a property by its `color`, which a legend can explain.
+    pub fn shows_property(&self) -> bool {
+        self.shapes.iter().any(|shape| match &shape.kind {
+            ShapeKind::Trimesh(mesh) => {
+                let color = mesh.color.as_ref().map(|request| &request.color);
+                matches!(color, Some(MeshColorDescription::Property(_)))
+            }
+            _ => false,
+        })
+    }
+
     /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
     /// environment without image that has more points than are always traced.
     pub fn can_skip_shadow_rays(&self) -> bool {
@@ -84,13 +95,12 @@ impl Scene {
     /// [`Scene::can_skip_shadow_rays`] if every such light has `points` points.
     pub fn can_skip_shadow_rays_with(&self, points: Option<u32>) -> bool {
         let spares = |light: &CheckedLight| match light.kind {
-            LightKind::Point { .. } => false,
             LightKind::Area { samples, .. }
             | LightKind::Sun { samples, .. }
             | LightKind::Environment { samples, map: None } => {
-                points.unwrap_or(samples) > FIRST_SHADOW_POINTS
+                light.kind.has_extent() && points.unwrap_or(samples) > FIRST_SHADOW_POINTS
             }
-            LightKind::Environment { map: Some(_), .. } => false,
+            LightKind::Point { .. } | LightKind::Environment { map: Some(_), .. } => false,
         };
         self.adaptive_shadows && self.lights.iter().any(spares)
     }

@@ -52,7 +52,9 @@ impl Overrides {
 
     /// Removes the overrides of `pointer` and of values below it.
     pub fn remove(&mut self, pointer: &str) {
-        self.list.retain(|(_, at, _)| !is_within(at, pointer));
+        let stays = |(_, at, _): &(Option<Place>, String, String)| !is_within(at, pointer);
+        self.below = self.list[..self.below].iter().filter(|set| stays(set)).count();
+        self.list.retain(stays);
     }
 
     /// Lets flags win over all overrides so far.

@@ -391,3 +391,13 @@ fn light_groups_that_would_share_a_layer_collide() {
     assert_eq!(groups(&[(None, Some("2")), (None, None)]).1, [1]);
     assert_eq!(groups(&[(Some("ambient"), None)]).1, [0]);
 }
+
+#[test]
+fn a_sun_without_size_spares_no_shadow_rays() {
+    for (angle, spares) in [(0, false), (1, true)] {
+        let sun = json!([{ "type": "sun", "elevation": 40, "azimuth": 0, "angle": angle, "id": [1, 1, 1] }]);
+        let sun = format!("/scene/lightsources={sun}");
+        let scene = load_value(&minimal(), &["/adaptiveshadows=true", &sun]).unwrap().scene;
+        assert_eq!(scene.can_skip_shadow_rays_with(Some(16)), spares);
+    }
+}

@@ -33,7 +33,7 @@ pub struct Environment {
     /// occlusion.
     reach: f32,
     /// Whether the reach is that of ambient occlusion, which rounding limits.
-    is_near: bool,
+    pub(super) is_near: bool,
     map: Option<TurnedMap>,
 }
 

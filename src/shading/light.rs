@@ -162,3 +162,11 @@ pub enum Distant {
     /// Light from all directions.
     Environment(Environment),
 }
+
+impl Distant {
+    /// Whether the shadow rays leave the scene. Those of ambient occlusion have a given length.
+    #[inline(always)]
+    pub fn is_beyond(&self) -> bool {
+        !matches!(self, Self::Environment(environment) if environment.is_near)
+    }
+}

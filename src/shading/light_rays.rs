@@ -66,10 +66,7 @@ pub fn light_rays(
         set_lane(&mut rays.org, i, origin);
         set_lane(&mut rays.dir, i, direction);
         rays.tnear[i] = 0.0;
-        let scale = origin.abs().max_element() + q.abs().max_element();
-        let ulps = 4.0 * f32::EPSILON * (1.0 + scale / direction.abs().max_element());
-        // A light nearer than its own rounding must not end the ray before its start.
-        rays.tfar[i] = (1.0 - ulps).max(0.0);
+        rays.tfar[i] = end(origin, q, direction);
         // A lifted origin may have its own facet between itself and a light below the facet's
         // horizon. In all other cases a planar primitive cannot shadow its own point.
         let own_counts = (points.lifted.0[i] != 0) & (l.dot(lane(&points.ng, i)) < 0.0);
@@ -79,6 +76,37 @@ pub fn light_rays(
         specular(points, q, weights);
     }
     active
+}
+
+/// Parameter at which the shadow ray to the light point `q` ends.
+#[inline(always)]
+fn end(origin: Vec3, q: Vec3, direction: Vec3) -> f32 {
+    let scale = origin.abs().max_element() + q.abs().max_element();
+    let ulps = 4.0 * f32::EPSILON * (1.0 + scale / direction.abs().max_element());
+    // A light nearer than its own rounding must not end the ray before its start.
+    (1.0 - ulps).max(0.0)
+}
+
+/// Parameter at which rays from lifted origins to a light beyond the scene end. Without a lift, 1
+/// is outside of the scene. P' is at most L / sqrt(3) from P, where L is the longest edge of the
+/// facet: the weighted distances from its corners are at most the root of the sum over i < j of
+/// w_i w_j L^2.
+pub const BEYOND: f32 = 1.6;
+
+/// Gives the `rays` of [`light_rays`] the direction in which the light points `q` are seen from
+/// the surface, where a lifted origin is elsewhere. For light whose directions, not points, are
+/// given. `beyond`: whether the light is beyond the scene; otherwise the rays keep their length.
+#[inline(always)]
+pub fn keep_directions(points: &ShadowPoints, q: &Lanes3, beyond: bool, rays: &mut Rays) {
+    if !points.lifted.any() {
+        return;
+    }
+    for i in (0..LANES).filter(|&i| points.lifted.0[i] != 0) {
+        let (q, origin) = (lane(q, i), lane(&points.origin, i));
+        let direction = q - lane(&points.position, i);
+        set_lane(&mut rays.dir, i, direction);
+        rays.tfar[i] = if beyond { BEYOND } else { end(origin, q, direction) };
+    }
 }
 
 /// Largest exponent for which N.H is computed in single precision. Near 1 its steps are 6e-8, so

@@ -79,6 +79,8 @@ pub struct Shape {
     pub textures: Option<Box<TexturesByFace>>,
     /// What camera rays that hit the shape return.
     pub role: Role,
+    /// Index of the shape's first primitive in its geometry.
+    pub first: u32,
 }
 
 /// Maps the primitives of a geometry to shapes.
@@ -235,6 +237,11 @@ impl Shapes {
     #[inline(always)]
     pub fn shape(&self, geom: u32, prim: u32) -> u32 {
         self.owners[geom as usize].shape(prim)
+    }
+
+    /// Index of a primitive in its shape.
+    pub fn index_in_shape(&self, geom: u32, prim: u32) -> u32 {
+        prim - self.shapes[self.shape(geom, prim) as usize].first
     }
 
     /// Role of the shape of a primitive.
@@ -400,7 +407,7 @@ impl Shapes {
         } else if let Some(colors) = &shape.colors {
             let color = match corners {
                 Some(corners) => colors.at(prim, corners, weights),
-                None => colors.of_sphere(prim),
+                None => colors.of(prim - shape.first),
             };
             set_lane(&mut out.base, i, material.base * color);
         }

@@ -17,8 +17,6 @@ pub struct MeshColors {
     pub element: MeshElement,
     /// The values, and how they become colours.
     pub source: ColorSource,
-    /// Index of the sphere that stands for the first vertex, if vertices are drawn as spheres.
-    pub first_sphere: u32,
 }
 
 /// Values, and how they become colours.
@@ -50,8 +48,9 @@ pub struct MappedScalars {
     unit: f64,
     /// Value at the start of the map, times `unit`.
     low: f64,
-    /// 1 / (value at the end of the map, times `unit`, - `low`).
-    scale: f64,
+    /// The product is 1 / (value at the end of the map, times `unit`, - `low`). There are two
+    /// factors, because the reciprocal of a denormal difference is infinite.
+    scales: [f64; 2],
     /// Linear colours at equal steps along the map.
     table: [Vec3; SEGMENTS + 1],
     /// Colour of values that are not finite.
@@ -76,13 +75,8 @@ impl MeshColors {
         }
     }
 
-    /// Returns the linear colour of sphere `prim`, which stands for a vertex.
-    pub(super) fn of_sphere(&self, prim: u32) -> Vec3 {
-        self.of(prim - self.first_sphere)
-    }
-
     /// Returns the linear colour of one vertex or triangle.
-    fn of(&self, index: u32) -> Vec3 {
+    pub(super) fn of(&self, index: u32) -> Vec3 {
         match &self.source {
             ColorSource::Stored(colors) => colors.at(index),
             ColorSource::Mapped(scalars) => scalars.of(index),
@@ -131,8 +125,9 @@ impl MappedScalars {
         // Up to the limit, the difference from the largest f64 rounds to a finite number.
         let unit = if range.iter().all(|end| end.abs() <= 1e290) { 1.0 } else { 0.25 };
         let [low, high] = range.map(|end| end * unit);
-        let scale = 1.0 / (high - low);
-        Self { values, unit, low, scale, table: std::array::from_fn(color), nan }
+        let first = if (high - low).is_subnormal() { 2f64.powi(64) } else { 1.0 };
+        let scales = [first, 1.0 / ((high - low) * first)];
+        Self { values, unit, low, scales, table: std::array::from_fn(color), nan }
     }
 
     /// The colour of one value.
@@ -148,18 +143,19 @@ impl MappedScalars {
         // Differences from `low`, so that large numbers keep the digits of a small range.
         let [a, b, c] = values.map(|value| value * self.unit - self.low);
         let [u, v, w] = weights.map(f64::from);
-        self.lookup((a * u + b * v + c * w) * self.scale)
+        self.lookup(a * u + b * v + c * w)
     }
 
     fn color(&self, value: f64) -> Vec3 {
         match value.is_finite() {
-            true => self.lookup((value * self.unit - self.low) * self.scale),
+            true => self.lookup(value * self.unit - self.low),
             false => self.nan,
         }
     }
 
-    /// The colour at position `t` of the map, interpolated in linear light.
-    fn lookup(&self, t: f64) -> Vec3 {
+    /// The colour at a `distance` from `low`, interpolated in linear light.
+    fn lookup(&self, distance: f64) -> Vec3 {
+        let t = distance * self.scales[0] * self.scales[1];
         let x = t.clamp(0.0, 1.0) * SEGMENTS as f64;
         let i = (x as usize).min(SEGMENTS - 1);
         self.table[i] + (self.table[i + 1] - self.table[i]) * (x - i as f64) as f32
@@ -177,11 +173,7 @@ mod tests {
     fn mapped(values: Vec<f64>, range: [f64; 2]) -> MeshColors {
         let nan = Vec3::new(1.0, 0.0, 1.0);
         let scalars = MappedScalars::new(Scalars::F64(values), ColorMap::Viridis, range, nan);
-        MeshColors {
-            element: MeshElement::Vertex,
-            source: ColorSource::Mapped(Box::new(scalars)),
-            first_sphere: 0,
-        }
+        MeshColors { element: MeshElement::Vertex, source: ColorSource::Mapped(Box::new(scalars)) }
     }
 
     #[test]
@@ -204,6 +196,22 @@ mod tests {
         assert_eq!(colors.of(2), linear(ColorMap::Viridis, 1.0));
         let reversed = mapped(vec![0.0, 1.0], [1.0, 0.0]);
         assert_eq!(reversed.of(0), linear(ColorMap::Viridis, 1.0));
+    }
+
+    /// The reciprocal of the width would be infinite.
+    #[test]
+    fn a_range_of_denormal_width_has_all_colours() {
+        for width in [1e-300, 5.6e-309, 3e-309, 1e-310, 4e-320] {
+            let values = vec![0.0, width / 4.0, width, f64::MAX, -f64::MAX];
+            let colors = mapped(values, [0.0, width]);
+            for (i, t) in [0.0, 0.25, 1.0, 1.0, 0.0].into_iter().enumerate() {
+                let expected = linear(ColorMap::Viridis, t);
+                assert!((colors.of(i as u32) - expected).length() < 1e-2, "{width:e} {i}");
+            }
+            assert_eq!(colors.at(0, [0, 2, 2], [0.0, 0.5, 0.5]), linear(ColorMap::Viridis, 1.0));
+            let mixed = colors.at(0, [0, 3, 4], [1.0, 0.0, 0.0]);
+            assert_eq!(mixed, linear(ColorMap::Viridis, 0.0), "{width:e}");
+        }
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub use environment::{Environment, TurnedMap};
 pub use environment_map::EnvironmentMap;
 pub use image_file::{DEFAULT_MAX_BYTES, ImageRequest, TextureSize, WHOLE_TEXELS};
 pub use light::{Area, Distant, Emitter, Falloff, Light};
-pub use light_rays::{LightWeights, light_rays};
+pub use light_rays::{LightWeights, keep_directions, light_rays};
 pub use light_tree::{DrawnLights, LightTree};
 pub use look::{Material, Owner, Shape, Shapes, TextureChoice, TexturesByFace};
 pub use mesh_colors::{ColorSource, MappedScalars, MeshColors, StoredColors};

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::light_rays::BEYOND;
 use super::points::{Lanes, Lanes3, ShadowPoints, lane, set_lane};
 use crate::geometry::{Box3, Geometry, TriangleMesh, doubles};
 use crate::ray::LANES;
@@ -9,6 +10,10 @@ use crate::sampler::disk;
 
 /// Widest half angle of a cone whose shafts are queried, as a tangent: 45 degrees.
 const MAX_TANGENT: f32 = 1.0;
+
+/// Distance of the square of [`Cone::corners`] from the points in lengths of the shadow rays, plus
+/// the points' own radius.
+const BEYOND_SQUARE: f32 = 1.1 * BEYOND;
 
 /// A cone of directions towards a sun, uniform by solid angle.
 #[derive(Debug, Clone, Copy)]
@@ -81,9 +86,9 @@ impl Cone {
             return None;
         }
         let (center, radius) = ((low + high) * 0.5, (high - low).length() * 0.5);
-        // The rays end at two thirds of the way to the square. There, the hull is wider than all
-        // of them by 2/3 of the radius, which is more than the rounding.
-        let far = 1.5 * self.reach;
+        // All rays end before the square. There, the hull is wider than all of them by more than
+        // the rounding: a ray from a point has the distance from the middle that the point has.
+        let far = BEYOND_SQUARE * self.reach + radius;
         let half = self.tangent * 1.001 * (far + radius) + 3.0 * radius + 1e-5 * far;
         let [x, y] = self.across.map(|side| side * half);
         let center = center + self.middle * far;
@@ -174,7 +179,8 @@ mod tests {
                 let q = cone.points(&[[s; LANES], [t; LANES]], &points.position);
                 for i in 0..LANES {
                     // The hull's cross-section between each origin and the square.
-                    let (o, q) = (lane(&points.origin, i), lane(&q, i));
+                    let o = lane(&points.origin, i);
+                    let q = o + (lane(&q, i) - lane(&points.position, i)) * BEYOND;
                     let along = (q - o).dot(cone.middle) / (center - o).dot(cone.middle);
                     assert!(along < 1.0);
                     let middle = o + (center - o) * along;

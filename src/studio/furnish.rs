@@ -46,7 +46,7 @@ pub fn furnish(
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
     colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
-    warnings.extend(texture_note(subject, &mesh, template, colored)?);
+    warnings.extend(texture_notes(subject, &mesh, template, colored)?);
     // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
     let turned = trimesh(&loaded, &shape).is_some_and(|spec| spec.rotate_deg != DVec3::ZERO);
@@ -255,40 +255,42 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Result<Option<OwnImage>> {
     }
 }
 
-/// Returns a warning about a texture that is not shown, or that is not where the mesh says.
+/// Returns warnings about textures that are not shown, or that are not where the mesh says.
 ///
 /// # Errors
 /// As for [`world::own_texture`].
-fn texture_note(
+fn texture_notes(
     subject: &Subject,
     mesh: &Mesh,
     template: &Template,
     colored: bool,
-) -> Result<Option<Problem>> {
+) -> Result<Vec<Problem>> {
     let place = || subject.path.display().to_string();
     let shows_own = !colored && mesh.textures.is_none();
     if !template.builtin || subject.looks.texture.is_some() || !shows_own {
-        return Ok(None);
+        return Ok(Vec::new());
     }
+    let several = || several_textures_warning(mesh, subject.path);
     let image = own_texture(subject, mesh)?;
     Ok(match (&mesh.texture_file, image) {
-        (Some(_), Some(OwnImage::Named(_))) => several_textures_warning(mesh, subject.path),
+        (Some(_), Some(OwnImage::Named(_))) => several().into_iter().collect(),
         (Some(name), Some(OwnImage::Moved(image))) => {
-            Some(moved_texture_warning(subject.path, name, &image))
+            let moved = moved_texture_warning(subject.path, name, &image);
+            [moved].into_iter().chain(several()).collect()
         }
         (None, _) if mesh.uvs.is_some() => {
             let message = "found texture coordinates and no texture";
-            Some(Problem::new(place(), message).help("show an image on it: --texture FILE"))
+            vec![Problem::new(place(), message).help("show an image on it: --texture FILE")]
         }
         (Some(name), None) if mesh.uvs.is_none() => {
             let message = format!(
                 "found the texture \"{name}\", which is not used: the mesh has no texture \
                  coordinates"
             );
-            Some(Problem::new(place(), message))
+            vec![Problem::new(place(), message)]
         }
         // The world warns of an image that is missing.
-        _ => None,
+        _ => Vec::new(),
     })
 }
 

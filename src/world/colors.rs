@@ -69,7 +69,7 @@ pub(super) fn take(
         };
         let space = spec.vertex_color_space.unwrap_or(space);
         let source = ColorSource::Stored(StoredColors { values, alpha, space });
-        MeshColors { element, source, first_sphere: 0 }
+        MeshColors { element, source }
     });
     Ok((stored, None))
 }
@@ -173,5 +173,5 @@ fn mapped(
     let legend = Legend { name: property.name, map: color.map, range, nan };
     let scalars = MappedScalars::new(property.values, color.map, range, color.nan.vec());
     let source = ColorSource::Mapped(Box::new(scalars));
-    Ok((MeshColors { element: property.element, source, first_sphere: 0 }, legend))
+    Ok((MeshColors { element: property.element, source }, legend))
 }

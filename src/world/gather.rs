@@ -29,18 +29,22 @@ pub(super) fn gather(
     for (index, shape) in scene.shapes.iter().enumerate() {
         let index = index as u32;
         let textured = scene.materials[shape.material].texture.is_some();
+        let mut first = 0;
         let uv = match &shape.kind {
             ShapeKind::Sphere { center, radius, pole } => {
+                first = spheres.len() as u32;
                 spheres.push(Sphere { center: *center - origin, radius: *radius });
                 sphere_shapes.push(index);
                 UvSource::Sphere { pole: *pole }
             }
             ShapeKind::Plane { corners } => {
+                first = quads.len() as u32;
                 quads.push(corners.map(local));
                 quad_shapes.push(index);
                 linear(textured, || UvFrame::from_quad(&corners.map(|p| p - origin)))
             }
             ShapeKind::Triangle { corners: triangle } => {
+                first = triangle_shapes.len() as u32;
                 corners.extend(triangle.map(local));
                 triangle_shapes.push(index);
                 linear(textured, || UvFrame::from_triangle(&triangle.map(|p| p - origin)))
@@ -48,7 +52,8 @@ pub(super) fn gather(
             ShapeKind::Trimesh(_) | ShapeKind::Instance { .. } => UvSource::None,
         };
         let (material, role) = (shape.material as u32, shape.role);
-        shapes.push(Shape { material, uv, normals: None, colors: None, textures: None, role });
+        let (normals, colors, textures) = (None, None, None);
+        shapes.push(Shape { material, uv, normals, colors, textures, role, first });
     }
     let (mut arrays, mut shared) = (Vec::new(), SharedMeshes::default());
     let mut owners = Vec::new();

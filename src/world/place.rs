@@ -280,8 +280,8 @@ impl PlacedMesh {
         let points = (0..mesh.positions.len()).into_par_iter();
         spheres.par_extend(points.map(|i| place(mesh.positions.get(i))));
         // `gather` refuses too many primitives before an index is used.
-        let first_sphere = u32::try_from(first).unwrap_or(u32::MAX);
-        shape.colors = colors.map(|colors| MeshColors { first_sphere, ..colors });
+        shape.first = u32::try_from(first).unwrap_or(u32::MAX);
+        shape.colors = colors;
         Ok(())
     }
 
@@ -289,7 +289,8 @@ impl PlacedMesh {
     /// [`PlacedMesh::append_spheres`] needs in addition to the mesh.
     ///
     /// An f64 file needs f32 positions, 12 bytes per vertex. Computed normals need 20 bytes per
-    /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex.
+    /// vertex and 12 per triangle: the normals, and a table of the faces around each vertex. The
+    /// triangles beside stitches are found in [`mesh::stitching_bytes`].
     fn conversion_bytes(&self) -> u64 {
         let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
         if self.is_cloud() {
@@ -303,7 +304,7 @@ impl PlacedMesh {
             true => 20 * vertices + 12 * triangles,
             false => 0,
         };
-        (rounded + normals) as u64
+        (rounded + normals) as u64 + mesh::stitching_bytes(self.mesh.stitches.len(), vertices)
     }
 }
 

@@ -70,6 +70,7 @@ mod pictures {
     mod environment;
     mod environment_map;
     mod layers;
+    mod lifted_origins;
     mod many_lights;
     mod mesh_colors;
     mod noise_bias;

@@ -71,6 +71,7 @@ mod pictures {
 
 mod render {
     mod adaptive;
+    mod catcher_parts;
     mod command;
     mod cryptomatte;
     mod dataset;

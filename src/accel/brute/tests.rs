@@ -286,8 +286,8 @@ proptest! {
 
     #[test]
     fn blocks_skip_no_hit(
-        triangles in prop::collection::vec(prop::array::uniform3(point()), 1..300),
-        rays in prop::collection::vec((point(), point()), 10),
+        triangles in prop::collection::vec(prop::array::uniform3(point()), 1..120),
+        rays in prop::collection::vec((point(), point()), 6),
     ) {
         let geometry = soup(&triangles);
         let brute = build(&geometry);

@@ -12,7 +12,7 @@
 //!   it (no hit) or passes through both sides (two hits at the same t).
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
-use super::exact::ShearedTriangle;
+use super::exact::{ShearedTriangle, TrianglePlane};
 use super::interleaved::{Interleaved, LeafVisitor};
 use super::node::{Block, Child, ChildKind, WIDTH};
 use super::query::{Lane, Query};
@@ -39,18 +39,37 @@ impl Bvh<'_> {
     /// Appends all crossings of the active rays within (`tnear`, `tfar`) to `found`, lane by lane,
     /// in no particular order within a lane. Spheres and `leaving` are ignored.
     pub fn crossings(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
-        let (bvh, touches) = (self, false);
+        let (bvh, touches, slack) = (self, false, None);
         with_tier!(self.isa, tier => {
-            tier.run(AllCrossings { tier, bvh, active, rays, touches, found })
+            tier.run(AllCrossings { tier, bvh, active, rays, touches, slack, found })
         });
     }
 
     /// As [`Bvh::crossings`], but edges and vertices belong to all their triangles, as in closest
     /// hits.
     pub fn touches(&self, active: &Mask, rays: &Rays, found: &mut Vec<Crossing>) {
-        let (bvh, touches) = (self, true);
+        let (bvh, touches, slack) = (self, true, None);
         with_tier!(self.isa, tier => {
-            tier.run(AllCrossings { tier, bvh, active, rays, touches, found })
+            tier.run(AllCrossings { tier, bvh, active, rays, touches, slack, found })
+        });
+    }
+
+    /// Appends the crossings of the active rays' lines that stray from a point of the ray by more
+    /// than half of `slack`, although the triangle is within `slack` of the point. The point lies
+    /// `slack` before `tfar`, and `tnear` at most `slack` before it. Some triangles that are
+    /// farther away may be found, too, but none whose plane is much farther away.
+    ///
+    /// If `touches`, edges and vertices belong to all their triangles: see [`Bvh::touches`].
+    pub fn strays(
+        &self,
+        active: &Mask,
+        rays: &Rays,
+        (slack, touches): (f32, bool),
+        found: &mut Vec<Crossing>,
+    ) {
+        let (bvh, slack) = (self, Some(slack));
+        with_tier!(self.isa, tier => {
+            tier.run(AllCrossings { tier, bvh, active, rays, touches, slack, found })
         });
     }
 }
@@ -61,6 +80,8 @@ struct AllCrossings<'a, T> {
     active: &'a Mask,
     rays: &'a Rays,
     touches: bool,
+    /// Only strays within this distance: see [`Bvh::strays`].
+    slack: Option<f32>,
     found: &'a mut Vec<Crossing>,
 }
 
@@ -68,10 +89,11 @@ impl<T: Tier> Kernel for AllCrossings<'_, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let Self { tier, bvh, active, rays, touches, found } = self;
-        let query = Query::new(rays, &bvh.tree.bounds);
+        let Self { tier, bvh, active, rays, touches, slack, found } = self;
+        let more = [slack.unwrap_or(0.0); LANES];
+        let query = Query::with_slack(rays, &bvh.tree.bounds, &more);
         let first = found.len();
-        let mut crossings = Crossings { touches, found };
+        let mut crossings = Crossings { touches, slack, found };
         Interleaved::new(tier, bvh, &query, rays).visit(tier.bits(active), &mut crossings);
         found[first..].sort_unstable_by_key(|crossing| crossing.lane);
     }
@@ -81,6 +103,7 @@ impl<T: Tier> Kernel for AllCrossings<'_, T> {
 struct Crossings<'a> {
     /// Whether triangles that are only touched are collected, too.
     touches: bool,
+    slack: Option<f32>,
     found: &'a mut Vec<Crossing>,
 }
 
@@ -88,19 +111,54 @@ impl LeafVisitor for Crossings<'_> {
     #[inline(always)]
     fn visit<T: Tier>(&mut self, ray: &Single<T>, leaf: Child) -> bool {
         if let ChildKind::Triangles(block) = leaf.kind() {
-            ray.crossings_in_block(block, self.touches, self.found);
+            let Self { touches, slack, found } = self;
+            if let Some(slack) = *slack {
+                ray.strays_in_block(block, (slack.into(), *touches), found);
+            } else {
+                let end = ray.lane.value(&ray.lane.query.tfar);
+                let is_within = |seen: &ShearedTriangle, t, triangle: (&Block, usize)| {
+                    ray.is_within(seen, &ray.ray(), t, triangle)
+                };
+                ray.crossings_in_block(block, (end, *touches), is_within, found);
+            }
         }
         false
     }
 }
 
 impl<T: Tier> Single<'_, T> {
-    /// Adds the crossings with the triangles of a leaf.
+    /// Adds the strays among the triangles of a leaf: see [`Bvh::strays`].
     #[inline(always)]
-    fn crossings_in_block(&self, index: usize, touches: bool, found: &mut Vec<Crossing>) {
+    fn strays_in_block(
+        &self,
+        index: usize,
+        (slack, touches): (f64, bool),
+        found: &mut Vec<Crossing>,
+    ) {
+        let mut ray = self.ray();
+        let middle = ray.tfar - slack;
+        (ray.tnear, ray.tfar) = (0.0, f64::INFINITY);
+        let strays = |seen: &ShearedTriangle, t: f64, (block, slot): (&Block, usize)| {
+            let (off, plane) = ((t - middle).abs(), TrianglePlane::new(block.triangle(slot)));
+            let (_, towards) = plane.intersect(ray.origin, ray.direction);
+            // A NaN is a stray.
+            let is_far = off * towards.abs() > 2.0 * slack * plane.normal_l1();
+            off > 0.5 * slack && !is_far && self.is_within(seen, &ray, t, (block, slot))
+        };
+        self.crossings_in_block(index, (f32::INFINITY, touches), strays, found);
+    }
+
+    /// Adds the crossings with the triangles of a leaf before `end` for which `counts` is true.
+    #[inline(always)]
+    fn crossings_in_block(
+        &self,
+        index: usize,
+        (end, touches): (f32, bool),
+        counts: impl Fn(&ShearedTriangle, f64, (&Block, usize)) -> bool,
+        found: &mut Vec<Crossing>,
+    ) {
         let block = &self.tree.blocks[index];
-        let candidates =
-            self.tier.candidates(block, &self.lane, self.lane.value(&self.lane.query.tfar));
+        let candidates = self.tier.candidates(block, &self.lane, end);
         let mut left = candidates.maybe;
         while left != 0 {
             let i = left.trailing_zeros();
@@ -115,7 +173,7 @@ impl<T: Tier> Single<'_, T> {
                 continue;
             }
             let t = seen.t(&ray, block.triangle(slot));
-            if self.is_within(&seen, &ray, t, (block, slot)) {
+            if counts(&seen, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;
                 let primitive = self.tree.indices().of(block, slot);
                 let [u, v, w] = seen.edges;

@@ -74,7 +74,7 @@ use self::query::Query;
 use self::shaft::MayHit;
 use self::simd::{Path, Stack, Tier};
 use self::visits::{Counting, Counts};
-use super::accelerator::{Accelerator, BuildInfo, Visits};
+use super::accelerator::{Accelerator, BuildInfo, Cone, Visits};
 use super::shaft::Shaft;
 use crate::geometry::{Geometry, Nearby};
 use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
@@ -210,27 +210,27 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     }
 }
 
-/// Returns false only if the convex hull of the active rays contains no part of a triangle and
-/// overlaps no leaf of spheres.
-struct MayContainAnything<'a, T> {
+/// Returns what the convex hull of the active rays contains.
+struct InCone<'a, T> {
     tier: T,
     bvh: &'a Bvh<'a>,
     active: &'a Mask,
     rays: &'a Rays,
 }
 
-impl<T: Tier> Kernel for MayContainAnything<'_, T> {
-    type Output = bool;
+impl<T: Tier> Kernel for InCone<'_, T> {
+    type Output = Cone;
     #[inline(always)]
-    fn run(self) -> bool {
+    fn run(self) -> Cone {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        // For rays of several dominant axes or signs the result is true, which is conservative.
-        // This query is rare, so such rays are not split into groups.
+        // For rays of several dominant axes or signs the result is conservative. This query is
+        // rare, so such rays are not split into groups.
         let active = tier.bits(active);
-        active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0
-            || Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active)
-                .may_contain_anything()
+        if active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0 {
+            return Cone::Any;
+        }
+        Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active).contents()
     }
 }
 
@@ -290,11 +290,9 @@ impl Accelerator for Bvh<'_> {
         with_tier!(self.isa, tier => self.occluded_with(tier, active, rays, coherence));
     }
 
-    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
+    fn cone(&self, active: &Mask, rays: &Rays) -> Option<Cone> {
         let bvh = self;
-        with_tier!(self.isa, tier => {
-            Some(!tier.run(MayContainAnything { tier, bvh, active, rays }))
-        });
+        with_tier!(self.isa, tier => Some(tier.run(InCone { tier, bvh, active, rays })));
     }
 
     fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {

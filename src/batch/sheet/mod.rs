@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Problem, Result};
 use crate::monitor::Monitor;
 use crate::output::atomic::{PartFile, Sweep};
+use crate::output::finished;
 use crate::parallel;
 use crate::threads;
 
@@ -34,6 +35,12 @@ const MAX_FRAMES: usize = 24;
 pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
     let sheets = sheets(job.inputs.len());
     [PAGE.to_string()].into_iter().chain(sheets).map(|name| job.folder.join(name))
+}
+
+/// Returns the first picture under the name of a sheet that no batch has made.
+pub fn foreign(job: &Job) -> Option<PathBuf> {
+    let paths = sheets(job.inputs.len()).into_iter().map(|name| job.folder.join(name));
+    paths.into_iter().find(|path| finished::is_foreign(path) && !png::is_sheet(path))
 }
 
 /// Writes the contact sheet from the pictures and journals in the job's folder.

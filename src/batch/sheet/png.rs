@@ -1,6 +1,7 @@
 //! Draws `sheet.png`: one picture per input with its name, in rows. Failures are red.
 
-use std::io::{BufWriter, Write};
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use embedded_graphics::mono_font::MonoFont;
@@ -10,6 +11,7 @@ use image::{Rgb, RgbImage, imageops};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::atomic::PartFile;
+use crate::output::png_read;
 use crate::output::text::draw_text;
 
 use super::entry::SheetEntry;
@@ -20,6 +22,8 @@ const COLUMNS: usize = 15;
 const FONT: &MonoFont = &FONT_6X10;
 const GAP: u32 = 8;
 const LINE: u32 = 14;
+/// Width and height of a picture with its name and the gap after it.
+const CELL: [u32; 2] = [SIDE + GAP, SIDE + LINE + GAP];
 const PAPER: Rgb<u8> = Rgb([244, 245, 247]);
 const INK: [u8; 3] = [28, 33, 38];
 const RED: [u8; 3] = [200, 16, 46];
@@ -46,10 +50,24 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
     part.commit()
 }
 
+/// Returns true for a PNG that [`write`] has made, by its size and its upper margin.
+pub fn is_sheet(path: &Path) -> bool {
+    let look = || {
+        let file = File::open(path).ok()?;
+        let bytes = file.metadata().ok()?.len();
+        let mut reader = png_read::header(BufReader::new(file), bytes).ok()?;
+        let (width, height) = reader.info().size();
+        let has_cells = |side: u32, cell: u32| side > GAP && side % cell == GAP;
+        let fits = has_cells(width, CELL[0]) && has_cells(height, CELL[1]);
+        Some(fits && reader.next_row().ok()??.data() == PAPER.0.repeat(width as usize))
+    };
+    look().unwrap_or(false)
+}
+
 fn draw(entries: &[SheetEntry], strips: &[Option<Strip>]) -> RgbImage {
     let columns = entries.len().clamp(1, COLUMNS) as u32;
     let rows = entries.len().div_ceil(COLUMNS).max(1) as u32;
-    let (width, height) = (SIDE + GAP, SIDE + LINE + GAP);
+    let [width, height] = CELL;
     let mut sheet = RgbImage::from_pixel(columns * width + GAP, rows * height + GAP, PAPER);
     for (i, (entry, strip)) in entries.iter().zip(strips).enumerate() {
         let x = GAP + i as u32 % columns * width;

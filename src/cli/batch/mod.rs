@@ -36,6 +36,10 @@ pub const MEMORY_KEY: &str = "/limits/memory";
 pub fn run(args: &BatchArgs) -> Result<()> {
     let (job, limits) = job(args)?;
     batch::check_settings(&job)?;
+    let with_sheet = !args.run.no_sheet && args.frames.range.is_none();
+    if with_sheet {
+        batch::refuse_foreign_sheet(&job)?;
+    }
     if args.run.dry_run {
         return list(&job, args);
     }
@@ -88,8 +92,8 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         ));
     }
     // A list of paths that is lost does not stop the batch, but its exit code says so.
-    let with_sheet = outcome.signal.is_none() && !args.run.no_sheet && options.range.is_none();
-    let sheet = match with_sheet {
+    let ended = outcome.signal.is_none() && outcome.fatal.is_none();
+    let sheet = match with_sheet && ended {
         true => {
             let paths = sheet::write(&job, &[], options.threads, &monitor);
             paths.and_then(|paths| print::paths(&paths))
@@ -130,13 +134,15 @@ fn about(input: &str, problem: &Problem) -> Problem {
 /// Turns the outcome of a run and of its contact sheet into a result. The error lists all failures
 /// again.
 fn verdict(job: &Job, outcome: Outcome, sheet: Result<()>) -> Result<()> {
-    if let Some(signal) = outcome.signal {
+    if let (Some(signal), None) = (outcome.signal, &outcome.fatal) {
         let message = "stopped by a signal; finished frames stay";
         let problem = Problem::new("", message).help("continue with --resume");
         return Err(Error::new(ErrorKind::Interrupted(signal), problem));
     }
+    // No sheet is written after a fatal error.
+    let last = outcome.fatal.clone().map_or(sheet, Err);
     if outcome.failures.is_empty() {
-        return sheet;
+        return last;
     }
     let inputs: BTreeSet<usize> = outcome.failures.iter().map(|(input, _)| *input).collect();
     let message = format!("{} of {} inputs failed:", inputs.len(), job.inputs.len());
@@ -146,11 +152,15 @@ fn verdict(job: &Job, outcome: Outcome, sheet: Result<()>) -> Result<()> {
         problems.extend(error.problems.iter().map(|problem| about(&path, problem)));
     }
     // A retry of the batch can help only if every failure may be temporary.
-    let errors = outcome.failures.iter().map(|(_, error)| error).chain(sheet.as_ref().err());
-    let retry = errors.into_iter().all(|error| error.kind == ErrorKind::Retry);
-    problems.extend(sheet.err().into_iter().flat_map(|error| error.problems));
+    let mut errors = outcome.failures.iter().map(|(_, error)| error).chain(last.as_ref().err());
+    let retry = errors.all(|error| error.kind == ErrorKind::Retry);
+    let listed = |problem: &Problem| {
+        outcome.failures.iter().any(|(_, error)| error.problems.contains(problem))
+    };
+    let last = last.err().into_iter().flat_map(|error| error.problems);
+    problems.extend(last.filter(|problem| !listed(problem)));
     let kind = if retry { ErrorKind::Retry } else { ErrorKind::Check };
-    Err(Error { kind, problems })
+    Err(Error { kind: outcome.fatal.map_or(kind, |error| error.kind), problems })
 }
 
 /// Returns the limit of memory of a job file in bytes. `place` names the limit in messages.

@@ -11,7 +11,6 @@ use crate::layers::{FaceCounts, LayerPlan};
 use crate::output::atomic::PartFile;
 use crate::output::png;
 use crate::scene::{Layer, Scene};
-use crate::shading::Owner;
 use crate::world::World;
 use crate::{memory, paths};
 
@@ -72,7 +71,7 @@ impl DatasetArgs {
 pub struct DatasetPaths {
     faces: Option<PathBuf>,
     /// The instances and the semantic classes, or none.
-    ids: Vec<PathBuf>,
+    pub ids: Vec<PathBuf>,
 }
 
 /// Part files for data sets, while they are written.
@@ -156,10 +155,7 @@ fn visible_faces(counts: &FaceCounts, world: &World) -> Vec<u8> {
         .seen()
         .map(|(primitive, samples, pixels)| {
             let (geom, prim) = world.geometry.place(primitive);
-            let face = match world.shapes.owners[geom as usize] {
-                Owner::One(_) | Owner::Instance { .. } => prim,
-                Owner::Each(_) => 0,
-            };
+            let face = world.shapes.index_in_shape(geom, prim);
             (world.shapes.shape(geom, prim) + 1, face, samples, pixels)
         })
         .collect();

@@ -103,11 +103,13 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     args.files.prefix.check(&oddities)
 }
 
-/// Refuses to replace `NAME.png` or `NAME.albedo.png` beside `NAME.ply` unless a render has made
-/// it: scanners write the textures of a mesh under such names. A render leaves `NAME.exr`, too.
+/// Refuses to replace `NAME.png`, `NAME.albedo.png` or `NAME.semantic.png` beside `NAME.ply` unless
+/// a render has made it: scanners and tools for data sets write images under such names. A render
+/// leaves `NAME.exr`, too.
 fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
     let [exr, png] = Outputs::names(&options.prefix);
-    let mut pngs = std::iter::once(&png).chain(options.previews.iter().map(|(_, path)| path));
+    let previews = options.previews.iter().map(|(_, path)| path);
+    let mut pngs = std::iter::once(&png).chain(previews).chain(&options.dataset.ids);
     let Some(png) = pngs.find(|png| png.is_file()).filter(|_| !exr.exists()) else {
         return Ok(());
     };

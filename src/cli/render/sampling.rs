@@ -95,7 +95,8 @@ pub fn attributes(adaptive: &Adaptive) -> Vec<(String, String)> {
     attributes
 }
 
-/// Returns the value of the attribute `lightpath:spp`: the number or range of samples per pixel.
+/// Returns the value of the attribute `lightpath:spp`: the number of samples per pixel, or the
+/// range that is permitted.
 pub fn spp(adaptive: Option<&Adaptive>, scene: &Scene) -> String {
     match adaptive {
         Some(Adaptive { first, most, .. }) => format!("{first}-{most}"),

@@ -107,6 +107,7 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     // Before any mesh is opened: opening a pipe waits for its writer.
     batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
     batch::refuse_photographs(&job, &batch::tasks(job.inputs.len(), job.frames(), None)?)?;
+    batch::refuse_foreign_sheet(&job)?;
     let slurm = plan(args, &job, &limits, &program)?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
@@ -200,12 +201,7 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
             return Err(Error::invalid(flag, "found a line break or another control character"));
         }
     }
-    if let Some(word) = script_among(&args.sbatch) {
-        let message = format!("found {word:?}, expected an option of sbatch");
-        return Err(
-            Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu")
-        );
-    }
+    check_options(&args.sbatch)?;
     if let Some(time) = &args.time {
         check_time(time, chunks.per_task as f64 * frame_seconds)?;
     }
@@ -237,17 +233,25 @@ fn plan(args: &SlurmArgs, job: &Job, limits: &LimitKeys, program: &Path) -> Resu
 }
 
 /// Options of sbatch whose next word is no value: they take none, or only one after `=`.
-const FLAGS: &str = "contiguous exclusive get-user-env help hold ignore-pbs nice no-kill \
-    no-requeue overcommit oversubscribe parsable propagate quiet reboot requeue share spread-job \
-    stepmgr test-only usage use-min-nodes verbose version wait x11";
+const FLAGS: &str = "consolidate-segments contiguous exclusive external get-user-env help hold \
+    ignore-pbs nice no-kill no-requeue oom-kill-step overcommit oversubscribe parsable propagate \
+    quiet reboot requeue resv-ports share spread-job spread-segments stepmgr test-only usage \
+    use-min-nodes verbose version wait x11";
 /// The same of one letter. Several may share a dash.
 const SHORT_FLAGS: &str = "HOQVWhksuv";
 
-/// Returns the word that sbatch would take for the script to submit: one without dashes that is not
-/// the value of the option before it, or any after `--`.
-fn script_among(words: &[String]) -> Option<&String> {
+/// Checks that sbatch finds its script behind `words`, the additional options.
+///
+/// # Errors
+/// A word that it would take for the script: one without dashes that is not the value of the option
+/// before it, or any after `--`. A last option that would take the script for its value.
+fn check_options(words: &[String]) -> Result<()> {
+    let refused = |word: &String, expected: &str| {
+        let message = format!("found {word:?}, expected {expected}");
+        Err(Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu"))
+    };
     let (mut takes_value, mut no_more_options) = (false, false);
-    words.iter().find(|word| {
+    let script = words.iter().find(|word| {
         let is_value = std::mem::take(&mut takes_value);
         if is_value || no_more_options {
             return !is_value;
@@ -263,7 +267,12 @@ fn script_among(words: &[String]) -> Option<&String> {
             }
         };
         false
-    })
+    });
+    match (script, words.last()) {
+        (Some(word), _) => refused(word, "an option of sbatch"),
+        (None, Some(word)) if takes_value => refused(word, "a value after it"),
+        _ => Ok(()),
+    }
 }
 
 /// Checks the time limit of a task, and warns if it is shorter than the task's `seconds` and the

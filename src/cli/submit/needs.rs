@@ -31,8 +31,8 @@ impl Needs {
     pub fn of(job: &Job, cpus: u16) -> Result<Self> {
         let mut needs = Self { peak: 0, frame_seconds: 0.0, camera_rays: BTreeSet::new() };
         let mut first_error = None;
-        for input in &job.inputs {
-            let (scene, prediction) = match batch::predict(job, input) {
+        for task in batch::tasks(job.inputs.len(), job.frames(), None)? {
+            let (scene, prediction) = match batch::predict(job, &task) {
                 Ok(known) => known,
                 Err(error) => {
                     first_error = first_error.or(Some(error));

@@ -33,6 +33,12 @@ impl HalfRounding {
     }
 }
 
+/// Largest absolute mean error of values by rounding them to half floats: half a step of each.
+pub fn largest_bias(values: &[f32]) -> f64 {
+    let steps: f64 = values.iter().map(|value| step(f64::from(*value))).sum();
+    steps / 2.0 / values.len().max(1) as f64
+}
+
 /// Distance between half floats around a value: 10 bits below its first bit, at least 2^-24.
 fn step(value: f64) -> f64 {
     let exponent = value.abs().max(2f64.powi(-14)).log2().floor();
@@ -64,6 +70,18 @@ mod tests {
         assert_eq!(rmse([false, true]), (2f64.powi(-20) / 12.0).sqrt());
         let both = rmse([true, false]).hypot(rmse([false, true]));
         assert!((rmse([true, true]) / both - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_mean_error_is_at_most_half_a_step() {
+        // The first lies in the middle between two half floats, 0.25 is one itself.
+        let values = [1.0 + 2f32.powi(-11), 0.1, 0.25];
+        let rounded = values.map(|value| f16::from_f32(value).to_f32());
+        let bound = largest_bias(&rounded);
+        assert_eq!(bound, (2f64.powi(-11) + 2f64.powi(-15) + 2f64.powi(-13)) / 3.0);
+        assert!(ValueErrors::of(&values, &rounded).bias.abs() <= bound);
+        assert_eq!(ValueErrors::of(&values[..1], &rounded[..1]).bias, largest_bias(&rounded[..1]));
+        assert_eq!(largest_bias(&[]), 0.0);
     }
 
     #[test]

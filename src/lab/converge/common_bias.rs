@@ -15,7 +15,8 @@ const BIAS_SHARE: f64 = 0.2;
 
 impl StudyReport {
     /// Mean signed error that all settings share, if it is most likely that of the reference: it is
-    /// far beyond the noise and does not depend on the number of samples.
+    /// far beyond the noise, does not depend on the number of samples, and is more than the
+    /// rounding of a reference in 16 bits explains.
     pub fn common_bias(&self) -> Option<f64> {
         let points = || self.points.iter().filter(|point| !point.not_antialiased);
         let common = mean(&points().map(|point| point.bias.value).collect::<Vec<_>>());
@@ -25,6 +26,8 @@ impl StudyReport {
                 && (value - common).abs() <= BIAS_SPREAD * common.abs()
         };
         let least = points().map(|point| point.rmse.value).fold(f64::INFINITY, f64::min);
-        (points().all(shared) && common.abs() > BIAS_SHARE * least).then_some(common)
+        let rounding = (1.0 + BIAS_SPREAD) * self.reference.largest_half_bias.unwrap_or(0.0);
+        let is_large = common.abs() > rounding.max(BIAS_SHARE * least);
+        (points().all(shared) && is_large).then_some(common)
     }
 }

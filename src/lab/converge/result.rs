@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::fit::{Slope, front, slope};
 use super::grid::Setting;
 use super::study::{Study, StudyLimits, StudyPoint};
+use crate::lab::compare::half::largest_bias;
 use crate::lab::result::Machine;
 use crate::lab::stats::{mad, mean, median};
 use crate::units::plural;
@@ -59,6 +60,8 @@ pub struct ReferenceResult {
     pub file: Option<String>,
     /// Whether the file is stored in 16 bits.
     pub half: bool,
+    /// Largest mean error by storing it in 16 bits; `None` if it is not.
+    pub largest_half_bias: Option<f64>,
     /// Camera samples per pixel of each pass, rendered by the first backend.
     pub spp: Option<u32>,
     /// Samples on each area light, sun and environment per shading point, of each pass.
@@ -206,6 +209,8 @@ pub fn report(
     let costs: Vec<[f64; 2]> = points.iter().map(cost).collect();
     let floor = study.reference.as_ref().and_then(|reference| reference.floor);
     let (file, half) = subject.reference.unzip();
+    let half = half.unwrap_or_default();
+    let in_half = study.reference.as_ref().filter(|_| half);
     StudyReport {
         version: VERSION,
         machine: subject.machine,
@@ -217,7 +222,8 @@ pub fn report(
         seconds,
         reference: ReferenceResult {
             file,
-            half: half.unwrap_or_default(),
+            half,
+            largest_half_bias: in_half.map(|reference| largest_bias(&reference.values)),
             spp: study.pass.map(|pass| pass.spp),
             light_samples: study.pass.and_then(|pass| pass.light_samples),
             passes: study.pass.map(|_| study.passes.count),

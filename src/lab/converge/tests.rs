@@ -50,6 +50,15 @@ fn limits(budget: f64) -> StudyLimits {
 }
 
 fn found(study: &Study, limits: StudyLimits) -> StudyReport {
+    found_beside(None, study, limits)
+}
+
+/// The report of a study whose reference may be a file, stored in 16 bits or not.
+fn found_beside(
+    reference: Option<(String, bool)>,
+    study: &Study,
+    limits: StudyLimits,
+) -> StudyReport {
     let machine =
         Machine { cpu: String::new(), cores: 1, isa: String::new(), versions: Default::default() };
     let subject = StudyNames {
@@ -59,7 +68,7 @@ fn found(study: &Study, limits: StudyLimits) -> StudyReport {
         hash: String::new(),
         size: [WIDTH as u32, (PIXELS / WIDTH) as u32],
         backends: vec!["b".into()],
-        reference: None,
+        reference,
     };
     report(study, subject, limits, 1.0)
 }
@@ -170,4 +179,31 @@ fn a_given_reference_is_not_rendered() {
     assert_eq!((report.reference.passes, report.reference.rmse), (None, None));
     let sobol = report.series.iter().find(|s| s.sampler == "sobol").unwrap();
     assert!((sobol.slope.unwrap().slope + 0.75).abs() < 0.01);
+}
+
+#[test]
+fn a_bias_by_rounding_the_reference_is_no_other_scene() {
+    let grid = StudyGrid {
+        samplers: vec![SamplerKind::Sobol],
+        spp: vec![1024, 4096],
+        light_samples: vec![None],
+        ..grid()
+    };
+    // Half floats above 1 are 2^-10 apart.
+    let rounding = 0.9 * 2f64.powi(-11);
+    for (bias, half, told) in
+        [(rounding, true, false), (rounding, false, true), (2f64.powi(-10), true, true)]
+    {
+        let values = vec![(1.0 + bias) as f32; 3 * PIXELS];
+        let reference = ReferencePicture { values, floor: None };
+        let mut study = Study::new(grid.clone(), limits(100.0), WIDTH, Some(reference));
+        let mut now = 0.0;
+        while let Some(job) = study.next(now) {
+            now += 1e-3;
+            study.take(&job, &render(&job), 1, 1e-3);
+        }
+        let file = Some(("r.exr".to_string(), half));
+        let common = found_beside(file, &study, limits(100.0)).common_bias();
+        assert_eq!(common.is_some(), told, "{bias} {half}: {common:?}");
+    }
 }

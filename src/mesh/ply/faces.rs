@@ -52,9 +52,10 @@ impl PlyFaces {
         Ok(())
     }
 
-    /// Returns the size in bytes of the arrays.
+    /// Returns the size in bytes of the arrays, triangles without area included.
     pub(super) fn bytes(&self) -> u64 {
         let uvs = self.uvs.as_ref().map_or(0, |uvs| size_of_val(&uvs[..]));
-        (size_of_val(&self.triangles[..]) + uvs) as u64 + self.attributes.bytes()
+        let triangles = size_of_val(&self.triangles[..]) + size_of_val(&self.tally.stitches[..]);
+        (triangles + uvs) as u64 + self.attributes.bytes()
     }
 }

@@ -1,8 +1,8 @@
 //! Checks the layers: their names must be known, and the names of light groups must differ if a
 //! layer uses them.
 
-use crate::scene::checked::{CheckedLight, CheckedShape, Scene, ShapeKind};
-use crate::scene::description::{MeshColorDescription, Name};
+use crate::scene::checked::{CheckedLight, Scene};
+use crate::scene::description::Name;
 use crate::scene::layers::{Layer, LightGroups};
 
 use super::context::Check;
@@ -10,14 +10,7 @@ use super::context::Check;
 impl Check<'_, '_> {
     /// Checks that there is a colour map for `/output/legend`.
     pub(super) fn legend(&mut self, scene: &Scene) {
-        let mapped = |shape: &CheckedShape| match &shape.kind {
-            ShapeKind::Trimesh(mesh) => {
-                let color = mesh.color.as_ref().map(|request| &request.color);
-                matches!(color, Some(MeshColorDescription::Property(_)))
-            }
-            _ => false,
-        };
-        if scene.legend && !scene.shapes.iter().any(mapped) {
+        if scene.legend && !scene.shows_property() {
             let message = "found true, but no mesh shows a property by its `color`";
             let help = "name one: --color PROPERTY; `info` lists those of a file";
             self.problems.error("/output/legend", message, Some(help.into()));

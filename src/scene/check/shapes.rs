@@ -1,7 +1,5 @@
 //! Checks the shapes: area, convexity, mesh files, materials.
 
-use std::collections::{HashMap, HashSet};
-
 use glam::{DAffine3, DVec3};
 
 use crate::scene::checked::{CheckedShape, MeshColor, Role, ShapeKind, Smooth, Trimesh};
@@ -16,7 +14,8 @@ use super::geometry::{QuadFault, is_flat, quad_fault};
 use super::materials::Materials;
 
 impl Check<'_, '_> {
-    /// Checks `/scene/shapes` and makes the checked shapes.
+    /// Checks `/scene/shapes` and makes the checked shapes. Copies of meshes come last, with the
+    /// names of their meshes.
     pub(super) fn shapes(&mut self, materials: &mut Materials) -> Vec<CheckedShape> {
         let (mut shapes, mut copies) = (Vec::new(), Vec::new());
         for i in 0..self.count("/scene/shapes") {
@@ -46,7 +45,6 @@ impl Check<'_, '_> {
             }
             shapes.push(CheckedShape { name, material, kind, visible, role, semantic });
         }
-        name_copies(&mut shapes, &mut copies);
         shapes.append(&mut copies);
         shapes
     }
@@ -203,38 +201,6 @@ impl Check<'_, '_> {
             let message =
                 "found `color` and a material with `tPath`; the texture hides the colours";
             self.problems.warn(&format!("{pointer}/color"), message, None);
-        }
-    }
-}
-
-/// Gives each copy of a mesh with `instances` a name of its own: the mesh's name, or the first of
-/// `NAME.2`, `NAME.3`... that no other shape has. `copies` follow the order of their meshes, and
-/// have the names of these. Shapes without `instances` keep a name that they share.
-fn name_copies(shapes: &mut [CheckedShape], copies: &mut [CheckedShape]) {
-    let is_copied = |shape: &CheckedShape| matches!(&shape.kind, ShapeKind::Trimesh(mesh) if mesh.transform.is_some());
-    let plain = shapes.iter().filter(|shape| !is_copied(shape));
-    let mut used: HashSet<String> = plain.filter_map(|shape| shape.name.clone()).collect();
-    let mut next: HashMap<String, u32> = HashMap::new();
-    let mut make_unique = |shape: &mut CheckedShape| {
-        let Some(name) = &mut shape.name else { return };
-        if used.insert(name.clone()) {
-            return;
-        }
-        let number = next.entry(name.clone()).or_insert(2);
-        let numbered = (*number..).map(|number| (number, format!("{name}.{number}")));
-        for (taken, numbered) in numbered {
-            if used.insert(numbered.clone()) {
-                (*number, *name) = (taken + 1, numbered);
-                break;
-            }
-        }
-    };
-    let mut copies = copies.iter_mut().peekable();
-    for (mesh, shape) in shapes.iter_mut().enumerate().filter(|(_, shape)| is_copied(shape)) {
-        make_unique(shape);
-        let is_of = |copy: &&mut CheckedShape| matches!(copy.kind, ShapeKind::Instance { of, .. } if of == mesh);
-        while let Some(copy) = copies.next_if(is_of) {
-            make_unique(copy);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! One geometry, one tree per instruction set, and one answer per ray.
 
 use lightpath::accel::bvh::Bvh;
-use lightpath::accel::{Accelerator, BuildOptions, Shaft};
+use lightpath::accel::{Accelerator, BuildOptions, Cone, Shaft};
 use lightpath::geometry::Geometry;
 use lightpath::monitor::Monitor;
 use lightpath::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
@@ -50,7 +50,7 @@ impl<'g> Tiers<'g> {
 
     /// Returns the number of instruction sets that report the cone of the active rays as empty.
     pub fn reporting_empty(&self, active: &Mask, rays: &Rays) -> usize {
-        self.trees.iter().filter(|(_, tree)| tree.is_cone_empty(active, rays) == Some(true)).count()
+        self.trees.iter().filter(|(_, tree)| tree.cone(active, rays) == Some(Cone::Empty)).count()
     }
 
     /// Returns the number of instruction sets that report the shaft as empty.

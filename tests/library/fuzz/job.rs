@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use lightpath::batch::{Flags, Job, JobFile, WrittenInput, predict};
+use lightpath::batch::{Flags, Job, JobFile, Task, WrittenInput, predict};
 use lightpath::scene::{Document, read_as};
 
 use super::inputs;
@@ -48,7 +48,8 @@ fn check(folder: &Path, text: &[u8]) -> lightpath::Result<()> {
     assert!(frames > 0);
     for input in 0..job.inputs.len() {
         // The scene of an input may have an error that the job does not show.
-        if let Err(error) = predict(&job, &job.inputs[input]) {
+        let all = Task { input, frames: 0..frames };
+        if let Err(error) = predict(&job, &all) {
             inputs::check_error(&error);
         }
         for frame in [0, frames - 1] {

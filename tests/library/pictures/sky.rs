@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::support::program::{PYRAMID, Scratch};
 use lightpath::{
-    accel::{Accelerator, BuildInfo, BuildOptions, Shaft, bvh::Bvh},
+    accel::{Accelerator, BuildInfo, BuildOptions, Cone, Shaft, bvh::Bvh},
     film::{Film, Window},
     monitor::Monitor,
     ray::{Coherence, Mask, RayPacket, Rays},
@@ -56,9 +56,9 @@ impl Accelerator for Telling<'_> {
         self.shadows.fetch_add(u64::from(active.count()), Relaxed);
         self.tree.occluded(active, rays, coherence);
     }
-    fn is_cone_empty(&self, active: &Mask, rays: &Rays) -> Option<bool> {
-        let told = self.tells.then(|| self.tree.is_cone_empty(active, rays)).flatten();
-        self.told.fetch_add(u64::from(told == Some(true)), Relaxed);
+    fn cone(&self, active: &Mask, rays: &Rays) -> Option<Cone> {
+        let told = self.tells.then(|| self.tree.cone(active, rays)).flatten();
+        self.told.fetch_add(u64::from(told == Some(Cone::Empty)), Relaxed);
         told
     }
     fn is_shaft_empty(&self, shaft: &Shaft) -> Option<bool> {

@@ -357,6 +357,22 @@ fn a_bad_camera_outside_of_the_range_is_no_error() {
     assert!(scratch.path("out/other/left/c d.exr").is_file());
 }
 
+/// The first camera has more pixels than are allowed; its film would take 745 GiB.
+#[test]
+fn a_large_camera_outside_of_the_range_takes_no_memory() {
+    let scratch = scratch();
+    let mut list = own_list();
+    for side in ["width", "height"] {
+        list["cameras"][0]["camera"][side] = json!(200_000);
+    }
+    scratch.write("list.json", &list.to_string());
+    for (range, code) in [("1..3", 0), ("0..1", 2)] {
+        let more = ["--range", range, "--max-memory", "64G"];
+        let done = batch(&scratch, "list.json", &more);
+        assert_eq!(done.code(), code, "{range}: {}", done.stderr());
+    }
+}
+
 #[test]
 fn flags_of_turntables_and_framing_are_refused() {
     let scratch = scratch();

@@ -266,6 +266,41 @@ fn frames_record_their_number_and_rate() {
 }
 
 #[test]
+fn a_legend_is_for_the_inputs_that_show_a_property() {
+    let scratch = Scratch::new();
+    let mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                property float z\nproperty float heat\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n\
+                0 0 0 1\n1 0 0 2\n0 1 0 4\n3 0 1 2\n";
+    scratch.write("a.ply", mesh);
+    let scene = |shape: &str| {
+        format!(
+            r#"{{ "camera": {{ "type": "pinhole", "width": 8, "height": 8, "fov": 50,
+                               "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] }},
+                  "scene": {{ "shapes": [{{ {shape}, "material": {{}} }}] }} }}"#
+        )
+    };
+    let plain = scene(r#""type": "sphere", "center": [0, 0, 0], "radius": 1"#);
+    scratch.write("plain.json", &plain);
+    let colored = r#""type": "trimesh", "path": "a.ply", "color": { "property": "heat" }"#;
+    scratch.write("colored.json", &scene(colored));
+    let run = |folder: &str, flags: &[&str]| {
+        let inputs = ["batch", "a.ply", "plain.json", "colored.json", "--color", "heat"];
+        let size = ["--size", "320x200", "--no-sheet", "--quiet", "-o", folder];
+        scratch.run(&[&inputs[..], &size, flags].concat()).good();
+    };
+    run("with", &["--legend"]);
+    run("without", &[]);
+    for (name, changes) in [("a", true), ("plain", false), ("colored", true)] {
+        let png = |folder: &str| scratch.read(&format!("{folder}/{name}.png"));
+        assert_eq!(png("with") != png("without"), changes, "{name}");
+    }
+    // Without a mesh among the inputs, the flag is a mistake.
+    let done = scratch.run(&["batch", "plain.json", "--legend", "--dry-run"]);
+    assert!(done.code() == 2 && done.stderr().contains("--legend: found true"));
+}
+
+#[test]
 fn manifests_are_files_of_their_frames() {
     let scratch = scans();
     let files = ["--aov", "cryptomatte", "--crypto-sidecar", "--png-bits", "16"];
@@ -304,6 +339,18 @@ fn manifests_are_files_of_their_frames() {
     fs::remove_file(scratch.path("out/a/a.0001.CryptoMaterial.json")).unwrap();
     let said = run("1 frame rendered, 1 kept");
     assert!(said.contains("a.0001.CryptoMaterial.json is missing"), "{said}");
+    // As a run of another scene leaves it, if it is killed between two renames.
+    let manifest = "out/a/a.0001.CryptoObject.json";
+    let whole = text(manifest);
+    for other in [whole.replacen("\":\"", "b\":\"", 1), whole.replacen("\":\"", "\":\"0", 1)] {
+        assert_ne!(other, whole);
+        scratch.write(manifest, &other);
+        let done = batch(&scratch, &[&args[..], &["--no-verify"]].concat());
+        let said = done.stderr();
+        assert!(said.contains("a.0001.CryptoObject.json: the names or ids changed"), "{said}");
+        assert!(said.contains("1 frame rendered, 1 kept"), "{said}");
+        assert_eq!(text(manifest), whole);
+    }
     // The same settings in a job file. With another bit depth, the frames are rendered again.
     let job = r#"{ "inputs": ["scans/a.ply"], "turntable": { "frames": 2 }, "layers": ["cryptomatte"],
                    "output": { "folder": "out", "cryptosidecar": true, "pngbits": BITS } }"#;
@@ -360,6 +407,26 @@ fn fast_mode_of_embree_applies_to_every_frame() {
     let refused = batch(&scratch, &[&args[..], &["--fast"]].concat());
     assert_eq!(refused.code(), 2, "{}", refused.stderr());
     assert!(refused.stderr().contains("which has no fast mode"), "{}", refused.stderr());
+}
+
+#[test]
+fn a_warning_that_all_frames_share_is_told_once() {
+    let scratch = Scratch::new();
+    let heights = PYRAMID.replace("property float z\n", "property float z\nproperty float h\n");
+    let heights = heights.replace("0 -1\n", "0 -1 0\n").replace("0 1\n", "0 1 0\n");
+    for name in ["a", "b"] {
+        scratch.write(&format!("{name}.ply"), &heights.replace("0 2 0\n", "0 2 0 2\n"));
+    }
+    let args = ["a.ply", "b.ply", "-o", "out", "--color", "h", "--legend", "--turntable", "3"];
+    let said = batch(&scratch, &args).good().stderr();
+    for name in ["a.ply", "b.ply"] {
+        let line = format!("warning: {name}: the picture is too small for the legend");
+        assert_eq!(said.matches(&line).count(), 1, "{said}");
+    }
+    let records = journal(&scratch, "out/batch.jsonl");
+    let frames = records.iter().filter(|record| record["event"] == "frame");
+    let warned = |frame: &&Value| frame["warnings"].to_string().contains("too small");
+    assert_eq!(frames.filter(warned).count(), 6, "each frame records its own");
 }
 
 #[test]

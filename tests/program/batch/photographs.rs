@@ -80,6 +80,45 @@ fn frames_are_not_written_over_photographs() {
 }
 
 #[test]
+fn a_contact_sheet_is_written_over_a_contact_sheet_only() {
+    let scratch = scratch();
+    scratch
+        .write("job.json", r#"{ "inputs": ["images.ply"], "cameras": "images/transforms.json" }"#);
+    let run = |more: &[&str]| {
+        let cameras = ["batch", "images.ply", "--cameras", "images/transforms.json", "-o", "out"];
+        scratch.run(&[&cameras[..], &["--spp", "1"], more].concat())
+    };
+    run(&[]).good();
+    let sheet = scratch.read("out/sheet.png");
+    run(&["--resume"]).good();
+    run(&["--sheet-only"]).good();
+    assert!(scratch.read("out/sheet.png") == sheet);
+    // A photograph of the size of a sheet.
+    let size = image::load_from_memory(&sheet).unwrap().to_rgb8().dimensions();
+    image::RgbImage::new(size.0, size.1).save(scratch.path("large.png")).unwrap();
+    for photograph in ["images/a.png", "large.png"] {
+        fs::copy(scratch.path(photograph), scratch.path("out/sheet.png")).unwrap();
+        for done in [
+            run(&[]),
+            run(&["--dry-run"]),
+            run(&["--sheet-only"]),
+            scratch.run(&["submit", "slurm", "job.json", "-o", "out", "--dry-run"]),
+        ] {
+            let said = done.stderr();
+            assert!(done.code() == 2 && said.contains("no contact sheet of a batch"), "{said}");
+        }
+        assert!(scratch.read("out/sheet.png") == scratch.read(photograph));
+    }
+    // These write none.
+    run(&["--no-sheet"]).good();
+    run(&["--range", "0..1"]).good();
+    // Without cameras, no picture has the name of a photograph.
+    let small = ["--size", "40x30", "--spp", "1"];
+    scratch.run(&[&["batch", "images.ply", "-o", "out"], &small[..]].concat()).good();
+    assert!(scratch.read("out/sheet.png") != scratch.read("large.png"));
+}
+
+#[test]
 fn frames_are_written_over_frames() {
     let scratch = scratch();
     let list = "images/transforms.json";

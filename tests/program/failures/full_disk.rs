@@ -21,12 +21,14 @@ const OLD: [&str; 5] =
     ["x.CryptoMaterial.json", "x.CryptoObject.json", "x.Z.png", "x.exr", "x.png"];
 
 /// Runs the program with `out` on a private disk of `kib` KiB that holds old files. Prints the
-/// files that exist afterwards, then those that are unchanged. `None` if this user may not mount.
+/// files that exist afterwards, those that are unchanged, then the last record of a batch's
+/// journal. `None` if this user may not mount.
 fn on_a_disk_of(scratch: &Scratch, kib: u64, args: &[&str]) -> Option<Done> {
     let script = format!(
         "mkdir -p out && mount -t tmpfs -o size={kib}k none out || exit 99
          for name in {}; do printf 'old %s\n' $name > out/$name; done
-         \"$0\" \"$@\" > said; code=$?; ls -A out; grep -l '^old x' out/*; exit $code",
+         \"$0\" \"$@\" > said; code=$?; ls -A out; grep -l '^old x' out/*
+         tail -n 1 out/batch.jsonl 2> /dev/null; exit $code",
         OLD.join(" ")
     );
     let mut command = Command::new("unshare");
@@ -70,6 +72,26 @@ fn scratch() -> Scratch {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
     scratch
+}
+
+#[test]
+fn a_batch_repeats_its_failures_and_ends_its_journal() {
+    let scratch = scratch();
+    scratch.write("bad.ply", "ply\n");
+    scratch.write("t.json", SCENE);
+    let args = ["batch", "bad.ply", "s.json", "t.json", "--compression", "none", "--jobs", "1"];
+    let Some(done) = on_a_disk_of(&scratch, 64, &[&args[..], &["-o", "out"]].concat()) else {
+        return;
+    };
+    let said = done.stderr();
+    assert_eq!(done.code(), 3, "{said}");
+    let (ran, end) = said.split_once("of 3 inputs failed:").expect(&said);
+    assert!(ran.contains("0 frames rendered, 0 kept, "), "{said}");
+    for failure in ["bad.ply", "No space left on device"] {
+        let count = |part: &str| part.matches(failure).count();
+        assert!(count(ran) > 0 && count(end) == count(ran), "{said}");
+    }
+    assert!(done.stdout().contains(r#""event":"end""#), "{}", done.stdout());
 }
 
 #[test]

@@ -135,11 +135,16 @@ fn an_image_that_exists_nowhere_stops_no_other_output() {
 /// Scanners write images beside a mesh without naming them in it.
 #[test]
 fn render_never_overwrites_images_beside_a_scan() {
-    for (name, more) in [("m.png", &[][..]), ("m.albedo.png", &["--png-layer", "albedo"])] {
+    for (name, more) in [
+        ("m.png", &[][..]),
+        ("m.albedo.png", &["--png-layer", "albedo"]),
+        ("m.instance.png", &["--png-ids"]),
+        ("m.semantic.png", &["--png-ids"]),
+    ] {
         let scratch = Scratch::new();
         let texture = image(&scratch, name);
         scratch.write("m.ply", PYRAMID);
-        let args = [&["m.ply", "--aov", "albedo"], more].concat();
+        let args = [&["m.ply", "--aov", "albedo,objectid"], more].concat();
         let done = render(&scratch, &args);
         assert_eq!(done.code(), 2, "{}", done.stderr());
         let said = done.stderr();

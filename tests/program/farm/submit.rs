@@ -327,7 +327,12 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
         assert_eq!(run(&[&first]).code(), 0, "{first}");
     }
     for first in ["-Hp", "--partition", "--exclude"] {
-        assert_eq!(run(&[&format!("--sbatch={first}"), "--sbatch=x"]).code(), 0, "{first}");
+        let first = format!("--sbatch={first}");
+        assert_eq!(run(&[&first, "--sbatch=x"]).code(), 0, "{first}");
+        // Without its value, it would take the script.
+        let done = run(&[&first]);
+        let said = done.stderr();
+        assert!(done.code() == 2 && said.contains("expected a value after it"), "{said}");
     }
     assert_eq!(run(&["--sbatch=--", "--sbatch=-H"]).code(), 2);
 }

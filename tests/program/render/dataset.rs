@@ -104,6 +104,51 @@ fn visible_faces_are_those_of_all_samples() {
 }
 
 #[test]
+fn points_of_a_cloud_are_numbered_beside_other_spheres() {
+    let scratch = Scratch::new();
+    let points = "-1 0 0\n-0.5 0.4 0\n0 0 0\n0.5 0.4 0\n1 0 0\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+                  property float z\nend_header\n";
+    scratch.write("p.ply", &format!("{header}{points}"));
+    let cloud = |y: f64| {
+        format!(
+            r#"{{ "type": "trimesh", "path": "p.ply", "points": 0.2, "size": 1,
+                      "center": [0, {y}, 0], "material": {{}} }}"#
+        )
+    };
+    let sphere = |x: f64| {
+        let center = format!("[{x}, 0, 0]");
+        format!(r#"{{ "type": "sphere", "center": {center}, "radius": 0.4, "material": {{}} }}"#)
+    };
+    let shapes = [cloud(-1.0), sphere(-2.0), cloud(1.0), sphere(2.0)].join(", ");
+    scratch.write(
+        "s.json",
+        &format!(
+            r#"{{ "camera": {{ "type": "pinhole", "width": 60, "height": 40, "fov": 50,
+                               "position": [0, 0, 6], "target": [0, 0, 0], "up": [0, 1, 0] }},
+                  "scene": {{ "shapes": [{shapes}] }} }}"#
+        ),
+    );
+    let flags = ["--visible-faces", "f.npy", "--aov", "primid,objectid", "--quiet", "-o", "o"];
+    scratch.run(&[&["render", "s.json"], &flags[..]].concat()).good();
+    let channels = scratch.channels("o.exr");
+    let words = |name: &str| &channels.iter().find(|(channel, _)| channel == name).unwrap().1;
+    // Ids of primitives: the two spheres, then the points of both clouds.
+    let mut expected: BTreeMap<Face, (u64, u32)> = BTreeMap::new();
+    for (&primitive, &object) in words("primid.id").iter().zip(words("objectid.id")) {
+        let face = match primitive {
+            0 => continue,
+            1 | 2 => 0,
+            point => (point - 3) % 5,
+        };
+        let counts = expected.entry((object, face)).or_default();
+        *counts = (counts.0 + 1, counts.1 + 1);
+    }
+    assert_eq!(expected.len(), 12);
+    assert_eq!(faces(&scratch, "f.npy"), expected);
+}
+
+#[test]
 fn ids_are_pictures_of_16_bits() {
     let scratch = Scratch::with(SCENE);
     let flags = ["--aov", "objectid", "--png-ids", "--spp", "4"];

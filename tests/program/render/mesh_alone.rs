@@ -298,6 +298,12 @@ fn a_texture_by_flag_and_notes_without_one() {
     let note = "two.ply: found 2 texture files; only \"i.ppm\" is used";
     assert!(done.stderr().contains(note), "{}", done.stderr());
     assert!(scratch.channels("o.exr") == textured);
+    // Also if the image is not where the mesh says.
+    let header = "comment TextureFile tex/i.ppm\ncomment TextureFile tex/j.ppm\n";
+    scratch.write("two.ply", &square(header));
+    let said = render(&scratch, "two.ply", &[]).good().stderr();
+    let several = note.replace("i.ppm", "tex/i.ppm");
+    assert!(said.contains("; i.ppm is used") && said.contains(&several), "{said}");
 
     scratch.write("block.ply", &block(2.0, ""));
     let done = render(&scratch, "block.ply", &["--texture", "i.ppm"]);

@@ -1,13 +1,14 @@
-//! Conservative test whether the frustum around the rays of a packet contains anything.
+//! Conservative query of what the frustum around the rays of a packet contains.
 
-use super::Packet;
-use crate::accel::bvh::leaves::Leaves;
+use super::{Bits, Packet};
+use crate::accel::Cone;
+use crate::accel::bvh::leaves::{Leaf, Leaves};
 use crate::accel::bvh::simd::Tier;
 
 impl<T: Tier> Packet<'_, T> {
-    /// Returns false only if no primitive lies inside the frustum. A triangle counts as outside if
-    /// all its corners lie outside one plane of the frustum. A leaf of spheres counts as inside if
-    /// the frustum overlaps its box.
+    /// Returns which primitives may lie inside the frustum. A triangle counts as outside if all its
+    /// corners lie outside one plane of the frustum. A leaf of spheres counts as inside if the
+    /// frustum overlaps its box.
     ///
     /// The result also holds for every ray inside the cone that the rays of the packet span, if all
     /// rays share one origin:
@@ -19,8 +20,19 @@ impl<T: Tier> Packet<'_, T> {
     ///   (u = 2^-24). At a vertex v, seen from the origin o, this is 6u max|v - o|. The frustum's
     ///   slack has some 20u left for it.
     #[inline(always)]
-    pub fn may_contain_anything(&self) -> bool {
+    pub fn contents(&self) -> Cone {
         let frustum = (&self.frustum, self.end_depth);
-        Leaves::new(self.tier, self.tree, frustum).next().is_some()
+        let mut contents = Cone::Empty;
+        for leaf in Leaves::new(self.tier, self.tree, frustum) {
+            let Leaf::Triangles(index, triangles) = leaf else { return Cone::Any };
+            for slot in Bits(triangles) {
+                let primitive = self.tree.indices().of(&self.tree.blocks[index], slot);
+                if contents != Cone::Empty && contents != Cone::Primitive(primitive) {
+                    return Cone::Any;
+                }
+                contents = Cone::Primitive(primitive);
+            }
+        }
+        contents
     }
 }

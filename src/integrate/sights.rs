@@ -1,17 +1,31 @@
-//! Finds blocks of pixels whose camera rays all miss, without tracing them.
+//! Finds blocks of pixels whose camera rays all miss, or all hit one triangle, without tracing
+//! them.
 
-use crate::accel::Accelerator;
+use crate::accel::{Accelerator, Cone};
 use crate::ray::{Mask, Rays};
-use crate::shading::set_lane;
+use crate::shading::{lane, set_lane};
 use crate::world::World;
 
+use super::sole_triangle::SoleTriangle;
 use super::tile_grid::{LEVELS, TILE};
 
 /// Fewest camera rays in a square for which a query pays off.
 const MIN_RAYS: u64 = 1024;
 
-/// Empty squares of the picture. Keeps the result of the last query for each square size.
-pub struct EmptyBlocks<'a> {
+/// What the camera rays of a block can hit.
+#[derive(Debug, Clone, Copy)]
+pub enum Sight {
+    /// Nothing.
+    Background,
+    /// Nothing but this triangle, and all of them hit it.
+    Sole(SoleTriangle),
+    /// Anything.
+    Any,
+}
+
+/// Squares of the picture that show nothing or one triangle. Keeps the result of the last query for
+/// each square size.
+pub struct Sights<'a> {
     world: &'a World,
     accelerator: &'a dyn Accelerator,
     /// Number of square sizes, from the largest, that are worth a query.
@@ -23,10 +37,10 @@ pub struct EmptyBlocks<'a> {
 #[derive(Clone, Copy)]
 struct Square {
     corner: [u32; 2],
-    empty: bool,
+    sight: Sight,
 }
 
-impl<'a> EmptyBlocks<'a> {
+impl<'a> Sights<'a> {
     /// Creates an empty cache for blocks of `block` pixels (width, height), with `samples` samples
     /// per pixel.
     pub fn new(
@@ -47,32 +61,32 @@ impl<'a> EmptyBlocks<'a> {
         let even = world.visible_environments.is_empty() || world.transparent;
         let levels = if cone && even { (0..LEVELS).filter(worth).count() } else { 0 };
         // No query was made yet.
-        let squares = [Square { corner: [u32::MAX; 2], empty: false }; LEVELS];
+        let squares = [Square { corner: [u32::MAX; 2], sight: Sight::Any }; LEVELS];
         Self { world, accelerator, levels, squares }
     }
 
-    /// Returns true only if no camera ray of the block at `corner` hits anything. Conservative: may
-    /// return false for an empty block.
-    pub fn has(&mut self, corner: [u32; 2]) -> bool {
+    /// What the camera rays of the block at `corner` can hit. Conservative: may return more.
+    pub fn sight(&mut self, corner: [u32; 2]) -> Sight {
         for level in 0..self.levels {
             let side = TILE >> level;
             let corner = corner.map(|x| x / side * side);
             if self.squares[level].corner != corner {
-                let Some(empty) = self.query(corner, side) else {
+                let Some(sight) = self.query(corner, side) else {
                     self.levels = 0;
-                    return false;
+                    return Sight::Any;
                 };
-                self.squares[level] = Square { corner, empty };
+                self.squares[level] = Square { corner, sight };
             }
-            if self.squares[level].empty {
-                return true;
+            let sight = self.squares[level].sight;
+            if !matches!(sight, Sight::Any) {
+                return sight;
             }
         }
-        false
+        Sight::Any
     }
 
-    /// [`EmptyBlocks::has`] for one square. `None` if the backend has no such query.
-    fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<bool> {
+    /// [`Sights::sight`] for one square. `None` if the backend has no such query.
+    fn query(&self, [x, y]: [u32; 2], side: u32) -> Option<Sight> {
         let at = |pixel: u32| pixel.wrapping_sub(self.world.overscan) as i32 as f32;
         let mut rays = Rays::EMPTY;
         let mut active = Mask::NONE;
@@ -82,6 +96,15 @@ impl<'a> EmptyBlocks<'a> {
             set_lane(&mut rays.dir, i, direction);
             active.0[i] = -1;
         }
-        self.accelerator.is_cone_empty(&active, &rays)
+        Some(match self.accelerator.cone(&active, &rays)? {
+            Cone::Empty => Sight::Background,
+            Cone::Primitive(primitive) => {
+                let origin = lane(&rays.org, 0).as_dvec3();
+                let directions = [0, 1, 2, 3].map(|i| lane(&rays.dir, i).as_dvec3());
+                SoleTriangle::new(&self.world.geometry, primitive, origin, directions)
+                    .map_or(Sight::Any, Sight::Sole)
+            }
+            Cone::Any => Sight::Any,
+        })
     }
 }
