@@ -5,10 +5,14 @@ use super::header::PropertyType;
 use super::plan::{ATTRIBUTE_ROLE_COUNT, Columns, ROLE_COUNT};
 use super::scalar::{Native, Scalar};
 use super::table::Table;
+use crate::error::Result;
 use crate::parallel::{self, GRAIN};
+use crate::reserve;
 
 /// Rows that all have the same size.
 pub(super) struct Records<'a> {
+    /// Name of the file, for errors.
+    name: &'a str,
     rows: &'a [u8],
     stride: usize,
     big: bool,
@@ -31,20 +35,23 @@ impl<'a> Records<'a> {
             }
         });
         let rows = &table.data[uniform.start..uniform.start + length];
-        Self { rows, stride: uniform.stride, big, roles }
+        Self { name: table.context.name, rows, stride: uniform.stride, big, roles }
     }
 
-    /// Reads `N` roles, from `first` on, into an array with enough capacity. `native` is the PLY
-    /// type of `T`. If all these roles have it, values are taken as they are. Otherwise all are
-    /// converted by way of f64.
+    /// Reads `N` roles, from `first` on, in place of what `all` has, with its capacity. `native` is the PLY type of `T`.
+    /// If all these roles have it, values are taken as they are. Otherwise all are converted by way
+    /// of f64.
+    ///
+    /// # Errors
+    /// `Retry` if the system refuses the memory.
     pub(super) fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,
         first: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-    ) {
-        self.pack(all, first, native, convert, |values| values);
+    ) -> Result<()> {
+        self.pack(all, first, native, convert, |values| values)
     }
 
     /// Reads one role as [`Self::columns`] does.
@@ -54,8 +61,8 @@ impl<'a> Records<'a> {
         role: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-    ) {
-        self.pack(all, role, native, convert, |[value]| value);
+    ) -> Result<()> {
+        self.pack(all, role, native, convert, |[value]| value)
     }
 
     fn pack<const N: usize, T: Native, O: Clone + Send>(
@@ -65,13 +72,13 @@ impl<'a> Records<'a> {
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
         element: impl Fn([T; N]) -> O + Sync,
-    ) {
+    ) -> Result<()> {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
         let (big, at) = (self.big, roles.map(|(_, at)| at));
         let native = roles.iter().all(|(kind, _)| *kind == native);
-        // Of zeros, the system provides the memory only when the tasks touch it.
+        // With its capacity: a mesh adds a vertex. Freed first: only one of the two has room.
         let capacity = std::mem::take(all).capacity();
-        *all = vec![element([T::default(); N]); capacity];
+        *all = reserve::filled(element([T::default(); N]), capacity, self.name)?;
         all.truncate(self.rows.len() / self.stride);
         let tasks = all.chunks_mut(GRAIN).zip(self.rows.chunks(GRAIN * self.stride));
         parallel::each(tasks, |(all, rows)| {
@@ -83,6 +90,7 @@ impl<'a> Records<'a> {
                 rows.for_each(|(to, row)| *to = read(row));
             }
         });
+        Ok(())
     }
 }
 
