@@ -38,9 +38,9 @@ impl<'a> Records<'a> {
         Self { name: table.context.name, rows, stride: uniform.stride, big, roles }
     }
 
-    /// Reads `N` roles, from `first` on, in place of what `all` has, with its capacity. `native` is the PLY type of `T`.
-    /// If all these roles have it, values are taken as they are. Otherwise all are converted by way
-    /// of f64.
+    /// Reads `N` roles, from `first` on, in place of what `all` has, with its capacity. `native` is
+    /// the PLY type of `T`. If all these roles have it, values are taken as they are. Otherwise all
+    /// are converted by way of f64.
     ///
     /// # Errors
     /// `Retry` if the system refuses the memory.
