@@ -73,7 +73,8 @@ impl Quarters {
         let on = world.sampler == SamplerKind::Sobol && !by_packets;
         Self {
             on: on && joint_light(world).is_some(),
-            needs_samples: world.lights.len() > 1 || world.nbounces > 0,
+            // Of a shadow catcher, the light without shadows may take points of its own.
+            needs_samples: world.lights.len() > 1 || world.nbounces > 0 || world.shapes.has_roles,
             samples: [0; STRETCH],
         }
     }
