@@ -11,7 +11,7 @@ use crate::support::random::Random;
 #[test]
 fn random_bytes_make_no_failing_case() {
     let mut random = Random(1);
-    for _ in 0..20_000 {
+    for _ in 0..5_000 {
         let len = random.below(600);
         let bytes: Vec<u8> = (0..len).map(|_| random.bits() as u8).collect();
         case::run(&bytes);
