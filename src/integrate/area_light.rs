@@ -101,7 +101,7 @@ impl WhittedIntegrator<'_> {
     /// Adds all points of an area light, in batches. If `clear`, no ray is occluded, so none is
     /// traced.
     #[inline(always)]
-    fn all_points<R: Record>(
+    pub(super) fn all_points<R: Record>(
         &mut self,
         (sampled_light, area, clear): (&SampledLight, &Area, bool),
         camera_packet: &CameraPacket,

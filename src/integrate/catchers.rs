@@ -5,6 +5,7 @@
 use super::camera_packet::CameraPacket;
 use super::light_sums::LightSums;
 use super::record::{Beauty, Record};
+use super::render_context::RayCounts;
 use super::sampled_light::SampledLight;
 use super::shadows::ShadowRays;
 use super::whitted::WhittedIntegrator;
@@ -104,53 +105,12 @@ impl WhittedIntegrator<'_> {
         area: &Area,
         camera_packet: &CameraPacket,
     ) {
-        let whole = self.without_shadows(sampled_light, area, camera_packet);
+        let (mut sums, mut counts) = (LightSums::NONE, RayCounts::default());
+        let lit = (sampled_light, area, true);
+        self.all_points::<Beauty>(lit, camera_packet, &mut counts, &mut sums);
+        let share = 1.0 / f64::from(area.samples);
+        let whole = sums.light.map(|axis| axis.map(|sum| (sum * share) as f32));
         self.catch(sampled_light, &whole);
-    }
-
-    /// Returns the mean light without shadows of the points of [`WhittedIntegrator::area_light`].
-    fn without_shadows(
-        &mut self,
-        sampled_light: &SampledLight,
-        area: &Area,
-        camera_packet: &CameraPacket,
-    ) -> Lanes3 {
-        let (falloff, count) = (self.world.falloff, area.samples);
-        let mut number = camera_packet.sample.map(|sample| sample.wrapping_mul(count));
-        let source = (sampled_light.index, sampled_light.bounce);
-        let pixels = [&camera_packet.x, &camera_packet.y];
-        let squares = self.sampler.light_points(pixels, &number, count, source);
-        let mut sums = LightSums::NONE;
-        for _ in 0..count {
-            if self.monitor.stopped() {
-                break;
-            }
-            let from = &self.points.at;
-            let light = (&area.points(&squares.at(&number), from), Some(area));
-            number = number.map(|number: u32| number.wrapping_add(1));
-            let (rays, weights) = (&mut self.shadow, &mut self.light_weights);
-            let aimed = ShadowRays::aim(
-                &self.points.at,
-                light,
-                falloff,
-                sampled_light.glossy,
-                rays,
-                weights,
-            );
-            match area.map() {
-                Some(map) => {
-                    let colors = map.weigh(&self.points.at, light.0, weights);
-                    sums.add_colored::<Beauty>(
-                        sampled_light.light,
-                        (weights, &colors),
-                        &aimed.active,
-                    );
-                }
-                None => sums.add_lanes::<Beauty>(sampled_light.light, weights, &aimed.active),
-            }
-        }
-        let share = 1.0 / f64::from(count);
-        sums.light.map(|axis| axis.map(|sum| (sum * share) as f32))
     }
 
     /// Moves the radiance of catchers, which is the light of `sampled_light`, into their sums.
