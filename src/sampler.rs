@@ -10,6 +10,7 @@
 //! [`Sampler::light_lanes`] compute many points at once in SIMD lanes. They give the bits of the
 //! crate in a fraction of its time.
 
+use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
@@ -28,7 +29,9 @@ const INDEPENDENT: u32 = u32::MAX;
 pub const DRAWN_LIGHT: u32 = u32::MAX - 1;
 
 /// Sampler that chooses the points on pixels, the lens and area lights.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "Sampler")]
 pub enum SamplerKind {

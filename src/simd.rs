@@ -9,15 +9,19 @@ use std::{fmt, sync::OnceLock};
 use crate::error::{Error, ErrorKind, Problem, Result};
 
 /// An instruction set for which kernels are compiled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub enum Isa {
     /// The instructions that the target guarantees: SSE2 on x86-64, NEON on 64-bit ARM.
     Portable,
-    /// 64-bit ARM: NEON by name in the kernels of the tree. The rest is [`Isa::Portable`].
+    /// 64-bit ARM.
+    ///
+    /// NEON by name in the kernels of the tree. The rest is [`Isa::Portable`].
     Neon,
     /// AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
-    /// AVX-512 F, BW, DQ, VL, and all of [`Isa::Avx2`]. Compiled in only by rustc >= 1.89.
+    /// AVX-512 F, BW, DQ, VL, and all of `avx2`.
+    ///
+    /// Compiled in only by rustc >= 1.89.
     Avx512,
 }
 

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::scene::{schema, schema_of};
 
 use super::args::Arguments;
-use super::names::SchemaName;
+use super::args::SchemaName;
 use super::{print, version};
 
 /// Prints the version; with `verbose`, also what the program was built from and finds here.

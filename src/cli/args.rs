@@ -1,6 +1,6 @@
 //! The table of commands and flags. Help, completions and the man page are generated from it.
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 use super::accuracy::args::AccuracyArgs;
 use super::batch::args::BatchArgs;
@@ -10,7 +10,6 @@ use super::converge::args::ConvergeArgs;
 use super::crosscheck::args::CrosscheckArgs;
 use super::info::args::InfoArgs;
 use super::merge::MergeArgs;
-use super::names::SchemaName;
 use super::render::args::RenderArgs;
 use super::submit::SubmitArgs;
 
@@ -88,4 +87,13 @@ pub enum Command {
     },
     /// Print the manual page (troff)
     Man,
+}
+
+/// Kinds of files that have a schema.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SchemaName {
+    /// Scene files
+    Scene,
+    /// Job files of `batch`
+    Job,
 }

@@ -17,7 +17,6 @@ mod info;
 mod load;
 mod machine;
 mod merge;
-mod names;
 mod outputs;
 mod overrides;
 mod print;

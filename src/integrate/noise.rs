@@ -32,13 +32,13 @@ pub struct PixelSamples {
 }
 
 /// What the error of a pixel is relative to.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Relative {
-    /// Relative to the pixel's own radiance and a floor: all pixels reach the same relative error.
+    /// Each pixel's own radiance and a floor: all pixels get the same relative error.
     #[default]
     Pixel,
-    /// Relative to the frame's mean radiance. The allowed error grows with the pixel's samples, so
-    /// that the squared error of the frame is as small as its number of samples allows.
+    /// The frame's mean radiance, with a larger error where a pixel has more samples: the lowest
+    /// RMSE for the samples taken.
     Picture,
 }
 

@@ -4,6 +4,7 @@
 //! A transparent picture has straight alpha: colour is first divided by alpha, also to find the
 //! maximum for the operator `max`. `finite` replaces NaN and infinite values.
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::parallel::{self, GRAIN};
@@ -24,14 +25,16 @@ pub struct PixelFormat {
 }
 
 /// Number of bits of a channel.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 pub enum Depth {
     /// One byte per channel.
     #[default]
     #[serde(rename = "8")]
+    #[value(name = "8")]
     Eight,
     /// Two bytes per channel, big-endian as in a PNG.
     #[serde(rename = "16")]
+    #[value(name = "16")]
     Sixteen,
 }
 

@@ -1,5 +1,6 @@
 //! The quality of pictures in the built-in studio: the number of camera samples.
 
+use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -9,12 +10,12 @@ use crate::scene::Overrides;
 
 /// Quality of a picture in the built-in studio: its number of camera samples.
 /// docs/notebook/sampling.md has the error and the rays of each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// one sample a pixel: no antialiasing
     Draft,
-    /// the studio's own `spp`: 4 samples a pixel
+    /// the studio's own `spp`, the default: 4 samples a pixel
     Normal,
     /// 16 samples a pixel
     Final,

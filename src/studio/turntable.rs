@@ -5,6 +5,7 @@
 //! ordinary scene. Positions and normals in layers, and the camera in a file's header, are in the
 //! space of that scene.
 
+use clap::ValueEnum;
 use glam::{DMat3, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,7 +16,9 @@ use crate::scene::written::{Axes, CameraDescription, LightDescription, MAX_TURN,
 use super::axes::main_axis;
 
 /// The object that turns: mesh or camera.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Turning {
     /// the object and all shapes, as on a turntable
@@ -26,7 +29,7 @@ pub enum Turning {
 }
 
 /// The object that lights stay with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LightsFollow {
     /// the camera: light falls from the same side in every frame

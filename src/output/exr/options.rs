@@ -1,12 +1,15 @@
 //! What an EXR holds beside the film, and how it is encoded.
 
+use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::film::ChannelKind;
 
 /// Compression of the blocks.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Compression {
     /// zlib over blocks of 16 lines.
@@ -14,21 +17,18 @@ pub enum Compression {
     Zip,
     /// zlib over single lines.
     Zips,
-    /// Wavelet compression, OpenEXR's PIZ.
+    /// Wavelets, OpenEXR's PIZ: good for grain.
     Piz,
     /// Run lengths of bytes.
     Rle,
     /// No compression at all.
     None,
-    /// DWAA over 32 lines: a lossy DCT of halves for channels named R, G, B or Y, lossless for all
-    /// others.
+    /// DWAA over 32 lines, lossy and small: a DCT of halves for channels named R, G, B or Y,
+    /// lossless for all others.
     Dwaa,
 }
 
 impl Compression {
-    /// All compressions that can be written.
-    pub const ALL: &[Self] = &[Self::Zip, Self::Zips, Self::Piz, Self::Rle, Self::None, Self::Dwaa];
-
     /// Returns the name on the command line.
     pub fn name(self) -> &'static str {
         match self {

@@ -26,6 +26,7 @@ pub use visible::*;
 
 use std::collections::BTreeMap;
 
+use clap::ValueEnum;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +134,9 @@ pub enum Falloff {
 }
 
 /// Backend that finds the hits.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "Accelerator")]
 pub enum AcceleratorName {
@@ -164,7 +167,9 @@ pub struct TonemapDescription {
 }
 
 /// Tone curve of the PNG.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "Operator")]
 pub enum ToneOperator {
