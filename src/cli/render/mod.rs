@@ -34,7 +34,7 @@ use crate::world::{ContentHashes, LoadOptions, MissingImage, Sources, World, fin
 
 use super::load::{self, SceneJob};
 use super::outputs::{self, TextOutputs};
-use super::progress::Progress;
+use super::progress::{Progress, ProgressMode};
 use super::{machine, print, signals, version};
 
 use self::args::{RenderArgs, ReportArgs};
@@ -57,8 +57,8 @@ struct RenderFiles {
 
 impl RenderFiles {
     fn create(options: &RenderOptions, job: &SceneJob) -> Result<Self> {
-        let RenderOptions { prefix, plan, storage, previews, write_scene, .. } = options;
-        let saved = write_scene.as_ref().map(|target| load::saved(job, target));
+        let RenderOptions { args, prefix, plan, storage, previews, .. } = options;
+        let saved = args.mesh.write_scene.as_ref().map(|target| load::saved(job, target));
         Ok(Self {
             scene: saved.transpose()?.unwrap_or_default(),
             picture: picture::PictureFiles::create(prefix, plan, *storage)?,
@@ -90,11 +90,12 @@ pub fn run(args: &RenderArgs) -> Result<()> {
     // Before this point a signal ends the process at once: no file exists yet that it must remove.
     signals::watch(&monitor)?;
     let files = RenderFiles::create(&options, &job)?;
+    let mode = ProgressMode::of(args.report.progress, args.report.quiet);
     let run = RenderRun {
         job: &job,
         threads,
         monitor: &monitor,
-        progress: Progress::start(options.progress, progress::meter(&monitor)),
+        progress: Progress::start(mode, progress::meter(&monitor)),
         options,
         start,
     };
@@ -120,7 +121,7 @@ fn refuse_images_of_scan(options: &RenderOptions) -> Result<()> {
 /// State shared by the stages of a render.
 struct RenderRun<'a> {
     job: &'a SceneJob,
-    options: RenderOptions,
+    options: RenderOptions<'a>,
     threads: usize,
     monitor: &'a Monitor,
     progress: Progress,
@@ -141,9 +142,10 @@ impl RenderRun<'_> {
         let frame = [scene.camera.width, scene.camera.height];
         let blank = ReservedFilm::new(frame, part.window, part.channels())?;
         let budget = self.options.budget.as_ref();
+        let reading = &self.options.args.mesh.reading;
         let options = LoadOptions {
-            repair: self.options.repair,
-            no_mmap: self.options.no_mmap,
+            repair: reading.repair,
+            no_mmap: reading.no_mmap,
             ready,
             memory_limit: budget.map(Budget::for_meshes).or_else(memory::limit_of_machine),
             texture_bytes: budget.map(Budget::for_textures),
@@ -152,7 +154,7 @@ impl RenderRun<'_> {
         let mut contents = ContentHashes::default();
         let (loaded, hash) = rayon::join(
             || World::load(scene, options, self.monitor),
-            || fingerprint(&self.job.loaded, self.options.repair, &mut contents),
+            || fingerprint(&self.job.loaded, reading.repair, &mut contents),
         );
         let (world, warnings) = loaded?;
         let mut world = world.with_overscan(part.overscan);
@@ -272,8 +274,8 @@ impl RenderRun<'_> {
             spp: Some(&spp),
             over: behind.as_deref(),
             exact: options.part.exact,
-            sequence: options.sequence,
-            render_seconds: options.record_time.then_some(stats.seconds.render as f32),
+            sequence: options.args.files.sequence(),
+            render_seconds: options.args.files.record_time.then_some(stats.seconds.render as f32),
             legend,
             ..PictureHeader::default()
         };
@@ -295,7 +297,7 @@ impl RenderRun<'_> {
     }
 
     fn warn(&self, warnings: &[Problem]) {
-        if !self.options.quiet {
+        if !self.options.args.report.quiet {
             for warning in warnings {
                 self.progress.message(&format!("warning: {warning}"));
             }

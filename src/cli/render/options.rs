@@ -7,11 +7,9 @@ use crate::cli::flags;
 use crate::cli::load::{SceneJob, SceneRequest};
 use crate::cli::outputs::OutputFlags;
 use crate::cli::overrides;
-use crate::cli::progress::ProgressMode;
 use crate::error::{Problem, Result};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
-use crate::output::exr::Sequence;
 use crate::picture::{self, Storage};
 use crate::render::Adaptive;
 use crate::scene::Overrides;
@@ -49,10 +47,11 @@ pub fn request(args: &RenderArgs) -> Result<SceneRequest<'_>> {
     })
 }
 
-/// Options of one render, checked against its scene. The stages of the render get these options in
-/// place of the arguments.
+/// Arguments of one render, and what follows from them, checked against its scene.
 #[derive(Debug)]
-pub struct RenderOptions {
+pub struct RenderOptions<'a> {
+    /// The arguments.
+    pub args: &'a RenderArgs,
     /// Channels of the film.
     pub plan: LayerPlan,
     /// The part of the picture that this render makes.
@@ -67,38 +66,20 @@ pub struct RenderOptions {
     pub storage: Storage,
     /// Layers that are also written as PNGs, with the paths of the PNGs.
     pub previews: Vec<(String, PathBuf)>,
-    /// True if `--png-layer` was given.
-    pub png_layers: bool,
     /// Paths of the files of `--visible-faces` and `--png-ids`.
     pub dataset: DatasetPaths,
     /// Image of `--over`: the PNG shows the picture over it.
     pub plate: Option<PlateImage>,
-    /// Place of the picture in a sequence.
-    pub sequence: Sequence,
-    /// True to write the render time into the EXR.
-    pub record_time: bool,
-    /// True to drop triangles with invalid vertices.
-    pub repair: bool,
-    /// True to read mesh files instead of mapping them.
-    pub no_mmap: bool,
-    /// Path of the file of `--write-scene`.
-    pub write_scene: Option<PathBuf>,
-    /// Path of the file of `--stats`.
-    pub stats: Option<PathBuf>,
-    /// How to show the progress.
-    pub progress: ProgressMode,
-    /// True to print only errors.
-    pub quiet: bool,
 }
 
-impl RenderOptions {
+impl<'a> RenderOptions<'a> {
     /// Checks the arguments against the loaded scene. `threads` is the size of the thread pool.
     ///
     /// # Errors
     /// Flags that contradict each other or the scene; a scene that does not fit the memory limit.
-    pub fn resolve(args: &RenderArgs, job: &SceneJob, threads: usize) -> Result<Self> {
+    pub fn resolve(args: &'a RenderArgs, job: &SceneJob, threads: usize) -> Result<Self> {
         let scene = &job.loaded.scene;
-        let (storage, report) = (args.files.storage(), &args.report);
+        let storage = args.files.storage();
         picture::check_storage(scene, storage)?;
         let plan = LayerPlan::new(scene);
         let part = PicturePart::new(args, scene, &plan)?;
@@ -118,26 +99,7 @@ impl RenderOptions {
         let previews = layers::preview_paths(&args.files.png_layer, scene, &prefix)?;
         let dataset = args.files.dataset.paths(scene, &prefix)?;
         let plate = args.files.plate.plate(scene, args.machine.max_memory)?;
-        Ok(Self {
-            plan,
-            part,
-            adaptive,
-            budget,
-            prefix,
-            storage,
-            previews,
-            png_layers: !args.files.png_layer.is_empty(),
-            dataset,
-            plate,
-            sequence: args.files.sequence(),
-            record_time: args.files.record_time,
-            repair: args.mesh.reading.repair,
-            no_mmap: args.mesh.reading.no_mmap,
-            write_scene: args.mesh.write_scene.clone(),
-            stats: report.stats.clone(),
-            progress: ProgressMode::of(report.progress, report.quiet),
-            quiet: report.quiet,
-        })
+        Ok(Self { args, plan, part, adaptive, budget, prefix, storage, previews, dataset, plate })
     }
 
     /// Returns warnings about options that make the picture irreproducible or have no effect, and
@@ -145,7 +107,7 @@ impl RenderOptions {
     pub fn warnings(&self) -> Vec<Problem> {
         let sidecar = self.storage.crypto_sidecar && self.plan.mattes.is_empty();
         let sidecar = sidecar.then(|| layers::no_mattes().help("--aov cryptomatte"));
-        let previews = self.png_layers && self.previews.is_empty();
+        let previews = !self.args.files.png_layer.is_empty() && self.previews.is_empty();
         let previews = previews.then(|| layers::no_layers().help("--aov all"));
         let sampling = self.adaptive.as_ref().and_then(sampling::warning);
         let plate = self.plate.iter().flat_map(PlateImage::warnings);
@@ -163,7 +125,8 @@ impl RenderOptions {
 
     /// Returns the flags that name text files.
     pub fn text_files(&self) -> OutputFlags<'_> {
-        OutputFlags(vec![("--stats", &self.stats), ("--write-scene", &self.write_scene)])
+        let RenderArgs { mesh, report, .. } = self.args;
+        OutputFlags(vec![("--stats", &report.stats), ("--write-scene", &mesh.write_scene)])
     }
 
     /// Returns the paths of all files that will be written.
