@@ -24,23 +24,20 @@ pub fn page(report: &AccuracyReport) -> String {
         let _ = writeln!(text, "| `{name}` | {what} | {} | {} |", column.version, column.isa);
     }
     text += HOW;
-    let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
-    groups.dedup();
     text += "\n## Overview\n\nWrong answers per million.\n\n";
     head(&mut text, report, &["group"], &[]);
-    for group in &groups {
-        let _ = write!(text, "| {group} |");
+    for rows in report.groups() {
+        let _ = write!(text, "| {} |", rows[0].group);
         for index in 0..report.columns.len() {
-            let rows = report.rows.iter().filter(|row| row.group == *group);
             let sum = |of: fn(&BackendCounts) -> u64| {
-                rows.clone().map(|row| of(&row.entries[index])).sum()
+                rows.iter().map(|row| of(&row.entries[index])).sum()
             };
             let _ = write!(text, " {} |", table::per_million(sum(|e| e.failed), sum(|e| e.rays)));
         }
         text.push('\n');
     }
-    for group in &groups {
-        section(&mut text, report, group);
+    for rows in report.groups() {
+        section(&mut text, report, rows);
     }
     text
 }
@@ -84,13 +81,11 @@ pub fn machine(report: &AccuracyReport) -> Vec<String> {
             versions.join(", ")
         ));
     }
-    let answers: u64 =
-        report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
     let (cases, times, seed) = (report.rows.len(), report.times, report.seed);
     lines.push(format!(
         "{}, {} answers judged: {times} times the rays of `--quick`, seed {seed}",
         units::plural(cases, "case"),
-        units::count(answers)
+        units::count(report.answers())
     ));
     lines
 }
@@ -122,11 +117,10 @@ fn head(text: &mut String, report: &AccuracyReport, first: &[&str], last: &[&str
     let _ = writeln!(text, "| {} |\n|{}", cells.join(" | "), "---|".repeat(cells.len()));
 }
 
-fn section(text: &mut String, report: &AccuracyReport, group: &str) {
-    let rows: Vec<&CaseResult> = report.rows.iter().filter(|row| row.group == group).collect();
-    let _ = writeln!(text, "\n## {}\n", capital(group));
+fn section(text: &mut String, report: &AccuracyReport, rows: &[CaseResult]) {
+    let _ = writeln!(text, "\n## {}\n", capital(&rows[0].group));
     head(text, report, &["case", "answers"], &["`bvh` and `brute` pass if"]);
-    for row in &rows {
+    for row in rows {
         let _ = write!(text, "| {} | {} |", row.name, units::count(row.rays));
         for entry in &row.entries {
             let _ = write!(text, " {} |", failures(entry));

@@ -11,17 +11,15 @@ const TIES: &str = "Ties: equally near, not the lowest index, of backends that d
 
 /// Builds the page of a report.
 pub fn page(report: &AccuracyReport) -> Page {
-    let mut groups: Vec<&str> = report.rows.iter().map(|row| row.group.as_str()).collect();
-    groups.dedup();
-    let mut sections = vec![overview(report, &groups)];
-    sections.extend(groups.iter().map(|group| section(report, group)));
+    let mut sections = vec![overview(report)];
+    sections.extend(report.groups().map(|rows| section(report, rows)));
     sections.push(columns(report));
-    sections.extend(groups.iter().filter_map(|group| pictures(report, group)));
+    sections.extend(report.groups().filter_map(pictures));
     Page { title: "Accuracy of every backend".into(), intro: markdown::machine(report), sections }
 }
 
 /// Builds the table of failures per million by group, and a chart of the rays at vertices.
-fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
+fn overview(report: &AccuracyReport) -> Section {
     let failures = report.failures();
     let mut findings: Vec<(String, bool)> =
         failures.iter().map(|failure| (failure.clone(), true)).collect();
@@ -31,12 +29,11 @@ fn overview(report: &AccuracyReport, groups: &[&str]) -> Section {
         findings.push((format!("{}: every mark holds.", names.join(", ")), false));
     }
     let mut rows = vec![head("failures per million answers", report, &[])];
-    for group in groups {
-        let mut cells: Vec<Cell> = vec![(*group).into()];
+    for group in report.groups() {
+        let mut cells: Vec<Cell> = vec![group[0].group.as_str().into()];
         for (index, column) in report.columns.iter().enumerate() {
-            let entries = rows_of(report, group).map(|row| &row.entries[index]);
             let (mut failed, mut rays, mut missed) = (0, 0, false);
-            for entry in entries {
+            for entry in group.iter().map(|row| &row.entries[index]) {
                 (failed, rays) = (failed + entry.failed, rays + entry.rays);
                 missed |= entry.missed.is_some();
             }
@@ -89,16 +86,12 @@ fn bar(entry: &BackendCounts) -> Bar {
     Bar { value, interval: None, wrong }
 }
 
-fn rows_of<'a>(report: &'a AccuracyReport, group: &'a str) -> impl Iterator<Item = &'a CaseResult> {
-    report.rows.iter().filter(move |row| row.group == group)
-}
-
 fn head(first: &str, report: &AccuracyReport, last: &[&str]) -> Vec<Cell> {
     let names = report.columns.iter().map(|column| column.name.as_str());
     [first].into_iter().chain(names).chain(last.iter().copied()).map(Cell::from).collect()
 }
 
-fn section(report: &AccuracyReport, group: &str) -> Section {
+fn section(report: &AccuracyReport, rows: &[CaseResult]) -> Section {
     let mut failures = vec![head("wrong per million", report, &["most answers", "mark"])];
     let mut ties = vec![head("ties", report, &[])];
     let mut ulps = vec![head("worst error of t in f32 ulp", report, &[])];
@@ -106,7 +99,7 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
     let mut within = vec![head("within the bound of the backend's own test", report, &[])];
     let mut times = vec![head("seconds in the backend, all threads", report, &["whole case"])];
     let mut cases = vec![["case", "what"].map(Cell::from).to_vec()];
-    for row in rows_of(report, group) {
+    for row in rows {
         let cells = |of: &dyn Fn(&BackendCounts) -> Cell| -> Vec<Cell> {
             [row.name.as_str().into()].into_iter().chain(row.entries.iter().map(of)).collect()
         };
@@ -139,13 +132,13 @@ fn section(report: &AccuracyReport, group: &str) -> Section {
         ("Time".into(), times),
         ("What is traced".into(), cases),
     ]);
-    Section { title: group.into(), tables, ..Section::default() }
+    Section { title: rows[0].group.clone(), tables, ..Section::default() }
 }
 
 /// Draws where the failures of a group are.
-fn pictures(report: &AccuracyReport, group: &str) -> Option<Section> {
+fn pictures(rows: &[CaseResult]) -> Option<Section> {
     let mut charts = Vec::new();
-    for row in rows_of(report, group) {
+    for row in rows {
         for shown in &row.pictures {
             let kinds = row.entries[shown.column].failures.iter();
             let kinds: Vec<String> = kinds.map(|(kind, n)| format!("{n} {kind}")).collect();
@@ -172,7 +165,7 @@ fn pictures(report: &AccuracyReport, group: &str) -> Option<Section> {
         colors.join(", ")
     );
     Some(Section {
-        title: format!("{group}: where it fails"),
+        title: format!("{}: where it fails", rows[0].group),
         findings: vec![(text, false)],
         charts,
         ..Section::default()

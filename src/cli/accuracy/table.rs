@@ -104,13 +104,11 @@ pub fn line(settings: &AccuracySettings, row: &CaseResult, first: bool) -> Strin
 /// Formats the summary below the table.
 pub fn summary(report: &AccuracyReport) -> String {
     let seconds: f64 = report.rows.iter().map(|row| row.seconds).sum();
-    let answers: u64 =
-        report.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum();
     let ours = report.columns.iter().any(|column| column.name.starts_with("bvh"));
     let mut text = format!(
         "\n{}, {} judged, {}; ulp and relative are the worst of {}\n",
         units::plural(report.rows.len(), "case"),
-        units::plural(answers as usize, "answer"),
+        units::plural(report.answers() as usize, "answer"),
         units::duration(seconds),
         if ours { "`bvh`" } else { "these backends" }
     );

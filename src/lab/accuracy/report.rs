@@ -160,6 +160,16 @@ impl AccuracyReport {
         Ok(Self { version: VERSION, machine: None, seed, times, columns, rows: Vec::new() })
     }
 
+    /// The rows of each group.
+    pub fn groups(&self) -> impl Iterator<Item = &[CaseResult]> {
+        self.rows.chunk_by(|a, b| a.group == b.group)
+    }
+
+    /// Number of judged answers.
+    pub fn answers(&self) -> u64 {
+        self.rows.iter().flat_map(|row| &row.entries).map(|entry| entry.rays).sum()
+    }
+
     /// Reasons why the run fails, one line each. Empty if it passes.
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
