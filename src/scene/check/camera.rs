@@ -36,7 +36,7 @@ impl Check<'_, '_> {
                 // A lens of diameter 0 is a pinhole.
                 let lens = CheckedLens { aperture: c.aperture, focal_distance: c.focaldistance };
                 let lens = Some(lens).filter(|lens| lens.aperture > 0.0);
-                Some(Projection::Perspective { fov_deg: c.fov, lens })
+                Some(Projection::Perspective { fov_deg: c.pinhole.fov, lens })
             }
             CameraDescription::Intrinsics(c) => self.calibrated(c, sized),
             CameraDescription::Orthographic(c) => {

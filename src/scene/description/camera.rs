@@ -45,22 +45,10 @@ pub struct Pinhole {
 
 /// A perspective camera with depth of field. It has exactly one of `lookat` and `target`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(extend("oneOf" = [{ "required": ["lookat"] }, { "required": ["target"] }]))]
 pub struct Thinlens {
-    /// Picture width in pixels.
-    #[schemars(range(min = 1, max = 2147483647))]
-    pub width: u32,
-    /// Picture height in pixels.
-    #[schemars(range(min = 1, max = 2147483647))]
-    pub height: u32,
-    /// Full vertical angle of view in degrees.
-    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 180))]
-    pub fov: f64,
-    /// Position in world units.
-    pub position: Point,
-    /// Directions of the camera.
+    /// The camera without its lens.
     #[serde(flatten)]
-    pub aim: Aim,
+    pub pinhole: Pinhole,
     /// Diameter of the lens in world units; 0 is the same as `pinhole`.
     #[schemars(range(min = 0.0, max = 1e18))]
     pub aperture: f64,
@@ -235,7 +223,7 @@ impl CameraDescription {
     pub fn size(&self) -> [u32; 2] {
         match self {
             Self::Pinhole(c) => [c.width, c.height],
-            Self::Thinlens(c) => [c.width, c.height],
+            Self::Thinlens(c) => [c.pinhole.width, c.pinhole.height],
             Self::Intrinsics(c) => [c.width, c.height],
             Self::Orthographic(c) => [c.width, c.height],
             Self::Panorama(c) => [c.width, c.height],
@@ -251,7 +239,7 @@ impl CameraDescription {
     pub fn stand(&self) -> Option<(Point, &Aim)> {
         match self {
             Self::Pinhole(c) => Some((c.position, &c.aim)),
-            Self::Thinlens(c) => Some((c.position, &c.aim)),
+            Self::Thinlens(c) => Some((c.pinhole.position, &c.pinhole.aim)),
             Self::Orthographic(c) => Some((c.position, &c.aim)),
             Self::Panorama(c) => Some((c.position, &c.aim)),
             Self::Intrinsics(_) => None,
@@ -262,7 +250,7 @@ impl CameraDescription {
     pub fn stand_mut(&mut self) -> Option<(&mut Point, &mut Aim)> {
         match self {
             Self::Pinhole(c) => Some((&mut c.position, &mut c.aim)),
-            Self::Thinlens(c) => Some((&mut c.position, &mut c.aim)),
+            Self::Thinlens(c) => Some((&mut c.pinhole.position, &mut c.pinhole.aim)),
             Self::Orthographic(c) => Some((&mut c.position, &mut c.aim)),
             Self::Panorama(c) => Some((&mut c.position, &mut c.aim)),
             Self::Intrinsics(_) => None,
