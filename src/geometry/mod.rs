@@ -37,6 +37,6 @@ pub use placement::{Instance, Placement};
 pub use predicates::{HalfLineIntersection, half_line, segment_crosses};
 pub use primitives::{Geometry, GeometryKind, quad_halves};
 pub use sphere::Sphere;
-pub use surface::{Surfaces, hit_triangle, position_error, refine, round_towards};
-pub use triangle::{TrianglePoint, clamp_barycentrics, refine_triangle};
+pub use surface::{Surfaces, hit_triangle, refine, round_towards};
+pub use triangle::{TrianglePoint, clamp_barycentrics, refine_triangle, triangle_error};
 pub use unseen::Unseen;

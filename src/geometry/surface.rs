@@ -13,7 +13,7 @@ use super::gather::gather;
 use super::passing::passing;
 use super::primitives::{Geometry, GeometryKind};
 use super::sphere::Sphere;
-use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle, triangle_error};
+use super::triangle::{TrianglePoint, refine_triangle, sharpen_triangle};
 use crate::ray::{LANES, Mask, NONE, RayPacket};
 
 /// 16 surface points, relative to the scene's origin.
@@ -143,27 +143,6 @@ pub fn hit_triangle(
     Some((corners, point))
 }
 
-/// Error bound of each coordinate of the position of lane `i`, which must have hit, in scene units.
-/// The true position is where the exact ray hits the exact primitive; the bound holds if there is
-/// such a point. It includes the position's own rounding and the rounding of f64, which grows where
-/// the angle between ray and surface is small.
-pub fn position_error(geometry: &Geometry, packet: &RayPacket, points: &Surfaces, i: usize) -> f64 {
-    let (origin, direction) = ray(packet, i);
-    let error = match hit_corners(geometry, packet, i) {
-        Some((corners, _)) => triangle_error(corners, origin, direction),
-        None => {
-            let sphere = geometry.spheres[packet.hits.prim[i] as usize];
-            sphere_error(&sphere, origin, direction, points.t[i].into())
-        }
-    };
-    error + rounding(points, i)
-}
-
-/// Bound of the rounding of a position to f32, including the rounding of the final sum.
-fn rounding(points: &Surfaces, i: usize) -> f64 {
-    0.5001 * f64::from(f32::EPSILON) * dvec(&points.position, i).abs().max_element()
-}
-
 /// Largest relative difference between the reported t and f64's t that needs no closer look.
 const T_SLACK: f64 = 1.0 / (1u64 << 20) as f64;
 
@@ -263,18 +242,6 @@ pub(super) fn on_sphere(sphere: &Sphere, packet: &RayPacket, i: usize) -> (f64, 
     let t = if root.is_nan() { reported } else { root };
     let near = origin + direction * t;
     (t, (near - sphere.center).normalize_or(DVec3::Z))
-}
-
-/// Error bound of each coordinate of a point on a sphere.
-///
-/// The square of half the chord is the difference of two terms. Its error `off` is some 64u (u =
-/// 2^-53) of their sum. So half the chord is off by at most the square root of `off`, and by at
-/// most `off` over half the chord.
-fn sphere_error(sphere: &Sphere, origin: DVec3, direction: DVec3, t: f64) -> f64 {
-    let f = origin - sphere.center;
-    let off = 32.0 * f64::EPSILON * (f.length_squared() + sphere.radius * sphere.radius);
-    let half_chord = (f + direction * t).dot(direction).abs() / direction.length();
-    off.sqrt().min(off / half_chord) + 4.0 * f64::EPSILON * f.length()
 }
 
 #[inline(always)]
@@ -543,34 +510,5 @@ mod tests {
         aim(&mut packet, 6, [2, 1], [[1.5, 0.0, 2.0], [0.0, 0.0, 2.0]], 3.0);
         let (t, normal) = on_sphere(&shapes().spheres[1], &packet, 6);
         assert!(t == 3.0 && normal.distance(DVec3::new(0.6, 0.0, -0.8)) < 1e-12, "{normal}");
-    }
-
-    #[test]
-    fn the_error_of_a_point_on_a_sphere_is_its_formula() {
-        let sphere = Sphere { center: DVec3::new(1.0, 2.0, 8.0), radius: 3.0 };
-        let at = |origin, direction, t| sphere_error(&sphere, origin, direction, t) / f64::EPSILON;
-        // The centre is 5 away, and half the chord is 3.
-        let error = at(DVec3::new(1.0, 2.0, 3.0), DVec3::Z * 2.0, 1.0);
-        assert!((error / (32.0 * (25.0 + 9.0) / 3.0 + 20.0) - 1.0).abs() < 1e-12, "{error}");
-        // At the outline the chord has no length.
-        let error = at(DVec3::new(4.0, 2.0, 4.0), DVec3::Z * 2.0, 2.0) * f64::EPSILON;
-        let root = (32.0 * f64::EPSILON * (25.0 + 9.0)).sqrt();
-        assert!((error / (root + 20.0 * f64::EPSILON) - 1.0).abs() < 1e-12, "{error}");
-    }
-
-    #[test]
-    fn the_error_of_a_position_includes_its_rounding() {
-        let mut packet = RayPacket::EMPTY;
-        aim(&mut packet, 2, [0, 0], [[0.25, 0.5, 1.0], DOWN], 1.0);
-        aim(&mut packet, 6, [2, 1], [[0.0, 0.0, 20.0], DOWN], 8.0);
-        let points = refined(&packet);
-        let error = |i| position_error(&shapes(), &packet, &points, i);
-        let half_ulp = 0.5001 * f64::from(f32::EPSILON);
-        let (origin, direction) = ray(&packet, 2);
-        let flat = triangle_error(triangles().corners(0).map(doubles), origin, direction);
-        assert!((error(2) / (flat + 0.5 * half_ulp) - 1.0).abs() < 1e-12);
-        let (origin, direction) = ray(&packet, 6);
-        let round = sphere_error(&shapes().spheres[1], origin, direction, 8.0);
-        assert!((error(6) / (round + 12.0 * half_ulp) - 1.0).abs() < 1e-12);
     }
 }

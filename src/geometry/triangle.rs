@@ -51,7 +51,7 @@ pub fn clamp_barycentrics(u: f64, v: f64) -> (f64, f64) {
 /// The position is the weighted mean of the corners. So it lies on the triangle to f64 rounding
 /// from every direction. It lies in the triangle's box even where the corners differ by many orders
 /// of magnitude: a sum of edges would cancel there. For a ray in the plane the reported (u, v)
-/// decide. [`super::position_error`] bounds the error.
+/// decide. [`triangle_error`] bounds the error.
 #[inline(always)]
 pub fn refine_triangle(
     [v0, v1, v2]: [DVec3; 3],

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use lightpath::accel::brute::Brute;
 use lightpath::accel::lane::{LaneHit, LaneRay};
-use lightpath::geometry::{Geometry, Surfaces, position_error, refine};
-use lightpath::ray::{Coherence, LANES};
+use lightpath::geometry::{Geometry, Surfaces, refine, triangle_error};
+use lightpath::ray::{Coherence, LANES, RayPacket};
 use lightpath::scene::Backend;
 
 use super::setup::{ALL, cube, geometry, oracle, packet, unit};
@@ -76,8 +76,8 @@ fn survey(backend: Backend) -> Seen {
                 // Rays that pass an edge within the bound of an f32 test have no exact hit there.
                 let Some(hit) = exact(&oracle, &ray, geom, prim) else { continue };
                 assert_eq!(points.doubtful.0[i], 0, "{ray:?} {hit:?}");
-                let error = position_error(&geometry, &traced, &points, i);
-                check(&mut seen, &geometry, (&points, i, error), &ray, &hit);
+                let corners = corners(&geometry, &traced, i);
+                check(&mut seen, &geometry, (&points, i, corners), &ray, &hit);
             }
         }
     }
@@ -85,10 +85,21 @@ fn survey(backend: Backend) -> Seen {
     seen
 }
 
+/// Returns the corners of the triangle, or of the half of a quad, that lane `i` hit.
+fn corners(geometry: &Geometry, traced: &RayPacket, i: usize) -> [DVec3; 3] {
+    let hits = &traced.hits;
+    let corners = if hits.geom[i] == geometry.quads_id() {
+        geometry.quad_half(hits.prim[i], hits.u[i], hits.v[i]).0
+    } else {
+        geometry.meshes[hits.geom[i] as usize].corners(hits.prim[i])
+    };
+    corners.map(|corner| DVec3::from(corner.map(f64::from)))
+}
+
 fn check(
     seen: &mut Seen,
     geometry: &Geometry,
-    (points, i, error): (&Surfaces, usize, f64),
+    (points, i, corners): (&Surfaces, usize, [DVec3; 3]),
     ray: &LaneRay,
     hit: &LaneHit,
 ) {
@@ -111,6 +122,8 @@ fn check(
     // The oracle's own t has an error of 2^-40.
     let known = (ray.direction * hit.t).abs().max_element() * 2f64.powi(-40);
     let off = (at - met).abs().to_array().into_iter().fold(0.0, worse);
+    let rounding = 0.5001 * f64::from(f32::EPSILON) * at.abs().max_element();
+    let error = triangle_error(corners, ray.origin, ray.direction) + rounding;
     seen.worst_share = worse(seen.worst_share, (off - known).max(0.0) / error);
 }
 
