@@ -91,23 +91,18 @@ pub struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// Makes a subject with default options.
     pub fn new(path: &'a Path) -> Self {
-        let (up, rotate, margin) = (None, None, MARGIN);
-        let (turning, calibrated) = (false, false);
-        let (repair, no_mmap, memory_limit) = (false, false, None);
-        let looks = Appearance::default();
-        let pivot = None;
         Self {
             path,
-            up,
-            rotate,
-            margin,
-            looks,
-            turning,
-            pivot,
-            calibrated,
-            repair,
-            no_mmap,
-            memory_limit,
+            up: None,
+            rotate: None,
+            margin: MARGIN,
+            looks: Appearance::default(),
+            turning: false,
+            pivot: None,
+            calibrated: false,
+            repair: false,
+            no_mmap: false,
+            memory_limit: None,
         }
     }
 }
