@@ -89,10 +89,7 @@ impl Isa {
         if Self::available().any(|isa| isa == self) {
             return Ok(self);
         }
-        let lacks = match Self::compiled().contains(&self) {
-            true => "this machine",
-            false => "this build",
-        };
+        let lacks = if Self::compiled().contains(&self) { "this machine" } else { "this build" };
         let available: Vec<String> = Self::available().map(|isa| isa.to_string()).collect();
         let message = format!("found {self}, which {lacks} lacks");
         let help = format!("available: {}", available.join(", "));

@@ -109,10 +109,7 @@ pub fn load(request: SceneRequest, monitor: &Monitor) -> Result<SceneJob> {
     }
     let SceneRequest { overrides, light_samples, .. } = request;
     // The text is parsed twice with `--light-samples`, and a pipe can be read only once.
-    let scene = match input == Path::new("-") {
-        true => Template::stdin()?,
-        false => Template::file(input)?,
-    };
+    let scene = if input == Path::new("-") { Template::stdin()? } else { Template::file(input)? };
     let mut warnings = Vec::new();
     let loaded = studio::load(scene.source(), overrides, light_samples, &mut warnings)?;
     Ok(SceneJob { loaded, folder: scene.folder, warnings, ready: Vec::new() })

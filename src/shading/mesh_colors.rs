@@ -147,10 +147,7 @@ impl MappedScalars {
     }
 
     fn color(&self, value: f64) -> Vec3 {
-        match value.is_finite() {
-            true => self.lookup(value * self.unit - self.low),
-            false => self.nan,
-        }
+        if value.is_finite() { self.lookup(value * self.unit - self.low) } else { self.nan }
     }
 
     /// The colour at a `distance` from `low`, interpolated in linear light.

@@ -32,10 +32,7 @@ fn counts(fault: BackendFault, closed: bool) -> CaseCounts {
     let mut sum = CaseCounts::default();
     for index in 0..64 {
         let mut random = Random::new(1, index);
-        let expect = match closed {
-            true => Expect::Closed([f64::INFINITY; LANES]),
-            false => Expect::Oracle,
-        };
+        let expect = if closed { Expect::Closed([f64::INFINITY; LANES]) } else { Expect::Oracle };
         let mut aimed = AimedPacket::new(expect);
         for i in 0..LANES {
             let goal = inside(&mut random, corners(&geometry.meshes[0], i as u32 * 3));

@@ -136,10 +136,7 @@ fn value(layer: &PictureLayer, frame: &PictureLayer, pixel: usize) -> f32 {
     let at = [pixel % frame.size[0], pixel / frame.size[0]];
     let from = |k: usize| i64::from(frame.origin[k]) - i64::from(layer.origin[k]);
     let [x, y] = [0, 1].map(|k| usize::try_from(at[k] as i64 + from(k)).unwrap_or(usize::MAX));
-    match x < layer.size[0] && y < layer.size[1] {
-        true => layer.values[y * layer.size[0] + x],
-        false => 0.0,
-    }
+    if x < layer.size[0] && y < layer.size[1] { layer.values[y * layer.size[0] + x] } else { 0.0 }
 }
 
 #[cfg(test)]
