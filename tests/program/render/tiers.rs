@@ -39,9 +39,9 @@ fn name_of(scene: &Path) -> &str {
     scene.file_stem().unwrap().to_str().unwrap()
 }
 
-/// Returns the files of scenes, by name, as a program renders them: its path, or a command that runs
-/// it, word by word. An emulator translates the program once a process, so a process has all scenes
-/// of the same flags.
+/// Returns the files of scenes, by name, as a program renders them: its path, or a command that
+/// runs it, word by word. An emulator translates the program once a process, so a process has all
+/// scenes of the same flags.
 fn render(program: &[&str], scenes: &[PathBuf], tier: &str) -> BTreeMap<String, Vec<u8>> {
     let scratch = Scratch::new();
     fs::create_dir(scratch.path("x")).unwrap();
