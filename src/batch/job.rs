@@ -178,7 +178,7 @@ impl Job {
             pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
             turntable: file.turntable.as_ref().map(turntable),
             light_samples: flags.light_samples,
-            legend_of_meshes: has_mesh && flags.overrides.touches(LEGEND),
+            legend_of_meshes: has_mesh && flags.overrides.value(LEGEND) == Some("true"),
             repair: flags.repair,
             no_mmap: flags.no_mmap,
             storage: Storage {

@@ -298,6 +298,11 @@ fn a_legend_is_for_the_inputs_that_show_a_property() {
     // Without a mesh among the inputs, the flag is a mistake.
     let done = scratch.run(&["batch", "plain.json", "--legend", "--dry-run"]);
     assert!(done.code() == 2 && done.stderr().contains("--legend: found true"));
+    // A scene that would have a legend goes without if the batch says so.
+    let camera = r#"{ "output": { "legend": true }, "camera""#;
+    scratch.write("asks.json", &plain.replacen(r#"{ "camera""#, camera, 1));
+    let inputs = ["batch", "asks.json", "a.ply", "--size", "8x8", "-o", "off"];
+    scratch.run(&[&inputs[..], &["--set", "/output/legend=false"]].concat()).good();
 }
 
 #[test]
