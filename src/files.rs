@@ -54,11 +54,14 @@ pub fn read_within(path: &Path, most: u64, expected: &str) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Makes the error for a file whose stamp has changed since it was first read.
+/// Makes the error for a file whose stamp has changed since it was first read. The stamp does not
+/// tell a new mode from new bytes whose writer has restored size and date.
 pub fn changed(path: &Path) -> Error {
     let message = "changed while it was read";
     let problem = Problem::new(path.display().to_string(), message);
-    Error::new(ErrorKind::Retry, problem.help("wait until it is written, then try again"))
+    let help =
+        "wait until no program writes it or changes its mode, owner or links, then try again";
+    Error::new(ErrorKind::Retry, problem.help(help))
 }
 
 #[cfg(unix)]

@@ -22,7 +22,8 @@ use super::inputs;
 use super::names::{self, NamePattern};
 use super::places::Places;
 
-/// Pointer that `--legend` sets.
+/// Pointer that `--legend` sets. A legend that the whole job asks for is for the inputs that show a
+/// property.
 pub const LEGEND: &str = "/output/legend";
 
 /// Output folder if none is given.
@@ -47,8 +48,6 @@ pub struct Job {
     pub pivot: Option<DVec3>,
     /// Samples on every area light, sun and environment per shading point, if a flag sets them.
     pub light_samples: Option<u32>,
-    /// True if `--legend` is for meshes of the job: its scenes that show no property go without.
-    pub legend_of_meshes: bool,
     /// Drops triangles with invalid vertices.
     pub repair: bool,
     /// Reads mesh files instead of memory-mapping them.
@@ -80,6 +79,8 @@ pub struct JobInput {
     pub rotate: Option<[f64; 3]>,
     /// Overrides of the scene, in the order in which they are applied.
     pub overrides: Overrides,
+    /// True if its legend is one of the whole job: without a property, the input goes without it.
+    pub legend_of_job: bool,
 }
 
 impl Job {
@@ -161,7 +162,6 @@ impl Job {
         };
         let files = file.template.as_ref().map(|path| base.join(&path.0));
         let cameras = poses.iter().flat_map(|poses| poses.files.clone()).collect::<Vec<_>>();
-        let has_mesh = found.iter().any(|input| studio::is_mesh(&input.path));
         Ok(Self {
             inputs: found,
             template,
@@ -178,7 +178,6 @@ impl Job {
             pivot: file.turntable.as_ref().and_then(|t| t.pivot).map(|pivot| pivot.vec()),
             turntable: file.turntable.as_ref().map(turntable),
             light_samples: flags.light_samples,
-            legend_of_meshes: has_mesh && flags.overrides.touches(LEGEND),
             repair: flags.repair,
             no_mmap: flags.no_mmap,
             storage: Storage {
@@ -244,6 +243,11 @@ fn input(
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
     };
     let mut overrides = common(file, &flags.places)?;
+    let legend_of_job = match (flags.overrides.value(LEGEND), set.get(LEGEND)) {
+        (Some(legend), _) => legend == "true",
+        (None, Some(_)) => false,
+        (None, None) => overrides.value(LEGEND) == Some("true"),
+    };
     let entry = format!("/inputs/{number}");
     overrides.append(patches(camera, set, &entry, &flags.places)?);
     let place = match flags.file {
@@ -273,7 +277,8 @@ fn input(
             let _ = studio::flags_win(&flags.looks, flags.turned, template, &mut overrides);
         }
         overrides.append(flags.overrides.clone());
-        JobInput { path, up, rotate: rotate.map(|angles| angles.0), overrides }
+        let rotate = rotate.map(|angles| angles.0);
+        JobInput { path, up, rotate, overrides, legend_of_job }
     };
     Ok(files.into_iter().map(one).collect())
 }

@@ -89,7 +89,8 @@ pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
 pub fn check_settings(job: &Job) -> Result<()> {
     let mut first = None;
     for input in &job.inputs {
-        let checked = with_default_placement(job, input)
+        // With the legend of the whole job, which at least one input must be able to have.
+        let checked = placed_by_default(job, input, &input.overrides)
             .and_then(|scene| picture::check_storage(&scene, job.storage));
         let Err(error) = checked else { return Ok(()) };
         // Without overrides, only the job sets what a mesh is rendered with.
@@ -107,35 +108,37 @@ pub fn check_settings(job: &Job) -> Result<()> {
 /// # Errors
 /// Errors of the scene.
 pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
-    let loaded = match studio::is_mesh(&input.path) {
+    placed_by_default(job, input, &overrides(job, input))
+}
+
+fn placed_by_default(job: &Job, input: &JobInput, overrides: &Overrides) -> Result<Scene> {
+    let path = &input.path;
+    let loaded = match studio::is_mesh(path) {
         true => {
-            let subject = Subject { looks: job.looks.clone(), ..Subject::new(&input.path) };
-            studio::with_default_placement(&subject, &job.template, &input.overrides)?
+            let subject = Subject { looks: job.looks.clone(), ..Subject::new(path) };
+            studio::with_default_placement(&subject, &job.template, overrides)?
         }
-        false => load(job, input, &mut Vec::new())?,
+        false => {
+            let source = Source::File(path);
+            studio::load(source, overrides.clone(), job.light_samples, &mut Vec::new())?
+        }
     };
     Ok(loaded.scene)
 }
 
-/// Loads an input that is a scene, without a `--legend` that is not for it.
-///
-/// # Errors
-/// Errors of the scene.
-fn load(job: &Job, input: &JobInput, warnings: &mut Vec<Problem>) -> Result<Loaded> {
-    let load = |overrides, warnings: &mut Vec<Problem>| {
-        studio::load(Source::File(&input.path), overrides, job.light_samples, warnings)
-    };
-    if job.legend_of_meshes {
-        let mut overrides = input.overrides.clone();
-        overrides.remove(LEGEND);
-        let mut new = Vec::new();
-        let loaded = load(overrides, &mut new)?;
-        if !loaded.scene.shows_property() {
-            warnings.extend(new);
-            return Ok(loaded);
-        }
+/// Returns the overrides of an input: without the legend of the whole job if it shows no property.
+fn overrides(job: &Job, input: &JobInput) -> Overrides {
+    let all = input.overrides.clone();
+    if !input.legend_of_job {
+        return all;
     }
-    load(input.overrides.clone(), warnings)
+    let mut without = all.clone();
+    without.flag("--legend", LEGEND, Some(false));
+    match placed_by_default(job, input, &without) {
+        Ok(scene) if !scene.shows_property() => without,
+        // An error is reported when the input is loaded.
+        _ => all,
+    }
 }
 
 /// Reads an input: a scene, or a mesh that is framed in the template. `memory_limit` limits the
@@ -150,8 +153,8 @@ pub fn read(
     monitor: &Monitor,
 ) -> Result<Ready> {
     let path = &input.path;
+    let (overrides, samples) = (overrides(job, input), job.light_samples);
     if studio::is_mesh(path) {
-        let (overrides, samples) = (input.overrides.clone(), job.light_samples);
         let subject = Subject {
             up: input.up,
             rotate: input.rotate,
@@ -172,7 +175,7 @@ pub fn read(
         return Ok(Ready { loaded, mesh: vec![mesh], warnings, folder, pivot });
     }
     let mut warnings = Vec::new();
-    let loaded = load(job, input, &mut warnings)?;
+    let loaded = studio::load(Source::File(path), overrides, samples, &mut warnings)?;
     let target = loaded.description.camera.target().map(|target| target.vec());
     let pivot = match job.pivot.or(target) {
         Some(pivot) => pivot,

@@ -154,7 +154,7 @@ impl PartFile {
     /// Writes the whole content and gives the file its final name.
     ///
     /// # Errors
-    /// `Retry` if the disk is full, or the error of a failed rename. The target is unchanged then.
+    /// Those of [`PartFile::fill`] and [`PartFile::commit`].
     pub fn finish(mut self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.fill(content.as_ref())?;
         self.commit()
@@ -164,8 +164,8 @@ impl PartFile {
     /// [`PartFile::fill`] first.
     ///
     /// # Errors
-    /// A failed rename. The part file is removed then. `Retry` if the disk fails or is full after
-    /// the rename.
+    /// A failed rename: the part file is removed, and the target is unchanged. `Retry` if the disk
+    /// fails or is full after the rename: the target is the new file, which a power cut may undo.
     pub fn commit(self) -> Result<PathBuf> {
         let Self { target, file, live } = self;
         file.persist(&target).map_err(|error| {

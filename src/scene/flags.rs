@@ -50,6 +50,12 @@ impl Overrides {
         self.list.iter().any(|(_, at, _)| is_within(at, pointer))
     }
 
+    /// Returns the text of the value that the last override of exactly `pointer` sets.
+    pub fn value(&self, pointer: &str) -> Option<&str> {
+        let (.., set) = self.list.iter().rev().find(|(_, at, _)| at == pointer)?;
+        set.split_once('=').map(|(_, value)| value.trim())
+    }
+
     /// Removes the overrides of `pointer` and of values below it.
     pub fn remove(&mut self, pointer: &str) {
         let stays = |(_, at, _): &(Option<Place>, String, String)| !is_within(at, pointer);

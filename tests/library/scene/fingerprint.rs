@@ -167,6 +167,19 @@ fn a_file_that_changes_between_reading_and_hashing_is_detected() {
         }
         let error = hashed_after(&|| here.write(name, &format!("{text}\n\n"))).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
+        // A new mode may hide new bytes with the old date, so the help names it.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let error = hashed_after(&|| {
+                // More than a tick of the file system's clock.
+                std::thread::sleep(std::time::Duration::from_millis(50));
+                let mode = fs::Permissions::from_mode(0o600);
+                fs::set_permissions(here.path().join(name), mode).unwrap();
+            });
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains("changes its mode, owner or links"), "{error}");
+        }
     }
 }
 

@@ -295,9 +295,35 @@ fn a_legend_is_for_the_inputs_that_show_a_property() {
         let png = |folder: &str| scratch.read(&format!("{folder}/{name}.png"));
         assert_eq!(png("with") != png("without"), changes, "{name}");
     }
-    // Without a mesh among the inputs, the flag is a mistake.
-    let done = scratch.run(&["batch", "plain.json", "--legend", "--dry-run"]);
-    assert!(done.code() == 2 && done.stderr().contains("--legend: found true"));
+    // A job file is like flags.
+    let job = |keys: &str| {
+        let inputs = r#""inputs": ["plain.json", "a.ply"], "size": [320, 200]"#;
+        scratch.write("job.json", &format!("{{ {inputs}, {keys} }}"));
+        scratch.run(&["batch", "job.json", "-o", "job", "--no-sheet", "--quiet"])
+    };
+    let legend = r#""set": { "/output/legend": true }"#;
+    job(&format!(r#"{legend}, "color": {{ "property": "heat" }}"#)).good();
+    for name in ["a.png", "plain.png"] {
+        assert!(scratch.read(&format!("job/{name}")) == scratch.read(&format!("with/{name}")));
+    }
+    // If no input shows a property, the legend is a mistake of the whole job.
+    let (done, place) = (job(legend), "(/set/~1output~1legend): found true");
+    assert!(done.code() == 2 && done.stderr().contains(place), "{}", done.stderr());
+    for inputs in [&["plain.json"][..], &["plain.json", "a.ply"]] {
+        let done = scratch.run(&[&["batch", "--legend", "--dry-run"], inputs].concat());
+        assert!(done.code() == 2 && done.stderr().contains("--legend: found true"), "{inputs:?}");
+    }
+    // The legend of one input is for this input.
+    let entry = r#"{ "inputs": ["a.ply", { "path": "plain.json", "set": { "/output/legend": true } }],
+                     "color": { "property": "heat" } }"#;
+    scratch.write("entry.json", entry);
+    let done = scratch.run(&["batch", "entry.json", "-o", "entry", "--size", "8x8"]);
+    assert!(done.code() == 1 && done.stderr().contains("plain.json: entry.json:1:"));
+    // A scene that would have a legend goes without if the batch says so.
+    let camera = r#"{ "output": { "legend": true }, "camera""#;
+    scratch.write("asks.json", &plain.replacen(r#"{ "camera""#, camera, 1));
+    let inputs = ["batch", "asks.json", "a.ply", "--size", "8x8", "-o", "off"];
+    scratch.run(&[&inputs[..], &["--set", "/output/legend=false"]].concat()).good();
 }
 
 #[test]
