@@ -336,7 +336,7 @@ pub fn exr_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         let what =
             ["pixel with a NaN or infinite value was", "pixels with a NaN or infinite value were"];
         let pixels = counted(oddities.non_finite, what);
-        let message = format!("{pixels} written as 0 or 65504, the first at {spot}");
+        let message = format!("{pixels} written as 0 or clamped, the first at {spot}");
         let help = "are coefficients or lights huge? Otherwise please report this with the scene";
         warnings.push(Problem::new("", message).help(help));
     }

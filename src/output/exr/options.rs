@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::film::ChannelKind;
+use crate::output::value_counts::HALF_MAX;
 
 /// Compression of the blocks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -47,7 +48,7 @@ impl Compression {
     }
 
     /// Returns true if the method keeps the values of a channel as halves, whatever its type.
-    pub fn halves(self, channel: &str) -> bool {
+    fn halves(self, channel: &str) -> bool {
         let axis = channel.rsplit('.').next().unwrap_or_default();
         self == Self::Dwaa && ["R", "G", "B", "Y"].contains(&axis)
     }
@@ -100,9 +101,10 @@ pub struct Options<'a> {
 }
 
 impl Options<'_> {
-    /// Returns true if the file holds the values of a channel as halves: by their type, or by the
-    /// compression alone.
-    pub fn keeps_halves(&self, channel: &str, kind: ChannelKind) -> bool {
-        (kind == ChannelKind::Half && !self.float) || self.compression.halves(channel)
+    /// Returns the largest absolute value that the file holds in a channel, by the compression and
+    /// the channel's type.
+    pub fn largest(&self, channel: &str, kind: ChannelKind) -> f32 {
+        let is_half = kind == ChannelKind::Half && !self.float;
+        if is_half || self.compression.halves(channel) { HALF_MAX } else { f32::MAX }
     }
 }

@@ -32,10 +32,13 @@ fn attributes() -> Vec<(String, String)> {
 }
 
 fn exr_bytes(film: &Film) -> Vec<u8> {
-    let mut file = Cursor::new(Vec::new());
     let attributes = attributes();
-    let options = exr::Options { attributes: &attributes, ..Default::default() };
-    exr::write(film, &options, &mut file, Path::new("x.exr")).unwrap();
+    exr_bytes_with(film, &exr::Options { attributes: &attributes, ..Default::default() })
+}
+
+fn exr_bytes_with(film: &Film, options: &exr::Options) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    exr::write(film, options, &mut file, Path::new("x.exr")).unwrap();
     file.into_inner()
 }
 
@@ -147,17 +150,21 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
         legend_left_out: false,
         non_finite: 2,
         first_non_finite: spot([5, 3], "R"),
-        clamped: 1,
+        // Pixel 11 has both kinds.
+        clamped: 2,
         first_clamped: spot([4, 3], "R"),
     };
     let count = |film: &Film, options: &exr::Options| {
-        ValueCounts::count(film, |name, kind| options.keeps_halves(name, kind))
+        ValueCounts::count(film, |name, kind| options.largest(name, kind))
     };
     let halves = exr::Options::default();
     assert_eq!(count(&film, &halves), expected);
     let floats = exr::Options { float: true, ..halves };
     let as_float = ValueCounts { clamped: 0, first_clamped: None, ..expected };
     assert_eq!(count(&film, &floats), as_float);
+    let row = &read_exr(&exr_bytes_with(&film, &floats)).layer_data.channel_data.pixels[1];
+    assert_eq!(row[1], [1e6, 0.0, -1e6, 1.0]);
+    assert_eq!(row[2], [0.0, f32::MAX, f32::MIN, 1.0]);
     // This compression makes halves of R, G, B and Y.
     let lossy = exr::Options { compression: exr::Compression::Dwaa, ..floats };
     assert_eq!(count(&film, &lossy), count(&film, &halves));
