@@ -35,6 +35,8 @@ pub struct ValueCounts {
     pub clamped: u64,
     /// Location of the first such value, row by row.
     pub first_clamped: Option<ValueLocation>,
+    /// Largest absolute value that the channel of the first such value holds; 0 without one.
+    pub clamped_to: f32,
     /// Coverage that the mattes cannot hold, as recorded in the film.
     pub dropped: Dropped,
     /// True if the PNG has no room for the legend that it should have.
@@ -92,15 +94,19 @@ impl ValueCounts {
         }
         let is_clamped = |v: f32, max: f32| v.is_finite() && v.abs() > max;
         let clamped = values.clone().find(|((_, value), max)| is_clamped(*value, *max));
-        if let Some(((name, _), _)) = clamped {
+        if let Some(((name, _), limit)) = clamped {
             self.clamped += 1;
-            self.first_clamped.get_or_insert_with(|| spot(name));
+            if self.first_clamped.is_none() {
+                (self.first_clamped, self.clamped_to) = (Some(spot(name)), limit);
+            }
         }
     }
 
     /// Combines the counts of these pixels with those of later pixels.
     fn then(self, next: Self) -> Self {
+        let first = if self.first_clamped.is_some() { &self } else { &next };
         Self {
+            clamped_to: first.clamped_to,
             non_finite: self.non_finite + next.non_finite,
             first_non_finite: self.first_non_finite.or(next.first_non_finite),
             clamped: self.clamped + next.clamped,

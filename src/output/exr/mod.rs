@@ -33,7 +33,7 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::Film;
 use crate::simd::{Isa, dispatch};
 
-pub use self::options::{CameraMatrices, Compression, Options, Sequence};
+pub use self::options::{CameraMatrices, Compression, DWA_MAX, Options, Sequence};
 pub use self::parts::layer_of;
 pub use self::sorted::read_sorted;
 
