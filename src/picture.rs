@@ -235,12 +235,15 @@ pub fn check_storage(scene: &Scene, storage: Storage) -> Result<()> {
     if !storage.compression.is_lossy() {
         return Ok(());
     }
+    let halves = |what: &str| format!("it keeps {what} as halves, up to {}", exr::DWA_MAX);
     let harmed = |layer: &Layer| match layer {
         Layer::CryptoObject | Layer::CryptoMaterial => {
-            Some(("cryptomatte", "its losses change the ids, so mattes cannot be found"))
+            Some(("cryptomatte", "its losses change the ids, so mattes cannot be found".into()))
         }
-        Layer::Position => Some(("P", "it keeps `P.Y` as halves, up to 65504")),
-        Layer::Distance => Some(("distance", "it keeps `distance.Y` as halves, up to 65504")),
+        Layer::Position => Some(("P", halves("`P.Y`"))),
+        Layer::Distance => Some(("distance", halves("`distance.Y`"))),
+        Layer::Variance => Some(("variance", halves("squares of radiance"))),
+        Layer::Samples => Some(("samples", "its losses change the counts".into())),
         _ => None,
     };
     let Some((layer, why)) = scene.layers.iter().find_map(harmed) else { return Ok(()) };
@@ -336,17 +339,17 @@ pub fn exr_warnings(oddities: &ValueCounts) -> Vec<Problem> {
         let what =
             ["pixel with a NaN or infinite value was", "pixels with a NaN or infinite value were"];
         let pixels = counted(oddities.non_finite, what);
-        let message = format!("{pixels} written as 0 or 65504, the first at {spot}");
+        let message = format!("{pixels} written as 0 or clamped, the first at {spot}");
         let help = "are coefficients or lights huge? Otherwise please report this with the scene";
         warnings.push(Problem::new("", message).help(help));
     }
     if let Some(spot) = &oddities.first_clamped {
-        let what = [
-            "pixel is brighter than a half can hold and was",
-            "pixels are brighter than a half can hold and were",
-        ];
-        let pixels = counted(oddities.clamped, what);
-        let message = format!("{pixels} clamped to 65504 in the EXR, the first at {spot}");
+        let limit = oddities.clamped_to;
+        let holder = if limit == exr::DWA_MAX { "dwaa" } else { "a half" };
+        let pixels = counted(oddities.clamped, ["pixel is", "pixels are"]);
+        let was = if oddities.clamped == 1 { "was" } else { "were" };
+        let found = format!("{pixels} brighter than {holder} can hold and {was}");
+        let message = format!("{found} clamped to {limit} in the EXR, the first at {spot}");
         let help = "make the lights weaker, or write --float, without dwaa";
         warnings.push(Problem::new("", message).help(help));
     }

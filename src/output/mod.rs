@@ -104,11 +104,11 @@ impl Outputs {
         self.further_files.into_iter().try_for_each(|part| part.commit().map(drop))?;
         let paths = [self.exr.commit()?, self.png.commit()?];
         monitor.set_done(1);
-        let is_half = |name: &str, kind| options.exr.keeps_halves(name, kind);
+        let largest = |name: &str, kind| options.exr.largest(name, kind);
         let size = [film.window.width(), film.window.height()];
         // The tiles of a picture may be too small where the merged picture is not.
         let legend = options.legend.filter(|_| !options.exr.exact);
         let legend_left_out = legend.is_some_and(|legend| !legend.fits(size));
-        Ok((paths, ValueCounts { legend_left_out, ..ValueCounts::count(film, is_half) }))
+        Ok((paths, ValueCounts { legend_left_out, ..ValueCounts::count(film, largest) }))
     }
 }

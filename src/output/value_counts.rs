@@ -26,15 +26,17 @@ impl std::fmt::Display for ValueLocation {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ValueCounts {
     /// Number of pixels with a NaN or infinite channel. In the file, NaN becomes 0, and an infinity
-    /// becomes the largest half of the same sign.
+    /// becomes the largest value of the same sign that the channel holds.
     pub non_finite: u64,
     /// Location of the first such value, row by row.
     pub first_non_finite: Option<ValueLocation>,
-    /// Number of pixels whose values are all finite, but at least one is clamped to the range of a
-    /// half.
+    /// Number of pixels with a finite value that is clamped to the range of its channel, whether or
+    /// not another of their channels is NaN or infinite.
     pub clamped: u64,
-    /// Location of the first clamped value in these pixels, row by row.
+    /// Location of the first such value, row by row.
     pub first_clamped: Option<ValueLocation>,
+    /// Largest absolute value that the channel of the first such value holds; 0 without one.
+    pub clamped_to: f32,
     /// Coverage that the mattes cannot hold, as recorded in the film.
     pub dropped: Dropped,
     /// True if the PNG has no room for the legend that it should have.
@@ -43,10 +45,10 @@ pub struct ValueCounts {
 
 impl ValueCounts {
     /// Counts the pixels of a film with such values, on the threads of the caller's rayon pool.
-    /// `is_half` tells by name and kind whether the file keeps the values of a channel as halves.
-    pub fn count(film: &Film, is_half: impl Fn(&str, ChannelKind) -> bool) -> Self {
+    /// `largest` gives by name and kind the largest absolute value that the file holds in a channel
+    /// ([`super::exr::Options::largest`]).
+    pub fn count(film: &Film, largest: impl Fn(&str, ChannelKind) -> f32) -> Self {
         let width = film.window.width().max(1) as usize;
-        let largest = |name: &str, kind| if is_half(name, kind) { HALF_MAX } else { f32::MAX };
         let beauty = ["R", "G", "B", "A"].map(|name| largest(name, ChannelKind::Half));
         let kinds = film.planes.channels.iter().enumerate();
         let floats: Vec<(usize, f32)> = kinds
@@ -89,15 +91,22 @@ impl ValueCounts {
         if let Some(((name, _), _)) = non_finite {
             self.non_finite += 1;
             self.first_non_finite.get_or_insert_with(|| spot(name));
-        } else if let Some(((name, _), _)) = values.clone().find(|((_, v), max)| v.abs() > *max) {
+        }
+        let is_clamped = |v: f32, max: f32| v.is_finite() && v.abs() > max;
+        let clamped = values.clone().find(|((_, value), max)| is_clamped(*value, *max));
+        if let Some(((name, _), limit)) = clamped {
             self.clamped += 1;
-            self.first_clamped.get_or_insert_with(|| spot(name));
+            if self.first_clamped.is_none() {
+                (self.first_clamped, self.clamped_to) = (Some(spot(name)), limit);
+            }
         }
     }
 
     /// Combines the counts of these pixels with those of later pixels.
     fn then(self, next: Self) -> Self {
+        let first = if self.first_clamped.is_some() { &self } else { &next };
         Self {
+            clamped_to: first.clamped_to,
             non_finite: self.non_finite + next.non_finite,
             first_non_finite: self.first_non_finite.or(next.first_non_finite),
             clamped: self.clamped + next.clamped,

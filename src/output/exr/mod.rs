@@ -33,7 +33,7 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::Film;
 use crate::simd::{Isa, dispatch};
 
-pub use self::options::{CameraMatrices, Compression, Options, Sequence};
+pub use self::options::{CameraMatrices, Compression, DWA_MAX, Options, Sequence};
 pub use self::parts::layer_of;
 pub use self::sorted::read_sorted;
 
@@ -42,8 +42,8 @@ use self::rows::Fill;
 use self::sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES};
 use self::zip::Zip;
 
-/// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, an infinity the
-/// largest half of the same sign, and half channels are clamped: see [`super::ValueCounts`].
+/// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, and
+/// values are clamped to the range of their channel: see [`super::ValueCounts`].
 ///
 /// # Errors
 /// `Retry` if the disk is full. `Limit` for a side of 2^31 pixels or more, or attributes that the

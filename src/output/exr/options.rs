@@ -5,6 +5,24 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::film::ChannelKind;
+use crate::output::value_counts::HALF_MAX;
+
+/// Largest absolute value that DWAA's lossy channels are given, so that no decoded value is
+/// infinite.
+///
+/// The codec rounds 1 + ln(v) / 2.2 to a half, converts R, G, B to luma and chroma, and rounds the
+/// coefficients of an orthonormal 8 x 8 DCT to halves, then to quantised halves. The worst errors
+/// of a decoded curve value add up, for B, whose errors are those of luma plus 1.8556 times those
+/// of a chroma:
+/// - 0.0502 from the quantisation: the largest sum over a block of tolerance times basis function;
+///   the tolerances are 45e-5 times an entry of JPEG's tables over the least entry (10 or 17);
+/// - 0.0661 from coefficients as halves: 2^-11 times the sum of coefficient times basis function,
+///   which is at most 8 times the curve's largest value, 5.92;
+/// - 0.0040 from the halves before and after.
+///
+/// So 50,000 becomes at most 50,000 exp(2.2 * 0.1203) = 65,150, less than 65,520, from where halves
+/// are infinite.
+pub const DWA_MAX: f32 = 50_000.0;
 
 /// Compression of the blocks.
 #[derive(
@@ -46,8 +64,9 @@ impl Compression {
         self == Self::Dwaa
     }
 
-    /// Returns true if the method keeps the values of a channel as halves, whatever its type.
-    pub fn halves(self, channel: &str) -> bool {
+    /// Returns true if the method changes the values of a channel, which it keeps as halves,
+    /// whatever its type.
+    fn changes(self, channel: &str) -> bool {
         let axis = channel.rsplit('.').next().unwrap_or_default();
         self == Self::Dwaa && ["R", "G", "B", "Y"].contains(&axis)
     }
@@ -100,9 +119,15 @@ pub struct Options<'a> {
 }
 
 impl Options<'_> {
-    /// Returns true if the file holds the values of a channel as halves: by their type, or by the
-    /// compression alone.
-    pub fn keeps_halves(&self, channel: &str, kind: ChannelKind) -> bool {
-        (kind == ChannelKind::Half && !self.float) || self.compression.halves(channel)
+    /// Returns the largest absolute value that the file holds in a channel, by the compression and
+    /// the channel's type.
+    pub fn largest(&self, channel: &str, kind: ChannelKind) -> f32 {
+        if self.compression.changes(channel) {
+            DWA_MAX
+        } else if kind == ChannelKind::Half && !self.float {
+            HALF_MAX
+        } else {
+            f32::MAX
+        }
     }
 }

@@ -14,6 +14,8 @@ pub struct ValueSource<'a> {
     pub name: &'a str,
     /// Type of the channel in the file.
     pub kind: ChannelKind,
+    /// Largest absolute value in the file.
+    pub largest: f32,
     /// Where its values are in the film.
     pub from: ChannelSource,
 }
@@ -46,12 +48,18 @@ pub fn parts<'a>(film: &'a Film, options: &Options) -> Vec<ExrPart<'a>> {
     let beauty = ["R", "G", "B", "A"].into_iter().enumerate().map(|(i, name)| ValueSource {
         name,
         kind: kind(ChannelKind::Half),
+        largest: options.largest(name, ChannelKind::Half),
         from: ChannelSource::Beauty(i),
     });
     let mut parts = vec![ExrPart { name: FIRST, sources: beauty.collect() }];
     for (i, channel) in film.planes.channels.iter().enumerate() {
         let name = channel.name.as_str();
-        let source = ValueSource { name, kind: kind(channel.kind), from: ChannelSource::Words(i) };
+        let source = ValueSource {
+            name,
+            kind: kind(channel.kind),
+            largest: options.largest(name, channel.kind),
+            from: ChannelSource::Words(i),
+        };
         let layer = if options.multipart { layer_of(name) } else { FIRST };
         match parts.iter_mut().find(|part| part.name == layer) {
             Some(part) => part.sources.push(source),

@@ -6,7 +6,6 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use crate::film::{ChannelKind, Film};
-use crate::output::value_counts::{HALF_MAX, finite};
 use crate::simd::Kernel;
 
 use super::parts::{ChannelSource, ValueSource};
@@ -67,7 +66,7 @@ impl Kernel for Fill<'_, '_> {
                             }
                         }
                     }
-                    store(source.kind, exact, &mut floats[..count], to);
+                    store(source, exact, &mut floats[..count], to);
                 }
             }
         }
@@ -83,16 +82,18 @@ fn size(kind: ChannelKind) -> usize {
 /// Writes at most [`BATCH`] values in the type of the file. Only with `exact`, floats may be NaN or
 /// infinite.
 #[inline(always)]
-fn store(kind: ChannelKind, exact: bool, floats: &mut [f32], to: &mut [u8]) {
-    if kind != ChannelKind::Half {
+fn store(source: &ValueSource, exact: bool, floats: &mut [f32], to: &mut [u8]) {
+    let is_half = source.kind == ChannelKind::Half;
+    if is_half || !exact {
+        for float in floats.iter_mut() {
+            *float = within(*float, source.largest);
+        }
+    }
+    if !is_half {
         for (to, float) in to.chunks_exact_mut(4).zip(floats) {
-            let value = if exact { *float } else { finite(*float) };
-            to.copy_from_slice(&value.to_ne_bytes());
+            to.copy_from_slice(&float.to_ne_bytes());
         }
         return;
-    }
-    for float in floats.iter_mut() {
-        *float = within_half(*float);
     }
     let mut halves = [f16::ZERO; BATCH];
     let halves = &mut halves[..floats.len()];
@@ -102,10 +103,12 @@ fn store(kind: ChannelKind, exact: bool, floats: &mut [f32], to: &mut [u8]) {
     }
 }
 
-/// Clamps a value to the range of a half. NaN becomes 0, so the result is always finite.
+/// Clamps a value to the range of its channel. NaN becomes 0, so the result is always finite.
 #[inline(always)]
-fn within_half(value: f32) -> f32 {
+fn within(value: f32, largest: f32) -> f32 {
     // Written without branches, because it runs for every value.
-    let within = value.clamp(-HALF_MAX, HALF_MAX);
-    if within.is_nan() { 0.0 } else { within }
+    // Unlike `clamp`, the comparisons check no limits.
+    let value = if value < -largest { -largest } else { value };
+    let value = if value > largest { largest } else { value };
+    if value.is_nan() { 0.0 } else { value }
 }

@@ -33,10 +33,13 @@ fn attributes() -> Vec<(String, String)> {
 }
 
 fn exr_bytes(film: &Film) -> Vec<u8> {
-    let mut file = Cursor::new(Vec::new());
     let attributes = attributes();
-    let options = exr::Options { attributes: &attributes, ..Default::default() };
-    exr::write(film, &options, &mut file, Path::new("x.exr")).unwrap();
+    exr_bytes_with(film, &exr::Options { attributes: &attributes, ..Default::default() })
+}
+
+fn exr_bytes_with(film: &Film, options: &exr::Options) -> Vec<u8> {
+    let mut file = Cursor::new(Vec::new());
+    exr::write(film, options, &mut file, Path::new("x.exr")).unwrap();
     file.into_inner()
 }
 
@@ -148,24 +151,52 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
         legend_left_out: false,
         non_finite: 2,
         first_non_finite: spot([5, 3], "R"),
-        clamped: 1,
+        // Pixel 11 has both kinds.
+        clamped: 2,
         first_clamped: spot([4, 3], "R"),
+        clamped_to: 65504.0,
     };
     let count = |film: &Film, options: &exr::Options| {
-        ValueCounts::count(film, |name, kind| options.keeps_halves(name, kind))
+        ValueCounts::count(film, |name, kind| options.largest(name, kind))
     };
     let halves = exr::Options::default();
     assert_eq!(count(&film, &halves), expected);
     let floats = exr::Options { float: true, ..halves };
-    let as_float = ValueCounts { clamped: 0, first_clamped: None, ..expected };
+    let as_float =
+        ValueCounts { clamped: 0, first_clamped: None, clamped_to: 0.0, ..expected.clone() };
     assert_eq!(count(&film, &floats), as_float);
+    let row = &read_exr(&exr_bytes_with(&film, &floats)).layer_data.channel_data.pixels[1];
+    assert_eq!(row[1], [1e6, 0.0, -1e6, 1.0]);
+    assert_eq!(row[2], [0.0, f32::MAX, f32::MIN, 1.0]);
     // This compression makes halves of R, G, B and Y.
     let lossy = exr::Options { compression: exr::Compression::Dwaa, ..floats };
-    assert_eq!(count(&film, &lossy), count(&film, &halves));
+    assert_eq!(count(&film, &lossy), ValueCounts { clamped_to: 50_000.0, ..expected });
     film.pixels.fill([65504.0, 0.0, 1.0, 1.0]);
     assert_eq!(count(&film, &halves), ValueCounts::default());
-    film.pixels.fill([0.0, 0.0, 1.0, 1e6]);
+    film.pixels.fill([50_000.0, 0.0, 1.0, 1e6]);
     assert_eq!(count(&film, &lossy), ValueCounts::default());
+}
+
+#[test]
+fn lossy_channels_stay_finite_at_their_limit() {
+    let mut film = Film::new([64, 64], Window::full(64, 64)).unwrap();
+    let mut random = 1_u32;
+    for color in film.pixels.iter_mut().flatten() {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *color = [0.0, 1e6, 1e6, -1e6][(random >> 30) as usize];
+    }
+    for float in [false, true] {
+        let compression = exr::Compression::Dwaa;
+        let options = exr::Options { float, compression, ..Default::default() };
+        let image = read_exr(&exr_bytes_with(&film, &options));
+        let mut pixels = image.layer_data.channel_data.pixels.iter().flatten().zip(&film.pixels);
+        let near = |read: f32, wrote: f32| match wrote {
+            0.0 => read.abs() < 1.0,
+            _ => (40_000.0..=65_504.0).contains(&(read * wrote.signum())),
+        };
+        // A is not lossy.
+        assert!(pixels.all(|(read, wrote)| (0..3).all(|axis| near(read[axis], wrote[axis]))));
+    }
 }
 
 fn read_png(bytes: &[u8]) -> (::png::Info<'static>, Vec<u8>) {
