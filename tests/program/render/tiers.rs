@@ -8,6 +8,7 @@ use std::{fs, process::Command};
 use crate::support::program::{Done, Scratch};
 use crate::support::reference::assets;
 use lightpath::simd::Isa;
+use rayon::prelude::*;
 
 /// Flags that make a scene small, with all its layers and more than one sample.
 const SMALL: [&str; 8] =
@@ -111,9 +112,10 @@ fn a_picture_is_the_same_on_another_machine_in_every_instruction_set() {
         fs::copy(stored.join(format!("{name}.json")), &scene).unwrap();
         scenes.push(scene);
     }
-    let mut files = tiers.split_whitespace().map(|tier| (tier, render(&other, &scenes, tier)));
-    let (_, first) = files.next().unwrap();
-    files.for_each(|(tier, found)| compare(&found, &first, tier));
+    let tiers: Vec<&str> = tiers.split_whitespace().collect();
+    let files: Vec<_> = tiers.par_iter().map(|tier| render(&other, &scenes, tier)).collect();
+    let first = &files[0];
+    tiers.iter().zip(&files).for_each(|(tier, found)| compare(found, first, tier));
     let own = render(&[OWN], &scenes, &name(Isa::detect()));
     // C libraries differ in the last bits of sines and powers.
     for ((name, own), other) in
