@@ -243,13 +243,14 @@ fn input(
         Written::Entry(e) => (&e.path, e.up, e.rotate, &e.camera, &e.set),
     };
     let mut overrides = common(file, &flags.places)?;
-    let legend_of_job = match (flags.overrides.value(LEGEND), set.get(LEGEND)) {
-        (Some(legend), _) => legend == "true",
-        (None, Some(_)) => false,
-        (None, None) => overrides.value(LEGEND) == Some("true"),
-    };
     let entry = format!("/inputs/{number}");
-    overrides.append(patches(camera, set, &entry, &flags.places)?);
+    let own = patches(camera, set, &entry, &flags.places)?;
+    let legend_of_job = match (flags.overrides.value(LEGEND), own.value(LEGEND)) {
+        (Some(legend), _) => legend == true,
+        (None, Some(_)) => false,
+        (None, None) => overrides.value(LEGEND).is_some_and(|legend| legend == true),
+    };
+    overrides.append(own);
     let place = match flags.file {
         Some(_) => flags.places.at(&entry),
         None => "INPUT".to_string(),

@@ -232,8 +232,7 @@ impl Ready {
                 }
                 _ => Ok(Decision::Render),
             };
-            let verdicts = parallel::map(some.iter(), decide);
-            let verdicts: Vec<Decision> = verdicts.into_iter().collect::<Result<_>>()?;
+            let verdicts = parallel::try_map(some.iter(), decide)?;
             for (frame, verdict) in some.into_iter().zip(verdicts) {
                 match verdict {
                     Decision::Keep => kept.push(frame.number),

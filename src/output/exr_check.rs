@@ -30,12 +30,13 @@ const MAX_RATIO: u64 = 1400;
 /// Factor of the ratio for DWAA and DWAB. Of 64 equal values of 4 bytes they keep one of 2 bytes.
 const MAX_LOSSY_FACTOR: u64 = 128;
 
-/// Reads the headers of a file from its start. `lenient` skips attributes that cannot be read. All
+/// Reads the headers of a file from its start. `strict` refuses attributes that cannot
+/// be read; otherwise they are skipped. All
 /// callers have the type of reader of [`read_blocks`]: the crate is compiled once for each.
-pub fn meta(mut file: &File, lenient: bool) -> ExrResult<MetaData> {
+pub fn meta(mut file: &File, strict: bool) -> ExrResult<MetaData> {
     file.rewind()?;
     let file = Tracking::new(BufReader::new(file.try_clone()?));
-    MetaData::read_from_buffered(file, lenient)
+    MetaData::read_from_buffered(file, strict)
 }
 
 /// Checks for values that make the `exr` crate divide by zero, or allocate far more memory than the

@@ -176,8 +176,7 @@ impl ExrReader {
         let meta = chunks.meta_data().clone();
         let chunks = chunks.collect::<std::result::Result<Vec<Chunk>, _>>().map_err(failed)?;
         let decompress = |chunk: Chunk| UncompressedBlock::decompress_chunk(chunk, &meta, true);
-        let blocks = parallel::map(chunks.into_iter(), decompress).into_iter();
-        let blocks = blocks.collect::<std::result::Result<Vec<_>, _>>().map_err(failed)?;
+        let blocks = parallel::try_map(chunks.into_iter(), decompress).map_err(failed)?;
         let (stride, width) = (self.channels.len(), window.width() as usize);
         let mut words = vec![0; (end - first) * width * stride];
         let mut seen = vec![false; end - first];

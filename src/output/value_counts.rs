@@ -118,12 +118,13 @@ impl ValueCounts {
 }
 
 /// Replaces values that are not finite: NaN becomes 0, an infinity becomes the largest half of the
-/// same sign. Finite values stay, even beyond the range of a half.
+/// same sign. So does the largest float, which stands for infinity in files of floats. Other finite
+/// values stay, even beyond the range of a half.
 #[inline(always)]
 pub fn finite(value: f32) -> f32 {
     if value.is_nan() {
         0.0
-    } else if value.is_infinite() {
+    } else if value.abs() >= f32::MAX {
         HALF_MAX.copysign(value)
     } else {
         value

@@ -1,7 +1,6 @@
 //! Rays of a caller, and their checks.
 
 use crate::error::{Error, Result};
-use crate::parallel;
 use crate::ray::LANES;
 use crate::simd;
 use crate::units::plural;
@@ -143,13 +142,13 @@ impl<'a> RayBatch<'a> {
 
 /// Index of the first element for which `wrong` is true. Fast if there is none and `wrong` has no
 /// branches.
-pub(super) fn first<T: Sync>(all: &[T], wrong: impl Fn(&T) -> bool + Sync + Send) -> Option<usize> {
+pub(super) fn first<T>(all: &[T], wrong: impl Fn(&T) -> bool) -> Option<usize> {
     const PART: usize = 1 << 12;
-    let from = |part: usize| &all[part * PART..all.len().min((part + 1) * PART)];
-    let any = |part: usize| from(part).iter().fold(false, |any, item| any | wrong(item));
-    let part = parallel::first(all.len().div_ceil(PART), &any)?;
-    let rest = from(part);
-    rest.iter().position(&wrong).map(|i| part * PART + i)
+    // Not in parallel: tasks that find a wrong ray call this, and would wait in each other.
+    let mut parts = all.chunks(PART);
+    let part = parts.position(|part| part.iter().fold(false, |any, item| any | wrong(item)))?;
+    let rest = &all[part * PART..];
+    rest.iter().position(wrong).map(|i| part * PART + i)
 }
 
 /// Whether all coordinates are finite and at most 1e18.

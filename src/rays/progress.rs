@@ -20,14 +20,13 @@ pub(super) fn in_chunks<T: Send>(
     answer: impl Fn(std::ops::Range<usize>) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     monitor.begin(Phase::Check, count as u64);
-    let chunks = parallel::map(parallel::ranges(count, CHUNK), |range| {
+    parallel::try_map(parallel::ranges(count, CHUNK), |range| {
         monitor.check()?;
         let length = range.len() as u64;
         let answer = answer(range)?;
         monitor.done.fetch_add(length, Relaxed);
         Ok(answer)
-    });
-    chunks.into_iter().collect()
+    })
 }
 
 /// Fills `all` by one call per [`CHUNK`] items, in parallel. `fill` gets the index of the first
@@ -41,11 +40,11 @@ pub(super) fn fill<T: Send>(
     fill: impl Fn(usize, &mut [T]) -> Result<()> + Sync,
 ) -> Result<()> {
     monitor.begin(Phase::Check, all.len() as u64);
-    let done = parallel::map(all.chunks_mut(CHUNK).enumerate(), |(chunk, items)| {
+    let done = parallel::try_map(all.chunks_mut(CHUNK).enumerate(), |(chunk, items)| {
         monitor.check()?;
         fill(chunk * CHUNK, items)?;
         monitor.done.fetch_add(items.len() as u64, Relaxed);
         Ok(())
     });
-    done.into_iter().collect()
+    done.map(drop)
 }

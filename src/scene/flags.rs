@@ -50,10 +50,14 @@ impl Overrides {
         self.list.iter().any(|(_, at, _)| is_within(at, pointer))
     }
 
-    /// Returns the text of the value that the last override of exactly `pointer` sets.
-    pub fn value(&self, pointer: &str) -> Option<&str> {
-        let (.., set) = self.list.iter().rev().find(|(_, at, _)| at == pointer)?;
-        set.split_once('=').map(|(_, value)| value.trim())
+    /// Returns the value at `pointer` that the last override of it, or of an object around it, sets:
+    /// null if the object has no such key.
+    pub fn value(&self, pointer: &str) -> Option<Value> {
+        self.list.iter().rev().find_map(|(_, at, set)| {
+            let below = pointer.strip_prefix(at.as_str()).filter(|_| is_within(pointer, at))?;
+            let value: Value = serde_json::from_str(set.split_once('=')?.1).ok()?;
+            Some(value.pointer(below).cloned().unwrap_or_default())
+        })
     }
 
     /// Removes the overrides of `pointer` and of values below it.

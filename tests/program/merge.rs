@@ -379,6 +379,24 @@ fn crops_give_the_bytes_of_the_frame() {
     }
 }
 
+/// A file of floats has the largest float in place of infinity.
+#[test]
+fn crops_with_infinite_pixels_give_the_bytes_of_the_frame() {
+    let scratch = scratch();
+    let huge = r#"{
+        "camera": { "type": "pinhole", "width": 16, "height": 12, "fov": 50,
+            "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": { "lightsources": [{ "type": "pointlight", "position": [2, 3, 4],
+                "id": [1e18, 1, 1], "is": [0, 0, 0] }],
+            "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1,
+                "material": { "kd": 1e6, "diffusecolor": [1e18, 1, 1] } }] } }"#;
+    scratch.write("s.json", huge);
+    render(&scratch, "whole", &["--float"]);
+    render(&scratch, "left", &["--float", "--crop", "0", "0", "8", "12"]);
+    render(&scratch, "right", &["--float", "--crop", "8", "0", "16", "12"]);
+    same(&scratch, &["left.exr", "right.exr"], &[], &["exr", "png"]);
+}
+
 /// Tiles of a crop merge to the crop, which is a part of the frame again.
 #[test]
 fn tiles_of_a_crop_give_the_bytes_of_the_crop() {

@@ -60,8 +60,7 @@ pub fn write(
     let pool = threads::pool(threads)?;
     let entries = pool.install(|| SheetEntry::all(job, &journal::read(&job.folder)));
     let strip = |entry: &SheetEntry| Strip::of(job, entry, each, monitor);
-    let strips = pool.install(|| parallel::map(entries.iter(), strip));
-    let strips = strips.into_iter().collect::<Result<Vec<_>>>()?;
+    let strips = pool.install(|| parallel::try_map(entries.iter(), strip))?;
     let sweep = Sweep::default();
     let html = page::html(job, &entries, &strips, problems);
     let page = || write_text(&sweep, &job.folder.join(PAGE), &html);
@@ -73,7 +72,7 @@ pub fn write(
     };
     let parts =
         entries.chunks(PICTURES_PER_SHEET).zip(strips.chunks(PICTURES_PER_SHEET)).enumerate();
-    let sheets = || parallel::map(parts, sheet).into_iter().collect::<Result<Vec<PathBuf>>>();
+    let sheets = || parallel::try_map(parts, sheet);
     let (page, sheets) = pool.install(|| rayon::join(page, sheets));
     Ok([vec![page?], sheets?].concat())
 }

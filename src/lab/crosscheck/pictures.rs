@@ -112,12 +112,14 @@ pub fn compare_pictures(
             .filter(|&i| !same(&reference.pixels[i], &film.pixels[i]))
             .collect();
         let looked_into = &different[..different.len().min(EXPLAINED)];
-        let reasons = parallel::map(looked_into.iter(), |&i| {
+        let reasons = parallel::try_map(looked_into.iter(), |&i| {
             let (built_backends, reason) = ([*first, *other], Mutex::default());
             monitor.check()?;
             Ok(explain(context, Witness { oracle, built_backends, reason }, pixel(i)))
         });
-        let reasons = reasons.into_iter().collect::<Result<Vec<Reason>>>()?;
+        let reasons = reasons?;
+        // A signal leaves a pixel unfinished.
+        monitor.check()?;
         let count = |is: fn(&Reason) -> bool| reasons.iter().filter(|r| is(r)).count() as u64;
         let unexplained = reasons.iter().position(|r| *r == Reason::default());
         reports.push(PictureReport {

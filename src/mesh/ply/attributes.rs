@@ -152,27 +152,23 @@ impl Attributes {
         }
     }
 
-    /// Reads all rows in bulk, in place of what the arrays have.
-    ///
-    /// # Errors
-    /// `Retry` if the system refuses the memory.
-    pub(super) fn fill(&mut self, records: &Records) -> Result<()> {
+    /// Reads all rows in bulk, into arrays with enough capacity.
+    pub(super) fn fill(&mut self, records: &Records) {
         match &mut self.colors {
-            Some(Colors::U8(all)) => records.columns(all, COLOR, Scalar::U8, |v| v as u8)?,
-            Some(Colors::U16(all)) => records.columns(all, COLOR, Scalar::U16, |v| v as u16)?,
-            Some(Colors::F32(all)) => records.columns(all, COLOR, Scalar::F32, |v| v as f32)?,
+            Some(Colors::U8(all)) => records.columns(all, COLOR, Scalar::U8, |v| v as u8),
+            Some(Colors::U16(all)) => records.columns(all, COLOR, Scalar::U16, |v| v as u16),
+            Some(Colors::F32(all)) => records.columns(all, COLOR, Scalar::F32, |v| v as f32),
             None => {}
         }
         for (all, role) in [(&mut self.alpha, ALPHA), (&mut self.scalars, SCALAR)] {
             match all {
-                Some(Scalars::U8(all)) => records.column(all, role, Scalar::U8, |v| v as u8)?,
-                Some(Scalars::U16(all)) => records.column(all, role, Scalar::U16, |v| v as u16)?,
-                Some(Scalars::F32(all)) => records.column(all, role, Scalar::F32, |v| v as f32)?,
-                Some(Scalars::F64(all)) => records.column(all, role, Scalar::F64, |v| v)?,
+                Some(Scalars::U8(all)) => records.column(all, role, Scalar::U8, |v| v as u8),
+                Some(Scalars::U16(all)) => records.column(all, role, Scalar::U16, |v| v as u16),
+                Some(Scalars::F32(all)) => records.column(all, role, Scalar::F32, |v| v as f32),
+                Some(Scalars::F64(all)) => records.column(all, role, Scalar::F64, |v| v),
                 None => {}
             }
         }
-        Ok(())
     }
 
     /// Keeps the entries for which `keep` returns true.

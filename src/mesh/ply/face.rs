@@ -71,7 +71,7 @@ fn all_triangles<P: VertexPosition>(
         let bytes = plan.attributes.bytes().saturating_mul(count as u64);
         table.context.fits(faces.bytes().saturating_add(bytes))?;
         attributes.reserve(Capacity::Total(count), &table.context)?;
-        attributes.fill(&Records::new(table, &plan.columns, uniform, big))?;
+        attributes.fill(&Records::new(table, &plan.columns, uniform, big));
         if faces.tally.degenerate + faces.tally.unusable > 0 {
             attributes.retain(|i| faces.triangles[i] != DROPPED);
         }

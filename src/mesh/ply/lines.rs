@@ -56,7 +56,7 @@ fn chunks(data: &[u8], context: &ReadContext) -> Result<Vec<Chunk>> {
     }
     bounds.push(data.len());
     let count = |pair: &[usize]| context.check().map(|()| count(data, pair[0], pair[1]));
-    parallel::map(bounds.windows(2), count).into_iter().collect()
+    parallel::try_map(bounds.windows(2), count)
 }
 
 fn count(data: &[u8], start: usize, end: usize) -> Chunk {

@@ -1,18 +1,18 @@
 //! Copies columns of rows that all have the same size into arrays.
 
+use rayon::prelude::*;
+
 use super::block::Uniform;
 use super::header::PropertyType;
 use super::plan::{ATTRIBUTE_ROLE_COUNT, Columns, ROLE_COUNT};
 use super::scalar::{Native, Scalar};
 use super::table::Table;
-use crate::error::Result;
-use crate::parallel::{self, GRAIN};
-use crate::reserve;
+
+/// Minimum number of rows per task.
+const GRAIN: usize = 1 << 13;
 
 /// Rows that all have the same size.
 pub(super) struct Records<'a> {
-    /// Name of the file, for errors.
-    name: &'a str,
     rows: &'a [u8],
     stride: usize,
     big: bool,
@@ -35,23 +35,20 @@ impl<'a> Records<'a> {
             }
         });
         let rows = &table.data[uniform.start..uniform.start + length];
-        Self { name: table.context.name, rows, stride: uniform.stride, big, roles }
+        Self { rows, stride: uniform.stride, big, roles }
     }
 
-    /// Reads `N` roles, from `first` on, in place of what `all` has, with its capacity. `native` is
-    /// the PLY type of `T`. If all these roles have it, values are taken as they are. Otherwise all
-    /// are converted by way of f64.
-    ///
-    /// # Errors
-    /// `Retry` if the system refuses the memory.
+    /// Reads `N` roles, from `first` on, into an array with enough capacity. `native` is the PLY
+    /// type of `T`. If all these roles have it, values are taken as they are. Otherwise all are
+    /// converted by way of f64.
     pub(super) fn columns<const N: usize, T: Native>(
         &self,
         all: &mut Vec<[T; N]>,
         first: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-    ) -> Result<()> {
-        self.pack(all, first, native, convert, |values| values)
+    ) {
+        self.pack(all, first, native, convert, |values| values);
     }
 
     /// Reads one role as [`Self::columns`] does.
@@ -61,36 +58,27 @@ impl<'a> Records<'a> {
         role: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
-    ) -> Result<()> {
-        self.pack(all, role, native, convert, |[value]| value)
+    ) {
+        self.pack(all, role, native, convert, |[value]| value);
     }
 
-    fn pack<const N: usize, T: Native, O: Clone + Send>(
+    fn pack<const N: usize, T: Native, O: Send>(
         &self,
         all: &mut Vec<O>,
         first: usize,
         native: Scalar,
         convert: impl Fn(f64) -> T + Sync,
         element: impl Fn([T; N]) -> O + Sync,
-    ) -> Result<()> {
+    ) {
         let roles: [(Scalar, usize); N] = std::array::from_fn(|i| self.roles[first + i]);
         let (big, at) = (self.big, roles.map(|(_, at)| at));
         let native = roles.iter().all(|(kind, _)| *kind == native);
-        // With its capacity: a mesh adds a vertex. Freed first: only one of the two has room.
-        let capacity = std::mem::take(all).capacity();
-        *all = reserve::filled(element([T::default(); N]), capacity, self.name)?;
-        all.truncate(self.rows.len() / self.stride);
-        let tasks = all.chunks_mut(GRAIN).zip(self.rows.chunks(GRAIN * self.stride));
-        parallel::each(tasks, |(all, rows)| {
-            let rows = all.iter_mut().zip(rows.chunks_exact(self.stride));
-            if native {
-                rows.for_each(|(to, row)| *to = element(at.map(|at| T::take(row, at, big))));
-            } else {
-                let read = |row| element(roles.map(|(kind, at)| convert(kind.read(row, at, big))));
-                rows.for_each(|(to, row)| *to = read(row));
-            }
-        });
-        Ok(())
+        let read = |row: &[u8]| match native {
+            true => element(at.map(|at| T::take(row, at, big))),
+            false => element(roles.map(|(kind, at)| convert(kind.read(row, at, big)))),
+        };
+        let rows = self.rows.par_chunks_exact(self.stride).with_min_len(GRAIN);
+        rows.map(read).collect_into_vec(all);
     }
 }
 

@@ -97,7 +97,7 @@ impl From<Scalar> for &'static str {
 }
 
 /// A native number that can be read from bytes in either byte order.
-pub(super) trait Native: Copy + Default + Send + Sync {
+pub(super) trait Native: Copy + Send + Sync {
     /// Reads the value at byte `at`. Panics if it does not end inside `bytes`.
     fn take(bytes: &[u8], at: usize, big: bool) -> Self;
 }

@@ -130,16 +130,16 @@ fn in_bulk(table: &Table, plan: &VertexPlan, uniform: &Uniform, big: bool) -> Re
     let mut all = empty(plan);
     all.reserve(table.span.rows as usize, plan, &table.context)?;
     match &mut all.positions {
-        Positions::F64(all) => records.columns(all, 0, Scalar::F64, |v| v)?,
-        Positions::F32(all) => records.columns(all, 0, Scalar::F32, |v| v as f32)?,
+        Positions::F64(all) => records.columns(all, 0, Scalar::F64, |v| v),
+        Positions::F32(all) => records.columns(all, 0, Scalar::F32, |v| v as f32),
     }
     if let Some(all) = &mut all.normals {
-        records.columns(all, 3, Scalar::F32, |v| v as f32)?;
+        records.columns(all, 3, Scalar::F32, |v| v as f32);
     }
     if let Some(all) = &mut all.uvs {
-        records.columns(all, 6, Scalar::F32, |v| v as f32)?;
+        records.columns(all, 6, Scalar::F32, |v| v as f32);
     }
-    all.attributes.fill(&records)?;
+    all.attributes.fill(&records);
     Ok(all)
 }
 

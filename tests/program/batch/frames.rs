@@ -302,9 +302,12 @@ fn a_legend_is_for_the_inputs_that_show_a_property() {
         scratch.run(&["batch", "job.json", "-o", "job", "--no-sheet", "--quiet"])
     };
     let legend = r#""set": { "/output/legend": true }"#;
-    job(&format!(r#"{legend}, "color": {{ "property": "heat" }}"#)).good();
-    for name in ["a.png", "plain.png"] {
-        assert!(scratch.read(&format!("job/{name}")) == scratch.read(&format!("with/{name}")));
+    for set in [legend, r#""set": { "/output": { "legend": true } }"#] {
+        job(&format!(r#"{set}, "color": {{ "property": "heat" }}"#)).good();
+        for name in ["a.png", "plain.png"] {
+            let [found, expected] = ["job", "with"].map(|at| scratch.read(&format!("{at}/{name}")));
+            assert!(found == expected, "{name}: {set}");
+        }
     }
     // If no input shows a property, the legend is a mistake of the whole job.
     let (done, place) = (job(legend), "(/set/~1output~1legend): found true");
