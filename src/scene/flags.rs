@@ -50,8 +50,8 @@ impl Overrides {
         self.list.iter().any(|(_, at, _)| is_within(at, pointer))
     }
 
-    /// Returns the value at `pointer` that the last override of it, or of an object around it, sets:
-    /// null if the object has no such key.
+    /// Returns the value at `pointer` that the last override of it, or of an object around it,
+    /// sets: null if the object has no such key.
     pub fn value(&self, pointer: &str) -> Option<Value> {
         self.list.iter().rev().find_map(|(_, at, set)| {
             let below = pointer.strip_prefix(at.as_str()).filter(|_| is_within(pointer, at))?;
