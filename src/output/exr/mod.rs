@@ -42,8 +42,8 @@ use self::rows::Fill;
 use self::sorted::{FLAGS, LONG_NAMES, SHORT_NAME_BYTES};
 use self::zip::Zip;
 
-/// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, and
-/// values are clamped to the range of their channel: see [`super::ValueCounts`].
+/// Writes the film to an empty `file`; `path` is for messages. NaN becomes 0, and values
+/// are clamped to the range of their channel: see [`super::ValueCounts`].
 ///
 /// # Errors
 /// `Retry` if the disk is full. `Limit` for a side of 2^31 pixels or more, or attributes that the

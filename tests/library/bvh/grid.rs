@@ -194,7 +194,7 @@ fn shots() -> impl Strategy<Value = Vec<Shot>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn integers_are_answered_exactly(scene in scene(), packets in vec(shots(), 4)) {
         let exact = Exact::new(&scene);

@@ -115,7 +115,7 @@ fn a_picture_is_the_same_on_another_machine_in_every_instruction_set() {
     let tiers: Vec<&str> = tiers.split_whitespace().collect();
     let files: Vec<_> = tiers.par_iter().map(|tier| render(&other, &scenes, tier)).collect();
     let first = &files[0];
-    tiers.iter().zip(&files).for_each(|(tier, found)| compare(found, first, tier));
+    tiers.iter().zip(&files).skip(1).for_each(|(tier, found)| compare(found, first, tier));
     let own = render(&[OWN], &scenes, &name(Isa::detect()));
     // C libraries differ in the last bits of sines and powers.
     for ((name, own), other) in

@@ -110,7 +110,7 @@ fn survey(degrees: f64, quads: bool) -> [Wrong; 3] {
     let mut random = Random(degrees.to_bits() ^ u64::from(quads));
     let mut sums = [Wrong::default(); 3];
     let mut discarded = 0;
-    for _ in 0..4 {
+    for _ in 0..8 {
         let soup = Soup::new(degrees, quads, &mut random);
         let (embree, oracle) = (build(&soup.geometry, EMBREE), oracle(&soup.geometry));
         for k in 0..600 {
