@@ -36,7 +36,9 @@ render: build ## render SCENE (scenes/still-life.json) to OUT.exr and OUT.png (o
 	$(BINARY) render $(SCENE) -o $(OUT) $(ARGS)
 
 test: setup python ## all tests, Python's included
+	@# One thread more than processors, as tests of farms wait.
 	failed=0; \
+	export RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))}; \
 	RUSTC_WRAPPER='$(CURDIR)/scripts/rustc_of_tests.sh' \
 	    cargo test $(FLAGS) --lib --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
 	cargo test $(FLAGS) --doc $(ARGS) || failed=1; \
@@ -60,8 +62,8 @@ lint: ## format, clippy, the library without Embree, shell scripts: no warnings;
 	    cargo metadata --locked --format-version 1 --manifest-path $$folder/Cargo.toml >/dev/null || \
 	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
 	done
-	cargo fmt --check
-	cargo clippy $(FLAGS) --all-targets -- -D warnings
+	cargo fmt --all --check
+	cargo clippy $(FLAGS) --workspace --all-targets -- -D warnings
 	@# The fuzz targets use the library without Embree. Clippy would check both a second time.
 	cargo check $(FLAGS) --manifest-path fuzz/Cargo.toml --target-dir $(CARGO_TARGET_DIR) 2>&1 | \
 	    awk '{ print } /^(warning|error)/ { bad = 1 } /^ *Finished/ { done = 1 } END { exit bad || !done }'

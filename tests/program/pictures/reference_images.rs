@@ -9,6 +9,7 @@ use crate::support::backends::on_both;
 use crate::support::reference::{self, Density, Picture, assets, compare, program, scene::Scene};
 use lightpath::scene::Backend;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 /// Makes a temporary folder with the scene and every asset.
 fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
@@ -20,45 +21,49 @@ fn stage(name: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, scene)
 }
 
-/// Returns both pictures of a scene: the renderer's, then the reference's.
-fn both(backend: Backend, name: &str) -> (Picture, Picture) {
+/// Returns the reference's picture of a scene.
+fn reference_of(name: &str) -> Picture {
     let (_folder, scene) = stage(name);
-    let actual = program::render(&scene, backend.name());
-    (actual, reference::render(&Scene::load(&scene), Density::default()))
+    reference::render(&Scene::load(&scene), Density::default())
+}
+
+/// The reference's pictures of scenes with random choices take seconds, and several tests need them.
+static AREA_LIGHTS: LazyLock<Picture> = LazyLock::new(|| reference_of("arealights"));
+static LENS: LazyLock<Picture> = LazyLock::new(|| reference_of("lens"));
+
+/// Returns the renderer's picture of a scene.
+fn rendered(backend: Backend, name: &str) -> Picture {
+    let (_folder, scene) = stage(name);
+    program::render(&scene, backend.name())
 }
 
 on_both! {
     fn shapes_mirrors_and_shadows(backend: Backend) {
-        let (actual, expected) = both(backend, "shapes");
-        compare::assert_same("shapes", &actual, &expected);
+        compare::assert_same("shapes", &rendered(backend, "shapes"), &reference_of("shapes"));
     }
 }
 
 on_both! {
     fn textures_on_every_shape(backend: Backend) {
-        let (actual, expected) = both(backend, "textures");
-        compare::assert_same("textures", &actual, &expected);
+        compare::assert_same("textures", &rendered(backend, "textures"), &reference_of("textures"));
     }
 }
 
 on_both! {
     fn meshes_smooth_and_coloured(backend: Backend) {
-        let (actual, expected) = both(backend, "meshes");
-        compare::assert_same("meshes", &actual, &expected);
+        compare::assert_same("meshes", &rendered(backend, "meshes"), &reference_of("meshes"));
     }
 }
 
 on_both! {
     fn area_lights_uniform_and_lambertian(backend: Backend) {
-        let (actual, expected) = both(backend, "arealights");
-        compare::assert_same_sampled("arealights", &actual, &expected);
+        compare::assert_same_sampled("arealights", &rendered(backend, "arealights"), &AREA_LIGHTS);
     }
 }
 
 on_both! {
     fn thin_lens_antialiasing_and_alpha(backend: Backend) {
-        let (actual, expected) = both(backend, "lens");
-        compare::assert_same_sampled("lens", &actual, &expected);
+        compare::assert_same_sampled("lens", &rendered(backend, "lens"), &LENS);
     }
 }
 
@@ -92,13 +97,11 @@ fn exact_scenes_are_well_conditioned() {
 #[test]
 fn sampled_scenes_have_converged() {
     let other = Density { light: 27, pixel: 13, lens: 5 };
-    for name in ["arealights", "lens"] {
+    for (name, expected) in [("arealights", &*AREA_LIGHTS), ("lens", &*LENS)] {
         let (_folder, path) = stage(name);
-        let scene = Scene::load(&path);
-        let expected = reference::render(&scene, Density::default());
-        let again = reference::render(&scene, other);
-        compare::assert_same_sampled(&format!("{name}-again"), &again, &expected);
-        let verdict = compare::judge_sampled(&brightened(&expected, 1.01), &expected);
+        let again = reference::render(&Scene::load(&path), other);
+        compare::assert_same_sampled(&format!("{name}-again"), &again, expected);
+        let verdict = compare::judge_sampled(&brightened(expected, 1.01), expected);
         assert!(verdict.is_err(), "{name}: one percent goes unnoticed");
     }
 }
