@@ -25,7 +25,10 @@ if [ "${1:-}" = check ]; then
     count=$(echo "$files" | wc -w)
     [ "$count" -gt 500 ] || { say "found too few files in $built.d"; exit 1; }
     mv "$crate/Cargo.toml.orig" "$crate/Cargo.toml"
-    for file in $files; do
+    # The crate has no tests, and so not what only they need.
+    awk 'BEGIN { RS = ""; ORS = "\n\n" } !/name = "lightpath-reference"/' Cargo.lock |
+        sed '/"lightpath-reference",/d; $d' | cmp - "$crate/Cargo.lock"
+    for file in $(echo "$files" | sed '/^Cargo.lock$/d'); do
         [ -d "$file" ] || cmp "$file" "$crate/$file"
     done
     say "it has the $count files of which $built was made"

@@ -1,6 +1,6 @@
 //! Pictures with coordinates that are hard to represent: a planet as a floor, something very far
 //! away, a camera exactly on a surface. Compared with the independent ray tracer of
-//! `support/reference/` on every backend.
+//! `tests/reference/` on every backend.
 
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;

@@ -1,5 +1,5 @@
 //! Pictures of rotated rooms with a light panel in the ceiling, compared with the independent ray
-//! tracer of `support/reference/`; and lights of almost no area, which act as points.
+//! tracer of `tests/reference/`; and lights of almost no area, which act as points.
 
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;

@@ -1,5 +1,5 @@
 //! Compares the renderer's pictures with those of a second, independent ray tracer
-//! (`support/reference/`).
+//! (`tests/reference/`).
 //!
 //! Five scenes cover the format. Scenes without random choices must agree pixel by pixel. Scenes
 //! with area lights, lens and antialiasing must agree within the noise that their number of samples
