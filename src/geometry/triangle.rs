@@ -140,6 +140,9 @@ pub fn sharpen_triangle(
     let (u, v) = clamp_barycentrics(u, v);
     let position = v0 * (1.0 - u - v).max(0.0) + v1 * u + v2 * v;
     let normal = normal.value();
+    // The test of the tree moves each corner, so a ray may hit a triangle whose corners lie in a
+    // line. Such a triangle faces the ray.
+    let normal = if normal == DVec3::ZERO { -direction } else { normal };
     // The square of its length may overflow or underflow.
     let normal = normal / normal.abs().max_element();
     TrianglePoint { position, normal: normal.normalize(), u, v, t, met, sharp: true, at_edge: true }
@@ -182,6 +185,16 @@ mod tests {
         let corners = [DVec3::new(1.0, -7e7, 1.0), DVec3::new(1.0, 5.6e-7, 1.0), DVec3::Z * 2e7];
         let point = refine_triangle(corners, DVec3::new(9.0, 5.6e-7, 1.0), -DVec3::X, (0.0, 0.0));
         assert_eq!(point.position.y as f32, 5.6e-7);
+    }
+
+    #[test]
+    fn a_triangle_without_area_faces_the_ray() {
+        let corners =
+            [DVec3::new(-1.0, -0.5, 100.0), DVec3::Z * 100.0, DVec3::new(1.0, 0.5, 100.0)];
+        let (origin, direction) = (DVec3::new(0.25, 0.125, 0.0), DVec3::Z * 3.0);
+        let point = sharpen_triangle(corners, origin, direction, (0.5, 0.25));
+        assert_eq!(point.normal, -DVec3::Z);
+        assert_eq!((point.u, point.v), (0.5, 0.25));
     }
 
     /// A needle that is sixteen decades long.
