@@ -11,6 +11,7 @@ use crate::world::{self, MissingImage, Sources};
 
 use super::inputs::not_a_file;
 use super::job::{Job, JobInput};
+use super::names::PAGE;
 use super::tasks::Task;
 use super::{scene, sheet};
 
@@ -83,21 +84,22 @@ pub fn refuse_photographs(job: &Job, tasks: &[Task]) -> Result<()> {
     output.map_or(Ok(()), |output| Err(would_be_lost(&output, "frame")))
 }
 
-/// Refuses a contact sheet of a list of cameras that would overwrite a picture that no batch has
-/// made, for the same reason.
+/// Refuses a contact sheet of a list of cameras that would overwrite a page or a picture that no
+/// batch has made, for the same reason.
 ///
 /// # Errors
-/// The first such picture.
+/// The first such file.
 pub fn refuse_foreign_sheet(job: &Job) -> Result<()> {
     let output = job.poses.as_ref().and_then(|_| sheet::foreign(job));
     output.map_or(Ok(()), |output| Err(would_be_lost(&output, "contact sheet")))
 }
 
 fn would_be_lost(output: &Path, kind: &str) -> Error {
+    let what = if output.ends_with(PAGE) { "page" } else { "picture" };
     let message =
-        format!("found a picture that is no {kind} of a batch, which would be overwritten");
+        format!("found a {what} that is no {kind} of a batch, which would be overwritten");
     Error::invalid(output.display().to_string(), message)
-        .help("choose another folder: -o DIR, or remove the picture")
+        .help(format!("choose another folder: -o DIR, or remove the {what}"))
 }
 
 /// Refuses a contact sheet that would overwrite an input.
