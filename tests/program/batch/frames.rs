@@ -541,6 +541,7 @@ fn invalid_jobs_are_refused_before_rendering() {
     refused(&turning, "--name '{parent}/{stem}.{frame:04}', or '{input:03}-{stem}.{frame:04}'\n");
     refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
     refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
+    refused(&["scans", "--name", "{stem}/."], "expected a name within the output folder");
     refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
     let job = |text: &str| {
         scratch.write("job.json", text);
@@ -611,6 +612,9 @@ fn invalid_jobs_are_refused_before_rendering() {
         done.stderr()
     );
     assert!(done.stderr().contains("would overwrite an input or another output"));
+    // A dot at the end of the folder's name says nothing.
+    batch(&scratch, &["scans/a.ply", "-o", "new/folder/.", "--no-sheet"]).good();
+    assert!(scratch.path("new/folder/a.exr").is_file());
 }
 
 #[test]
