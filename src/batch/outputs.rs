@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::FileSet;
+use crate::layers::LayerPlan;
 use crate::output::{Outputs, atomic, finished};
 use crate::parallel;
-use crate::picture;
+use crate::picture::{self, PictureFiles};
 use crate::world::{self, MissingImage, Sources};
 
 use super::inputs::not_a_file;
@@ -123,8 +124,25 @@ fn refuse_if_input(output: &Path, inputs: &FileSet) -> Result<()> {
     inputs.refuse(output, "choose another folder: -o DIR")
 }
 
+/// Returns the paths of the files of each frame of a task, as [`picture::write`] does. An input
+/// that is invalid counts as one without manifests.
+pub fn names(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
+    // Only manifests depend on the input.
+    let scene = job.storage.crypto_sidecar.then(|| {
+        let scene = scene::with_default_placement(job, &job.inputs[task.input]);
+        scene.map(|scene| LayerPlan::new(&scene))
+    });
+    let plan = scene.and_then(Result::ok);
+    let prefixes = task.frames.clone().map(|frame| job.prefix(task.input, frame));
+    let names = prefixes.map(|prefix| match &plan {
+        Some(plan) => PictureFiles::names(&prefix, plan, job.storage),
+        None => Outputs::names(&prefix).into(),
+    });
+    names.collect()
+}
+
 /// Returns the paths of every file that a frame may have.
-fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
+pub fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
     let prefix = job.prefix(input, frame);
     let kinds = if job.storage.crypto_sidecar { &picture::MANIFESTS[..] } else { &[] };
     let manifests: Vec<PathBuf> =

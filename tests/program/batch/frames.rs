@@ -697,6 +697,25 @@ fn a_dry_run_lists_the_frames() {
     assert_eq!(lines[0]["outputs"][0], "out/a/a.0001.exr");
     assert_eq!((&lines[1]["index"], &lines[1]["frame"]), (&2.into(), &0.into()));
     assert!(!scratch.path("out").exists());
+    // With the manifests, as the journal lists them. A file that is no mesh is listed, too.
+    scratch.write("scans/d.ply", "ply\n");
+    let args = ["scans", "-o", "out", "--aov", "cryptomatte", "--crypto-sidecar", "--no-sheet"];
+    let done = batch(&scratch, &[&args[..], &["--dry-run"]].concat()).good();
+    let listed: Vec<Value> =
+        done.stdout().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(listed.len(), 4);
+    batch(&scratch, &args);
+    let records = journal(&scratch, "out/batch.jsonl");
+    let frames: Vec<&Value> = records.iter().filter(|r| r["event"] == "frame").collect();
+    assert_eq!(frames.len(), 3);
+    for frame in frames {
+        let outputs = frame["outputs"].as_array().unwrap();
+        assert_eq!(outputs.len(), 4, "{frame}");
+        let outputs: Vec<String> =
+            outputs.iter().map(|path| format!("out/{}", path.as_str().unwrap())).collect();
+        let same = listed.iter().find(|line| line["index"] == frame["index"]).unwrap();
+        assert_eq!(same["outputs"], Value::from(outputs));
+    }
 }
 
 #[test]
