@@ -147,7 +147,7 @@ pub fn run(
         pool: threads::pool(options.threads)?,
         loading,
         inputs,
-        hashes: (options.resume && options.verify).then(|| FileHashes::read(&job.folder)),
+        hashes: (options.resume && options.verify).then(|| FileHashes::read(job, tasks)),
         permits: RenderPermits::new(jobs),
         jobs,
         memory: MemoryGate::new(limit),
