@@ -12,7 +12,10 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::error::{Error, Result};
 
+use super::job::Job;
 use super::journal::{self, JournalRecord};
+use super::outputs;
+use super::tasks::Task;
 
 /// Number of bytes per read.
 const CHUNK: usize = 1 << 18;
@@ -29,7 +32,7 @@ pub fn sum(path: &Path) -> Result<String> {
     Ok(format!("{:032x}", hash.digest128()))
 }
 
-/// Hashes from all journals of a folder, by path relative to the folder.
+/// Hashes of the files of a run from all journals of its folder, by path relative to the folder.
 ///
 /// A file that was written several times has several hashes. Each is the hash of a complete file.
 /// The fingerprint in a file says which version it is.
@@ -40,26 +43,31 @@ pub struct FileHashes {
 }
 
 impl FileHashes {
-    /// Reads all journals of a folder.
-    pub fn read(folder: &Path) -> Self {
-        let mut known: HashMap<PathBuf, Vec<String>> = HashMap::new();
+    /// Reads all journals of the job's folder, and keeps what is about the frames of `tasks`: a
+    /// task of a farm has few of the frames in the journals.
+    pub fn read(job: &Job, tasks: &[Task]) -> Self {
+        let folder = &job.folder;
+        let frames = tasks.iter().flat_map(|task| task.frames.clone().map(|n| (task.input, n)));
+        let files = frames.flat_map(|(input, frame)| outputs::frame_files(job, input, frame));
+        let own = files.map(|path| (journal::seen_from(&path, folder).to_owned(), Vec::new()));
+        let mut known: HashMap<PathBuf, Vec<String>> = own.collect();
         journal::each(folder, |record| {
             let JournalRecord::Frame(frame) = record else { return };
             for (path, sum) in frame.outputs.into_iter().zip(frame.xxh3) {
-                let sums = known.entry(path).or_default();
-                if !sums.contains(&sum) {
+                if let Some(sums) = known.get_mut(&path).filter(|sums| !sums.contains(&sum)) {
                     sums.push(sum);
                 }
             }
         });
-        Self { folder: folder.to_owned(), known }
+        Self { folder: folder.clone(), known }
     }
 
     /// Returns the reason why a file may have changed since it was written, or `None` if its hash
     /// is in a journal.
     pub fn mismatch(&self, path: &Path) -> Option<String> {
         let name = path.display();
-        let Some(known) = self.known.get(journal::seen_from(path, &self.folder)) else {
+        let known = self.known.get(journal::seen_from(path, &self.folder));
+        let Some(known) = known.filter(|known| !known.is_empty()) else {
             return Some(format!("{name}: no journal knows its bytes"));
         };
         match sum(path) {

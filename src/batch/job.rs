@@ -188,7 +188,11 @@ impl Job {
                 crypto_sidecar: file.output.cryptosidecar,
             },
             per_second: rate,
-            folder: file.output.folder.map_or(FOLDER.into(), |Name(folder)| folder.into()),
+            // Without `/.` at its end, which cannot be created.
+            folder: file
+                .output
+                .folder
+                .map_or(FOLDER.into(), |Name(folder)| Path::new(&folder).components().collect()),
             name,
             job_file: flags.file,
             places: flags.places,

@@ -143,7 +143,25 @@ impl JournalRecord {
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
-    file: Mutex<File>,
+    lines: Mutex<Lines<File>>,
+}
+
+/// Writes lines. A line of which only a part could be written spoils no other.
+#[derive(Debug)]
+struct Lines<W> {
+    to: W,
+    /// True if the last line may have no end.
+    torn: bool,
+}
+
+impl<W: Write> Lines<W> {
+    /// Writes a line, by one system call unless the system splits it.
+    fn add(&mut self, line: &str) -> std::io::Result<()> {
+        let start = if self.torn { "\n" } else { "" };
+        let written = self.to.write_all(format!("{start}{line}\n").as_bytes());
+        self.torn = written.is_err();
+        written
+    }
 }
 
 impl Journal {
@@ -163,24 +181,23 @@ impl Journal {
                 file.write_all(b"\n").map_err(failed)?;
             }
         }
-        Ok(Self { path: path.to_owned(), file: Mutex::new(file) })
+        let lines = Mutex::new(Lines { to: file, torn: false });
+        Ok(Self { path: path.to_owned(), lines })
     }
 
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Appends a record: one line, by one system call unless the system splits it.
+    /// Appends a record: one line.
     ///
     /// # Errors
     /// `Retry` if the disk is full; a name that is not UTF-8.
     pub fn add(&self, record: &JournalRecord) -> Result<()> {
         let place = || self.path.display().to_string();
-        let mut line = serde_json::to_string(record)
+        let line = serde_json::to_string(record)
             .map_err(|error| Error::invalid(place(), format!("cannot write: {error}")))?;
-        line.push('\n');
-        let mut file = lock(&self.file);
-        file.write_all(line.as_bytes()).map_err(|error| Error::io(&self.path, "write", &error))
+        lock(&self.lines).add(&line).map_err(|error| Error::io(&self.path, "write", &error))
     }
 }
 
@@ -289,6 +306,37 @@ mod tests {
         Journal::open(&path).unwrap().add(&kept).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);
         assert_eq!(read(folder.path()).len(), 2);
+    }
+
+    /// A disk that is full for a while.
+    #[test]
+    fn a_line_that_is_written_in_part_loses_only_its_own_record() {
+        struct Disk {
+            bytes: Vec<u8>,
+            free: usize,
+        }
+        impl Write for Disk {
+            fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+                let count = bytes.len().min(self.free);
+                self.free -= count;
+                self.bytes.extend(&bytes[..count]);
+                match count {
+                    0 => Err(std::io::ErrorKind::StorageFull.into()),
+                    _ => Ok(count),
+                }
+            }
+
+            fn flush(&mut self) -> std::io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut lines = Lines { to: Disk { bytes: Vec::new(), free: 6 }, torn: false };
+        lines.add("one").unwrap();
+        lines.add("two").unwrap_err();
+        lines.to.free = 100;
+        lines.add("three").unwrap();
+        lines.add("four").unwrap();
+        assert_eq!(lines.to.bytes, b"one\ntw\nthree\nfour\n");
     }
 
     #[test]

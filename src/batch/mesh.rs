@@ -3,6 +3,7 @@
 //! world of the same input.
 
 use std::collections::BTreeSet;
+use std::mem::take;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
@@ -39,6 +40,8 @@ struct Input<'a> {
     number: usize,
     task: &'a Task,
     path: &'a str,
+    /// The input without its mesh.
+    ready: &'a Ready,
     /// Memory limit of the mesh arrays.
     memory_limit: Option<MemoryLimit>,
     budget: Option<Budget>,
@@ -87,13 +90,13 @@ impl Run<'_> {
         let memory_limit =
             self.options.max_memory.map(|_| memory::limit_for_meshes(share)).or_else(machine);
         let reading = || scene::read(job, &job.inputs[task.input], memory_limit, &monitor);
-        let ready = self.loading.install(reading)?;
+        let mut ready = self.loading.install(reading)?;
         let mut contents = ContentHashes::default();
         let resume = match self.options.resume {
             true => Resume::Keep(self.hashes.as_ref()),
             false => Resume::Nothing,
         };
-        let looking = || ready.frames(job, task, resume, &self.settings, &mut contents);
+        let looking = || ready.frames((job, task), resume, &self.settings, &mut contents, &monitor);
         let (frames, kept) = self.loading.install(looking)?;
         let plan = LayerPlan::new(&ready.loaded.scene);
         for prefix in task.frames.clone().map(|frame| job.prefix(task.input, frame)) {
@@ -102,8 +105,9 @@ impl Run<'_> {
         *left = frames.len() as u64;
         self.kept(task.input, kept).inspect_err(|error| self.end(error.clone()))?;
         let Some(first) = frames.first() else { return Ok(()) };
-        let Ready { loaded, mesh, warnings, .. } = ready;
-        let loaded = if job.poses.is_some() { &first.loaded } else { &loaded };
+        let (mesh, warnings) = (take(&mut ready.mesh), take(&mut ready.warnings));
+        let posed = job.poses.as_ref().map(|_| ready.frame(job, first.number)).transpose()?;
+        let loaded = posed.as_ref().unwrap_or(&ready.loaded);
         let camera = loaded.description.to_json()["camera"].clone();
         if !mesh.is_empty() && job.poses.is_none() {
             (self.tell)(Event::Framed { input: path, camera: &camera });
@@ -116,12 +120,13 @@ impl Run<'_> {
             number,
             task,
             path,
+            ready: &ready,
             memory_limit,
             budget,
             film_bytes,
             films,
             contents: hashed.then_some(contents),
-            cameras: frames.iter().map(|frame| frame.loaded.scene.camera.clone()).collect(),
+            cameras: frames.iter().map(|frame| frame.camera.clone()).collect(),
             camera,
             told: Mutex::default(),
         };
@@ -152,8 +157,8 @@ impl Run<'_> {
                            the origin of coordinates of another camera";
             return Err(Error::invalid(input.path, message).help("save it as a file"));
         }
-        let scene = &frames[group.frames[0]].loaded.scene;
-        let world = self.load(input, scene, Vec::new(), messages)?;
+        let scene = input.ready.frame(self.job, frames[group.frames[0]].number)?.scene;
+        let world = self.load(input, &scene, Vec::new(), messages)?;
         self.group(input, (world, scene.backend), (group, frames), began, messages)
     }
 
@@ -260,7 +265,8 @@ impl Run<'_> {
     }
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {
-        let scene = &frame.loaded.scene;
+        // While another frame is traced.
+        let scene = &built.input.ready.frame(self.job, frame.number)?.scene;
         let plan = LayerPlan::new(scene);
         let world = built.world.frame_of(scene);
         let monitor = Arc::new(self.monitor.part());

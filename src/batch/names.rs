@@ -72,7 +72,7 @@ impl NamePattern {
         pieces.retain(|piece| *piece != Piece::Text(String::new()));
         let pattern = Self { pieces, images: Arc::new([]) };
         let sample = pattern.of(Path::new("parent/stem"), 0, 0);
-        if whole.ends_with('/') || !is_within(&sample) {
+        if !is_within(&sample) {
             let message = format!("found {text:?}, expected a name within the output folder");
             return Err(complain(message).help("-o names the folder"));
         }
@@ -154,10 +154,13 @@ impl NamePattern {
     }
 }
 
-/// Returns true if a path stays within the folder that it is joined to.
+/// Returns true if a path stays within the folder that it is joined to, and ends with a name.
 fn is_within(name: &Path) -> bool {
     let plain = |c: Component| matches!(c, Component::Normal(_) | Component::CurDir);
-    name.file_name().is_some() && name.components().all(plain)
+    // `file_name` and `components` ignore `/` and `/.` at the end.
+    let bytes = name.as_os_str().as_encoded_bytes();
+    let named = !bytes.ends_with(b"/") && !bytes.ends_with(b"/.");
+    named && name.file_name().is_some() && name.components().all(plain)
 }
 
 /// Returns the name of the folder that contains an input. `..` leads to the folder above in the
@@ -322,6 +325,7 @@ mod tests {
         let bad = [
             "",
             "a/",
+            "{stem}/.",
             "/a",
             "../a",
             "{stem",
@@ -335,6 +339,9 @@ mod tests {
         for text in bad {
             assert!(NamePattern::parse("--name", text).is_err(), "{text}");
         }
+        // The stem of `..ply` is `.`.
+        let pattern = NamePattern::parse("--name", "{parent}/{stem}").unwrap();
+        assert!(pattern.check(Path::new("scans/..ply"), 0).is_err());
         let error = NamePattern::parse("--name", "{frmae:04}").unwrap_err();
         assert!(error.to_string().contains("frame"), "{error}");
     }

@@ -4,13 +4,15 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::FileSet;
+use crate::layers::LayerPlan;
 use crate::output::{Outputs, atomic, finished};
 use crate::parallel;
-use crate::picture;
+use crate::picture::{self, PictureFiles};
 use crate::world::{self, MissingImage, Sources};
 
 use super::inputs::not_a_file;
 use super::job::{Job, JobInput};
+use super::names::PAGE;
 use super::tasks::Task;
 use super::{scene, sheet};
 
@@ -83,21 +85,22 @@ pub fn refuse_photographs(job: &Job, tasks: &[Task]) -> Result<()> {
     output.map_or(Ok(()), |output| Err(would_be_lost(&output, "frame")))
 }
 
-/// Refuses a contact sheet of a list of cameras that would overwrite a picture that no batch has
-/// made, for the same reason.
+/// Refuses a contact sheet of a list of cameras that would overwrite a page or a picture that no
+/// batch has made, for the same reason.
 ///
 /// # Errors
-/// The first such picture.
+/// The first such file.
 pub fn refuse_foreign_sheet(job: &Job) -> Result<()> {
     let output = job.poses.as_ref().and_then(|_| sheet::foreign(job));
     output.map_or(Ok(()), |output| Err(would_be_lost(&output, "contact sheet")))
 }
 
 fn would_be_lost(output: &Path, kind: &str) -> Error {
+    let what = if output.ends_with(PAGE) { "page" } else { "picture" };
     let message =
-        format!("found a picture that is no {kind} of a batch, which would be overwritten");
+        format!("found a {what} that is no {kind} of a batch, which would be overwritten");
     Error::invalid(output.display().to_string(), message)
-        .help("choose another folder: -o DIR, or remove the picture")
+        .help(format!("choose another folder: -o DIR, or remove the {what}"))
 }
 
 /// Refuses a contact sheet that would overwrite an input.
@@ -121,8 +124,25 @@ fn refuse_if_input(output: &Path, inputs: &FileSet) -> Result<()> {
     inputs.refuse(output, "choose another folder: -o DIR")
 }
 
+/// Returns the paths of the files of each frame of a task, as [`picture::write`] does. An input
+/// that is invalid counts as one without manifests.
+pub fn names(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
+    // Only manifests depend on the input.
+    let scene = job.storage.crypto_sidecar.then(|| {
+        let scene = scene::with_default_placement(job, &job.inputs[task.input]);
+        scene.map(|scene| LayerPlan::new(&scene))
+    });
+    let plan = scene.and_then(Result::ok);
+    let prefixes = task.frames.clone().map(|frame| job.prefix(task.input, frame));
+    let names = prefixes.map(|prefix| match &plan {
+        Some(plan) => PictureFiles::names(&prefix, plan, job.storage),
+        None => Outputs::names(&prefix).into(),
+    });
+    names.collect()
+}
+
 /// Returns the paths of every file that a frame may have.
-fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
+pub fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
     let prefix = job.prefix(input, frame);
     let kinds = if job.storage.crypto_sidecar { &picture::MANIFESTS[..] } else { &[] };
     let manifests: Vec<PathBuf> =

@@ -13,7 +13,7 @@ use crate::monitor::Monitor;
 use crate::parallel;
 use crate::picture::{self, Manifest, PictureFiles};
 use crate::reserve::MemoryLimit;
-use crate::scene::{Loaded, Overrides, Scene, Source};
+use crate::scene::{CheckedCamera, Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject};
 use crate::world::{self, ContentHashes};
 
@@ -41,14 +41,15 @@ pub struct Ready {
     pivot: DVec3,
 }
 
-/// A frame that has to be rendered.
+/// A frame that has to be rendered. Its scene is made again for rendering ([`Ready::frame`]): the
+/// scenes of all frames together may be large.
 #[derive(Debug)]
 pub struct Frame {
     /// Index of the frame among all frames of the job.
     pub index: u64,
     /// Index of the frame within its input.
     pub number: u32,
-    pub loaded: Loaded,
+    pub camera: CheckedCamera,
     /// Path of its files without the ending.
     pub prefix: PathBuf,
     /// Hash of all that determines its pixels. `None` if a mesh came through a pipe.
@@ -198,14 +199,14 @@ impl Ready {
     /// threads of the current rayon pool.
     ///
     /// # Errors
-    /// Files that cannot be read.
+    /// Files that cannot be read; a stop request in the monitor.
     pub fn frames(
         &self,
-        job: &Job,
-        task: &Task,
+        (job, task): (&Job, &Task),
         resume: Resume,
         settings: &Settings,
         contents: &mut ContentHashes,
+        monitor: &Monitor,
     ) -> Result<(Vec<Frame>, Vec<u32>)> {
         let plan = LayerPlan::new(&self.loaded.scene);
         let (mut frames, mut kept) = (Vec::new(), Vec::new());
@@ -214,6 +215,7 @@ impl Ready {
             let some: Vec<Frame> = some
                 .iter()
                 .map(|&number| {
+                    monitor.check()?;
                     let loaded = self.frame(job, number)?;
                     let prefix = job.prefix(task.input, number);
                     let hash = world::fingerprint(&loaded, settings.repair, contents)?;
@@ -221,11 +223,13 @@ impl Ready {
                     let fingerprint =
                         hash.as_ref().map(|hash| fingerprint(&loaded, &settings, hash));
                     let index = tasks::index(job.frames(), task.input, number);
-                    Ok(Frame { index, number, loaded, prefix, hash, fingerprint, again: None })
+                    let camera = loaded.scene.camera;
+                    Ok(Frame { index, number, camera, prefix, hash, fingerprint, again: None })
                 })
                 .collect::<Result<_>>()?;
             let decide = |frame: &Frame| match (&frame.fingerprint, resume) {
                 (Some(fingerprint), Resume::Keep(hashes)) => {
+                    monitor.check()?;
                     let files = PictureFiles::names(&frame.prefix, &plan, job.storage);
                     let manifests = Manifest::beside(&frame.prefix, &plan, job.storage)?;
                     Ok(resume::decide((&files, &manifests), fingerprint, hashes))
@@ -244,7 +248,11 @@ impl Ready {
         Ok((frames, kept))
     }
 
-    fn frame(&self, job: &Job, number: u32) -> Result<Loaded> {
+    /// Returns the scene of a frame, given with its index within the input.
+    ///
+    /// # Errors
+    /// Every problem of the scene.
+    pub fn frame(&self, job: &Job, number: u32) -> Result<Loaded> {
         if let Some(poses) = &job.poses {
             let pose = &poses.list[number as usize % poses.list.len()];
             return self.loaded.with_camera(&pose.image, &pose.camera, &self.folder);

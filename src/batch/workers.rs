@@ -147,7 +147,7 @@ pub fn run(
         pool: threads::pool(options.threads)?,
         loading,
         inputs,
-        hashes: (options.resume && options.verify).then(|| FileHashes::read(&job.folder)),
+        hashes: (options.resume && options.verify).then(|| FileHashes::read(job, tasks)),
         permits: RenderPermits::new(jobs),
         jobs,
         memory: MemoryGate::new(limit),
@@ -357,11 +357,12 @@ impl Run<'_> {
 
 /// Returns true if an error of writing is not about one name: a disk is full, another resource is
 /// exhausted (`Retry`), or the disk of the job's `folder` is read-only. A folder in it may be on
-/// another disk.
+/// another disk. A part file that another process has removed (`Retry`, too) is one name.
 fn is_shared(error: &Error, folder: &Path) -> bool {
-    let read_only = |problem: &Problem| problem.cause == Some(io::ErrorKind::ReadOnlyFilesystem);
-    error.kind == ErrorKind::Retry
-        || error.problems.iter().any(read_only) && PartFile::create(&folder.join("probe")).is_err()
+    let has = |cause| error.problems.iter().any(|problem| problem.cause == Some(cause));
+    error.kind == ErrorKind::Retry && !has(io::ErrorKind::NotFound)
+        || has(io::ErrorKind::ReadOnlyFilesystem)
+            && PartFile::create(&folder.join("probe")).is_err()
 }
 
 /// Runs `work`, and turns a panic into an error: a bug must not end the batch.
@@ -389,6 +390,8 @@ mod tests {
         // Only a folder of some frames is read-only.
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(shared(folder.path()), [true, false, false, false]);
+        let removed = Problem::new("a.exr", "its part file was removed").cause(E::NotFound);
+        assert!(!is_shared(&Error::new(ErrorKind::Retry, removed), folder.path()));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

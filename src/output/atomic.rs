@@ -6,6 +6,8 @@
 //! never a broken target. The data is on the disk before the rename. So after a power cut the final
 //! name still refers to a complete file.
 
+mod lock;
+
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
@@ -121,8 +123,7 @@ impl PartFile {
                 return Ok(Self { target: target.to_owned(), file, live });
             }
         }
-        let message = "its part file is removed again and again";
-        Err(Error::new(ErrorKind::Retry, Problem::new(place(), message)))
+        Err(lost(target, "its part file is removed again and again"))
     }
 
     /// Returns the final name.
@@ -164,12 +165,17 @@ impl PartFile {
     /// [`PartFile::fill`] first.
     ///
     /// # Errors
-    /// A failed rename: the part file is removed, and the target is unchanged. `Retry` if the disk
-    /// fails or is full after the rename: the target is the new file, which a power cut may undo.
+    /// A failed rename: the part file is removed, and the target is unchanged. `Retry` if another
+    /// process has removed the part file, as one does on a file system whose locks it cannot see.
+    /// `Retry` if the disk fails or is full after the rename: the target is the new file, which a
+    /// power cut may undo.
     pub fn commit(self) -> Result<PathBuf> {
         let Self { target, file, live } = self;
-        file.persist(&target).map_err(|error| {
-            Error::io(&target, "rename the finished file to this name", &error.error)
+        file.persist(&target).map_err(|error| match error.error.kind() {
+            io::ErrorKind::NotFound => {
+                lost(&target, "its part file was removed while it was written")
+            }
+            _ => Error::io(&target, "rename the finished file to this name", &error.error),
         })?;
         drop(live);
         // Syncing the folder writes the rename to the disk.
@@ -179,6 +185,12 @@ impl PartFile {
             _ => Ok(target),
         }
     }
+}
+
+/// Makes the error of a part file that another process has removed.
+fn lost(target: &Path, message: &str) -> Error {
+    let problem = Problem::new(target.display().to_string(), message);
+    Error::new(ErrorKind::Retry, problem.cause_of(target, io::ErrorKind::NotFound))
 }
 
 /// Returns true if a sync failed because the disk fails or is full. Not every file system can sync
@@ -246,46 +258,6 @@ fn target_of(part: &OsStr) -> Option<&OsStr> {
     rest.file_stem().filter(|_| fits)
 }
 
-/// File locks. A part file is locked while its writer is alive; the system releases the lock when
-/// the process ends.
-#[cfg(unix)]
-mod lock {
-    use std::fs::File;
-    use std::os::unix::fs::MetadataExt;
-    use std::path::Path;
-
-    use rustix::fs::{FlockOperation, flock};
-    use rustix::io::Errno;
-
-    /// Locks a new file. Returns false if another process has removed the file in the meantime, or
-    /// holds its lock to remove it. Other failures are ignored: on a file system without locks, no
-    /// file is ever swept.
-    pub fn lock_new(file: &File) -> bool {
-        let locked = flock(file, FlockOperation::NonBlockingLockExclusive);
-        locked != Err(Errno::WOULDBLOCK) && file.metadata().map_or(true, |data| data.nlink() > 0)
-    }
-
-    /// Removes the file if it can be locked, so that no process holds its lock. Holds the lock
-    /// until the file is removed: its writer may be about to lock it.
-    pub fn remove_if_abandoned(path: &Path) -> bool {
-        let Ok(file) = File::open(path) else { return false };
-        let locked = flock(&file, FlockOperation::NonBlockingLockExclusive);
-        locked.is_ok() && std::fs::remove_file(path).is_ok()
-    }
-}
-
-/// Without locks no part file is known to be abandoned.
-#[cfg(not(unix))]
-mod lock {
-    pub fn lock_new(_: &std::fs::File) -> bool {
-        true
-    }
-
-    pub fn remove_if_abandoned(_: &std::path::Path) -> bool {
-        false
-    }
-}
-
 /// Returns the folder of a file: `.` for a bare name.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
@@ -347,6 +319,18 @@ mod tests {
     fn a_folder_that_cannot_be_synced_is_no_failure_and_a_failing_disk_is() {
         let loses = |number| loses_data(&io::Error::from_raw_os_error(number));
         assert_eq!([5, 28, 22, 38].map(loses), [true, true, false, false]);
+    }
+
+    #[test]
+    fn another_try_may_cure_the_loss_of_a_part_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut part = PartFile::create(&folder.path().join("a.exr")).unwrap();
+        part.fill(b"x").unwrap();
+        for entry in std::fs::read_dir(folder.path()).unwrap() {
+            std::fs::remove_file(entry.unwrap().path()).unwrap();
+        }
+        let error = part.commit().unwrap_err();
+        assert_eq!(error.kind, ErrorKind::Retry, "{error}");
     }
 
     #[test]

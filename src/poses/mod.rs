@@ -135,7 +135,8 @@ fn picture_name(name: &str) -> Option<String> {
     let mut parts: Vec<String> = parts.map(str::to_string).collect();
     *parts.last_mut()? = stem;
     let printable = !name.chars().any(char::is_control);
-    (good && printable).then(|| parts.join("/"))
+    // The stem of `..png` is `.`, the folder itself.
+    (good && printable && *parts.last()? != ".").then(|| parts.join("/"))
 }
 
 fn bad_name(place: &str, name: &str) -> Error {

@@ -8,7 +8,7 @@ use std::slice;
 use std::sync::Arc;
 
 use crate::batch::job::Job;
-use crate::batch::journal::{FrameRecord, JournalRecord, MeshRecord};
+use crate::batch::journal::{FrameRecord, JournalRecord, MeshRecord, seen_from};
 use crate::batch::tasks;
 use crate::output::Outputs;
 use crate::output::finished::{self, FileState};
@@ -44,12 +44,21 @@ fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -
         && record.is_none_or(|record| record.outputs.iter().all(is_there))
 }
 
+/// Returns true if a record is about what the job has now under its input and frame. In another
+/// batch of the same folder, or before a list of cameras changed, the number was another frame's.
+fn is_about(job: &Job, input: usize, record: &JournalRecord) -> bool {
+    let JournalRecord::Frame(record) = record else { return true };
+    let [exr, _] = Outputs::names(&job.prefix(input, record.frame));
+    record.outputs.iter().any(|output| output == seen_from(&exr, &job.folder))
+}
+
 impl SheetEntry {
     /// Returns the entries of all inputs of a job, in its order. Checks files on the threads of the
     /// current rayon pool.
     ///
-    /// A record belongs to the input with its identity. If no input has it, or the record is of an
-    /// old journal and has none, it belongs to all inputs with its path.
+    /// A record belongs to the input with its identity. A record of an old journal has none, and
+    /// belongs to all inputs with its path. So does a record of a mesh or of a rendered frame whose
+    /// identity no input has. A frame that was kept or failed is then one of another batch.
     pub fn all(job: &Job, records: &[JournalRecord]) -> Vec<Self> {
         let of = job.frames();
         let entry = |number: usize| {
@@ -70,8 +79,12 @@ impl SheetEntry {
             }
             let Some((path, identity)) = record.input() else { continue };
             let own = identity.and_then(|identity| identities.get(identity)).map(slice::from_ref);
-            for &number in own.or(paths.get(path).map(Vec::as_slice)).unwrap_or_default() {
-                all[number].add(record, &run);
+            let tells_files = matches!(record, JournalRecord::Mesh(_) | JournalRecord::Frame(_));
+            let by_path = paths.get(path).filter(|_| identity.is_none() || tells_files);
+            for &number in own.or(by_path.map(Vec::as_slice)).unwrap_or_default() {
+                if is_about(job, number, record) {
+                    all[number].add(record, &run);
+                }
             }
         }
         parallel::each(all.iter_mut(), |entry| entry.keep_whole(job));

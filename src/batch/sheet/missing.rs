@@ -89,6 +89,7 @@ fn stale(
     let task = Task { input: number, frames: 0..job.frames() };
     let mut contents = ContentHashes::default();
     let resume = Resume::Keep(None);
-    let (frames, _) = ready.frames(job, &task, resume, &Settings::of(job), &mut contents)?;
+    let (settings, monitor) = (Settings::of(job), Monitor::default());
+    let (frames, _) = ready.frames((job, &task), resume, &settings, &mut contents, &monitor)?;
     Ok(frames.into_iter().filter_map(|frame| Some((frame.number, frame.again?))).collect())
 }

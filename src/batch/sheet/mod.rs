@@ -37,10 +37,11 @@ pub fn paths(job: &Job) -> impl Iterator<Item = PathBuf> {
     [PAGE.to_string()].into_iter().chain(sheets).map(|name| job.folder.join(name))
 }
 
-/// Returns the first picture under the name of a sheet that no batch has made.
+/// Returns the first page or picture under the name of a sheet's file that no batch has made.
 pub fn foreign(job: &Job) -> Option<PathBuf> {
-    let paths = sheets(job.inputs.len()).into_iter().map(|name| job.folder.join(name));
-    paths.into_iter().find(|path| finished::is_foreign(path) && !png::is_sheet(path))
+    let page = Some(job.folder.join(PAGE)).filter(|page| page::is_foreign(page));
+    let mut paths = sheets(job.inputs.len()).into_iter().map(|name| job.folder.join(name));
+    page.or_else(|| paths.find(|path| finished::is_foreign(path) && !png::is_sheet(path)))
 }
 
 /// Writes the contact sheet from the pictures and journals in the job's folder.

@@ -1,6 +1,9 @@
 //! Writes `index.html`: one card per input, which can be sorted and searched. Failures are red.
 
 use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -15,6 +18,22 @@ use super::thumbnails::Strip;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+
+/// What stands near the start of every page.
+const TITLE: &str = "<title>Contact sheet</title>";
+/// Bytes of a page in which the title is looked for.
+const START: u64 = 4096;
+
+/// Returns true if a file is there that is no page of a contact sheet. An empty file does not
+/// count: nothing is lost with it.
+pub fn is_foreign(path: &Path) -> bool {
+    if !std::fs::metadata(path).is_ok_and(|data| data.is_file() && data.len() > 0) {
+        return false;
+    }
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(START).read_to_end(&mut start));
+    read.is_err() || !start.windows(TITLE.len()).any(|bytes| bytes == TITLE.as_bytes())
+}
 
 /// Returns the text of the page. `problems` has those of each input, or is empty.
 pub fn html(
@@ -33,7 +52,7 @@ pub fn html(
         html,
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>Contact sheet</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n\
+         {TITLE}\n<style>\n{STYLE}</style>\n</head>\n<body>\n<header>\n\
          <h1>Contact sheet</h1>\n<p>{}, {} of {}, \
          <span class=\"{}\">{failed} failed</span>; frames took {}, {} million rays</p>\n\
          <p class=\"controls\"><label>Sort by <select id=\"sort\">\

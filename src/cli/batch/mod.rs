@@ -17,7 +17,6 @@ use crate::batch::{
 use crate::error::{Error, ErrorKind, Problem, Result, printable};
 use crate::monitor::Monitor;
 use crate::nearest::nearest;
-use crate::output::Outputs;
 use crate::output::tonemap::Depth;
 use crate::scene::written::{Angles, Name, Point};
 use crate::scene::{self, Document, Member, NodeKind};
@@ -376,13 +375,13 @@ fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
     batch::refuse_photographs(job, &tasks)?;
     for task in tasks {
-        for frame in task.frames {
-            let outputs = Outputs::names(&job.prefix(task.input, frame));
+        let names = batch::names(job, &task);
+        for (frame, outputs) in task.frames.zip(names) {
             let line = json!({
                 "index": batch::index(job.frames(), task.input, frame),
                 "input": job.inputs[task.input].path.display().to_string(),
                 "frame": frame,
-                "outputs": outputs.map(|path| path.display().to_string()),
+                "outputs": outputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>(),
             });
             print::json(&line)?;
         }

@@ -541,6 +541,7 @@ fn invalid_jobs_are_refused_before_rendering() {
     refused(&turning, "--name '{parent}/{stem}.{frame:04}', or '{input:03}-{stem}.{frame:04}'\n");
     refused(&["scans", "--name", "{stem}", "--turntable", "2"], "expected {frame} in it");
     refused(&["scans", "--name", "../{stem}"], "expected a name within the output folder");
+    refused(&["scans", "--name", "{stem}/."], "expected a name within the output folder");
     refused(&["scans", "--template", "nosuch.json"], "nosuch.json: cannot read");
     let job = |text: &str| {
         scratch.write("job.json", text);
@@ -611,6 +612,9 @@ fn invalid_jobs_are_refused_before_rendering() {
         done.stderr()
     );
     assert!(done.stderr().contains("would overwrite an input or another output"));
+    // A dot at the end of the folder's name says nothing.
+    batch(&scratch, &["scans/a.ply", "-o", "new/folder/.", "--no-sheet"]).good();
+    assert!(scratch.path("new/folder/a.exr").is_file());
 }
 
 #[test]
@@ -693,6 +697,25 @@ fn a_dry_run_lists_the_frames() {
     assert_eq!(lines[0]["outputs"][0], "out/a/a.0001.exr");
     assert_eq!((&lines[1]["index"], &lines[1]["frame"]), (&2.into(), &0.into()));
     assert!(!scratch.path("out").exists());
+    // With the manifests, as the journal lists them. A file that is no mesh is listed, too.
+    scratch.write("scans/d.ply", "ply\n");
+    let args = ["scans", "-o", "out", "--aov", "cryptomatte", "--crypto-sidecar", "--no-sheet"];
+    let done = batch(&scratch, &[&args[..], &["--dry-run"]].concat()).good();
+    let listed: Vec<Value> =
+        done.stdout().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(listed.len(), 4);
+    batch(&scratch, &args);
+    let records = journal(&scratch, "out/batch.jsonl");
+    let frames: Vec<&Value> = records.iter().filter(|r| r["event"] == "frame").collect();
+    assert_eq!(frames.len(), 3);
+    for frame in frames {
+        let outputs = frame["outputs"].as_array().unwrap();
+        assert_eq!(outputs.len(), 4, "{frame}");
+        let outputs: Vec<String> =
+            outputs.iter().map(|path| format!("out/{}", path.as_str().unwrap())).collect();
+        let same = listed.iter().find(|line| line["index"] == frame["index"]).unwrap();
+        assert_eq!(same["outputs"], Value::from(outputs));
+    }
 }
 
 #[test]

@@ -13,6 +13,8 @@ use std::{
 use crate::support::program::{PYRAMID, Scratch, interruptible, names_in, send};
 use crate::support::random::Random;
 
+use super::memory::write_instances;
+
 const MESHES: u32 = 50;
 const FRAMES: u32 = 4;
 
@@ -92,6 +94,26 @@ fn survives(kills: u32) {
 #[test]
 fn kills_at_random_moments_lose_nothing() {
     survives(50);
+}
+
+/// The scenes of a turntable of thousands of instances are compared with the files first.
+#[test]
+fn a_signal_stops_the_comparison_of_frames() {
+    let scratch = Scratch::new();
+    write_instances(&scratch, 2000);
+    let args = ["batch", "scene.json", "-o", "out", "--turntable", "1000", "--threads", "2"];
+    let mut child = interruptible(&scratch.command(&args)).spawn().unwrap();
+    while !scratch.path("out/batch.jsonl").exists() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(500));
+    let began = std::time::Instant::now();
+    send("INT", child.id());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    // All frames take a minute and more.
+    assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    assert!(!journal.contains("\"event\":\"mesh\""), "{journal}");
 }
 
 #[test]

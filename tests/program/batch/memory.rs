@@ -13,6 +13,21 @@ fn records(scratch: &Scratch, event: &str) -> Vec<Value> {
     all.filter(|record| record["event"] == event).collect()
 }
 
+/// Writes `scene.json`: a pyramid in many places, as small pictures.
+pub fn write_instances(scratch: &Scratch, count: u32) {
+    scratch.write("a.ply", PYRAMID);
+    let place = |i: u32| {
+        let x = f64::from(i) * 3.0;
+        json!([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    };
+    let places: Vec<Value> = (0..count).map(place).collect();
+    let mesh = json!({ "type": "trimesh", "path": "a.ply", "material": {}, "instances": places });
+    let camera = json!({ "type": "pinhole", "width": 24, "height": 16, "fov": 40,
+        "position": [0, 1, 9], "target": [0, 1, 0], "up": [0, 1, 0] });
+    let scene = json!({ "spp": 1, "camera": camera, "scene": { "shapes": [mesh] } });
+    scratch.write("scene.json", &scene.to_string());
+}
+
 /// A film of 1024 x 768 pixels takes 16 MB. Eight at a time do not fit, three do.
 #[test]
 fn a_limit_of_memory_covers_all_films() {
@@ -52,6 +67,23 @@ fn a_film_of_another_size_takes_the_place_of_the_last() {
     assert_eq!(frames.len(), 4);
     let peak = frames.iter().map(|frame| frame["peak_bytes"].as_u64().unwrap()).max().unwrap();
     assert!(peak < 72 << 20, "{peak}");
+}
+
+/// The scenes of all frames together would take 24 MB.
+#[test]
+fn the_scene_of_a_frame_is_held_while_the_frame_is_rendered() {
+    let scratch = Scratch::new();
+    write_instances(&scratch, 1500);
+    let peak = |frames: &str| {
+        let args = ["batch", "scene.json", "-o", "out", "--turntable", frames, "--threads", "1"];
+        let more = ["--jobs", "1", "--backend", "bvh", "--no-sheet", "--quiet"];
+        scratch.run(&[&args[..], &more].concat()).good();
+        let frames = records(&scratch, "frame");
+        fs::remove_dir_all(scratch.path("out")).unwrap();
+        frames.iter().map(|frame| frame["peak_bytes"].as_u64().unwrap()).max().unwrap()
+    };
+    let (few, many) = (peak("4"), peak("40"));
+    assert!(many < few + (10 << 20), "{few} {many}");
 }
 
 /// A frame of 9000 x 9000 pixels, which takes 240 MB when it is decoded.

@@ -109,9 +109,16 @@ fn a_contact_sheet_is_written_over_a_contact_sheet_only() {
         }
         assert!(scratch.read("out/sheet.png") == scratch.read(photograph));
     }
+    // A page of the user.
+    fs::write(scratch.path("out/sheet.png"), &sheet).unwrap();
+    scratch.write("out/index.html", "<title>My scans</title>");
+    let said = run(&["--sheet-only"]).stderr();
+    assert!(said.contains("index.html: found a page that is no contact sheet"), "{said}");
+    assert!(run(&[]).code() == 2 && scratch.read("out/index.html").starts_with(b"<title>My"));
     // These write none.
     run(&["--no-sheet"]).good();
     run(&["--range", "0..1"]).good();
+    fs::copy(scratch.path("large.png"), scratch.path("out/sheet.png")).unwrap();
     // Without cameras, no picture has the name of a photograph.
     let small = ["--size", "40x30", "--spp", "1"];
     scratch.run(&[&["batch", "images.ply", "-o", "out"], &small[..]].concat()).good();

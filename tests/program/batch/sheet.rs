@@ -64,6 +64,49 @@ fn complete_files_count_and_the_journal_does_not() {
     assert!(html.contains("3 of 3 frames") && html.contains("data-count=\"3\""), "{html}");
 }
 
+/// By their numbers, the frames are those of other records.
+#[test]
+fn records_of_other_frames_do_not_count() {
+    let scratch = Scratch::new();
+    scratch.write("scan.ply", PYRAMID);
+    let run = |more: &[&str], code: i32| {
+        let args = ["batch", "scan.ply", "-o", "out", "--threads", "2", "--backend", "bvh"];
+        let done = scratch.run(&[&args[..], &["--spp", "1"], more].concat());
+        assert_eq!(done.code(), code, "{more:?}: {}", done.stderr());
+        done.stderr()
+    };
+    // The first camera leaves its list.
+    let camera = |name: &&str| {
+        json!({ "image": name, "camera": { "type": "pinhole", "width": 24, "height": 16,
+            "fov": 40, "position": [0, 1, 8], "target": [0, 1, 0], "up": [0, 1, 0] } })
+    };
+    let list = |names: &[&str]| {
+        let cameras: Vec<_> = names.iter().map(camera).collect();
+        scratch.write("list.json", &json!({ "cameras": cameras }).to_string());
+    };
+    list(&["a", "b", "c"]);
+    run(&["--cameras", "list.json"], 0);
+    list(&["b", "c"]);
+    for end in ["exr", "png"] {
+        std::fs::remove_file(scratch.path(&format!("out/scan/a.{end}"))).unwrap();
+    }
+    let said = run(&["--cameras", "list.json", "--resume"], 0);
+    assert!(said.contains("0 frames rendered, 2 kept"), "{said}");
+    run(&["--cameras", "list.json", "--sheet-only"], 0);
+    // A still of the same mesh whose files are gone, and one that failed.
+    let turning = ["--size", "24x16", "--turntable", "3"];
+    run(&turning, 0);
+    run(&["--size", "24x16"], 0);
+    for end in ["exr", "png"] {
+        std::fs::remove_file(scratch.path(&format!("out/scan.{end}"))).unwrap();
+    }
+    run(&[&turning[..], &["--sheet-only"]].concat(), 0);
+    run(&["--size", "24x16", "--max-memory", "1M"], 1);
+    run(&[&turning[..], &["--sheet-only"]].concat(), 0);
+    let html = String::from_utf8(scratch.read("out/index.html")).unwrap();
+    assert!(html.contains("3 of 3 frames") && html.contains("class=\"done\""), "{html}");
+}
+
 /// As on a farm: every task has a range.
 #[test]
 fn a_failure_after_the_frames_were_made_counts() {
