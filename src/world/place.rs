@@ -343,12 +343,13 @@ impl WithoutArea {
     }
 }
 
-/// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero.
+/// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero. A
+/// normal that is not finite becomes NaN, with which no normal is interpolated.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     parallel::each(normals.chunks_mut(GRAIN), |normals| {
         for n in normals {
             let turned = linear * DVec3::from(n.map(f64::from));
-            *n = turned.normalize_or_zero().as_vec3().to_array();
+            *n = turned.normalize_or(turned * 0.0).as_vec3().to_array();
         }
     });
     normals
