@@ -136,7 +136,7 @@ impl Finite {
             width if width > 0.0 => [self.low, self.high],
             0.0 => {
                 let some = 0.5f64.max(self.low.abs() * 1e-6);
-                [self.low - some, self.high + some]
+                [(self.low - some).max(-f64::MAX), (self.high + some).min(f64::MAX)]
             }
             // There is no finite value.
             _ => [0.0, 1.0],

@@ -181,6 +181,13 @@ fn problems_name_the_place_in_the_scene() {
 #[test]
 fn the_largest_numbers_have_colours() {
     let max = f64::MAX;
+    // Files of maps have -f64::MAX where there are no data.
+    for everywhere in [-max, max] {
+        let ply = square(&["double q"], |_, _| everywhere, &[], |_, _| 0.0);
+        let (film, _) = render(&ply, json!({ "color": { "property": "q" } })).unwrap();
+        let end = if everywhere < 0.0 { 0.0 } else { 1.0 };
+        check(&film, |_, _| mapped(colorous::VIRIDIS, end));
+    }
     let name = |range: Value| {
         let mut color = json!({ "property": "q" });
         if !range.is_null() {
