@@ -55,7 +55,12 @@ pub(super) fn take(
     };
     let stored = stored.map(|(element, mut values)| {
         let mut alpha = alpha;
-        let replaced = replace_unusable(&mut values, alpha.as_mut());
+        let space = match values {
+            Colors::F32(_) => ColorSpace::Linear,
+            Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
+        };
+        let space = spec.vertex_color_space.unwrap_or(space);
+        let replaced = replace_unusable(&mut values, alpha.as_mut(), space);
         if replaced > 0 {
             let message = format!(
                 "{} not finite or beyond {MAX_COLOR:e}; white is shown",
@@ -63,11 +68,6 @@ pub(super) fn take(
             );
             warnings.push(Problem::new(spec.path.display().to_string(), message));
         }
-        let space = match values {
-            Colors::F32(_) => ColorSpace::Linear,
-            Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
-        };
-        let space = spec.vertex_color_space.unwrap_or(space);
         let source = ColorSource::Stored(StoredColors { values, alpha, space });
         MeshColors { element, source }
     });
@@ -75,12 +75,16 @@ pub(super) fn take(
 }
 
 /// Replaces colours that cannot be multiplied with light: they become white, which leaves the
-/// material's colour. Returns their number.
-fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>) -> u64 {
+/// material's colour. Returns their number. `space` is that of the colours.
+fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>, space: ColorSpace) -> u64 {
     let is_usable = |value: f64| value.abs() <= MAX_COLOR;
+    let decoded = |channel: f32| match space {
+        ColorSpace::Linear => channel.into(),
+        ColorSpace::Srgb => srgb::to_linear(channel.into()),
+    };
     let mut replaced = 0;
     if let Colors::F32(colors) = colors {
-        replaced += replace(colors, [1.0; 3], |rgb| rgb.iter().all(|&c| is_usable(c.into())));
+        replaced += replace(colors, [1.0; 3], |rgb| rgb.iter().all(|&c| is_usable(decoded(c))));
     }
     // Without alpha, the colour is white.
     match alpha {
