@@ -30,7 +30,7 @@ pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
 /// colours of the mesh are dropped.
 ///
 /// # Errors
-/// If the requested property was not read with the mesh.
+/// If the mesh lacks the requested colours, or the requested property was not read with it.
 pub(super) fn take(
     mesh: &mut Mesh,
     spec: &Trimesh,
@@ -38,23 +38,30 @@ pub(super) fn take(
     warnings: &mut Vec<Problem>,
 ) -> Result<(Option<MeshColors>, Option<Legend>)> {
     let (of_vertices, of_faces) = (mesh.colors.take(), mesh.face_colors.take());
-    let (alpha, property) = (mesh.alpha.take(), mesh.property.take());
+    let (mut alpha, property) = (mesh.alpha.take(), mesh.property.take());
+    // Alpha belongs to the colours of the vertices, if there are any.
+    let of_alpha = if of_vertices.is_some() { MeshElement::Vertex } else { MeshElement::Face };
     let by_vertices = of_vertices.map(|values| (MeshElement::Vertex, values));
     let by_faces = of_faces.map(|values| (MeshElement::Face, values));
+    let lacks = |what: &str| {
+        let place = spec.color.as_ref().map_or("", |request| &request.place);
+        let message = format!("{} has no colours of its {what}", spec.path.display());
+        Error::invalid(place, message)
+    };
     let stored = match spec.color.as_ref().map(|request| &request.color) {
         _ if textured => None,
         None if !spec.vertex_colors => None,
         Some(Stored(StoredColor::None)) => None,
         None => by_vertices.or(by_faces),
-        Some(Stored(StoredColor::Vertex)) => by_vertices,
-        Some(Stored(StoredColor::Face)) => by_faces,
+        Some(Stored(StoredColor::Vertex)) => Some(by_vertices.ok_or_else(|| lacks("vertices"))?),
+        Some(Stored(StoredColor::Face)) => Some(by_faces.ok_or_else(|| lacks("faces"))?),
         Some(Mapped(color)) => {
             let (colors, legend) = mapped(property, color, spec, warnings)?;
             return Ok((Some(colors), Some(legend)));
         }
     };
     let stored = stored.map(|(element, mut values)| {
-        let mut alpha = alpha;
+        alpha = alpha.take().filter(|_| element == of_alpha);
         let space = match values {
             Colors::F32(_) => ColorSpace::Linear,
             Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,

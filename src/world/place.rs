@@ -43,8 +43,8 @@ impl PlacedMesh {
     /// Computes the transform and the world bounds of a mesh, and takes the colours that it shows.
     ///
     /// # Errors
-    /// A texture without texture coordinates, a requested property that the mesh lacks, or a
-    /// coordinate above [`MAX_COORDINATE`].
+    /// A texture without texture coordinates, requested colours or points that the mesh was not
+    /// read with, or a coordinate above [`MAX_COORDINATE`].
     pub fn new(
         mut mesh: Mesh,
         spec: &Trimesh,
@@ -61,6 +61,10 @@ impl PlacedMesh {
                 ),
             )
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
+        }
+        if spec.points.is_some() && !mesh.is_cloud() {
+            let message = format!("{} was not read as points", spec.path.display());
+            return Err(Error::invalid(&spec.place, message));
         }
         let (colors, legend) = colors::take(&mut mesh, spec, textured, warnings)?;
         let used = mesh.used_vertices();
