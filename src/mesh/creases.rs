@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_normals};
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
-use crate::math::dot;
+use crate::math::{dot, sub};
 use crate::parallel;
 use crate::reserve;
 
@@ -192,8 +192,9 @@ const FLAT_DEGREES: f64 = 5.0;
 
 /// Working memory to group the faces around one vertex.
 struct Around {
-    /// Minimum cosine between the two faces of a smooth edge: in general, and between flat parts.
-    min_cosine: [f64; 2],
+    /// Maximum squared distance between the unit normals of the two faces of a smooth edge: in
+    /// general, and between flat parts. Cosines of small angles would all round to 1.
+    max_distance: [f64; 2],
     /// Cosine of half the smaller angle. If all faces are this close to one normal, no two of them
     /// differ by more than the smaller angle, so there is no crease.
     half: f64,
@@ -211,13 +212,16 @@ struct Around {
 
 impl Around {
     fn new([angle, flat]: [f64; 2]) -> Self {
-        // An edge at exactly the given angle is smooth, however the cosine is rounded.
-        let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
-        let min_cosine = [cosine(angle), cosine(flat.min(angle))];
-        let half = cosine(0.5 * flat.min(angle)) + 2e-6;
+        // An edge at exactly the given angle is smooth, however the normals are rounded.
+        let distance = |degrees: f64| {
+            let exact = (2.0 * (0.5 * degrees.to_radians()).sin()).powi(2);
+            exact + 2e-6f64.min(0.1 * exact)
+        };
+        let max_distance = [distance(angle), distance(flat.min(angle))];
+        let half = (0.5 * flat.min(angle)).to_radians().cos() + 1e-6;
         let (normals, edges, group) = (vec![], vec![], vec![]);
         let (members, parts) = (vec![], vec![]);
-        Self { min_cosine, half, normals, edges, group, members, parts }
+        Self { max_distance, half, normals, edges, group, members, parts }
     }
 
     /// Stores the normal of each face. Returns false if there is certainly no crease.
@@ -243,9 +247,9 @@ impl Around {
             self.edges.extend(others.map(|other| (other, place)));
         }
         self.edges.sort_unstable();
-        let [all, flat] = self.min_cosine;
+        let [all, flat] = self.max_distance;
         self.divide(fan, flat);
-        if flat > all && !self.is_flat() {
+        if flat < all && !self.is_flat() {
             self.divide(fan, all);
         }
         let groups = self.members.chunk_by(|a, b| a.0 == b.0);
@@ -261,15 +265,15 @@ impl Around {
         self.parts.first().copied().unwrap_or_default()
     }
 
-    /// Groups the faces and computes the normals of the groups. An edge is smooth if the cosine
-    /// between its faces is at least `min_cosine`.
-    fn divide(&mut self, fan: &Fan, min_cosine: f64) {
+    /// Groups the faces and computes the normals of the groups. An edge is smooth if the squared
+    /// distance of its faces' normals is at most `max_distance`.
+    fn divide(&mut self, fan: &Fan, max_distance: f64) {
         self.group.clear();
         self.group.extend(0..self.normals.len());
         for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
             for (i, &(_, a)) in edge.iter().enumerate() {
                 for &(_, b) in edge[i + 1..].iter().take(MAX_COMPARED_AT_EDGE) {
-                    if cosine(self.normals[a], self.normals[b]) >= min_cosine {
+                    if squared_distance(self.normals[a], self.normals[b]) <= max_distance {
                         let (a, b) = (first(&mut self.group, a), first(&mut self.group, b));
                         self.group[a.max(b)] = a.min(b);
                     }
@@ -314,6 +318,11 @@ fn cosine(a: [f32; 3], b: [f32; 3]) -> f64 {
     dot(a.map(f64::from), b.map(f64::from))
 }
 
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f64 {
+    let difference = sub(a.map(f64::from), b.map(f64::from));
+    dot(difference, difference)
+}
+
 fn is_zero(normal: [f32; 3]) -> bool {
     normal == [0.0; 3]
 }
@@ -321,7 +330,7 @@ fn is_zero(normal: [f32; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{cross, sub};
+    use crate::math::cross;
 
     /// A cube with shared vertices, two triangles per side, facing outwards.
     fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
@@ -376,6 +385,21 @@ mod tests {
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
         assert!(normals.bytes() > 25 * 12 + 24 * 12);
+    }
+
+    /// The cosine of 0.08 degrees is 1 but for a millionth.
+    #[test]
+    fn small_angles_are_told_apart() {
+        for fold in [0.003f64, 0.03, 0.3] {
+            let rise = fold.to_radians().tan() as f32;
+            let positions = [[0.0; 3], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [1.0, 0.0, rise]];
+            let triangles = [[0, 1, 2], [1, 0, 3]];
+            for (factor, folded) in [(0.9, true), (1.0, false), (1.1, false)] {
+                let normals =
+                    creased_normals(&positions, &triangles, [fold * factor; 2], "").unwrap();
+                assert_eq!(normals.creases.is_some(), folded, "{fold} {factor}");
+            }
+        }
     }
 
     #[test]
