@@ -11,6 +11,7 @@
 use rayon::prelude::*;
 
 use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_normals};
+use super::stitched_edges::{self, StitchedEdges, first};
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
 use crate::math::{dot, sub};
@@ -93,6 +94,9 @@ struct Split {
 /// parts, it is a crease if they differ by more than the smaller of the two. Both angles are in
 /// (0, 180]. The result is the same for any number of threads.
 ///
+/// `stitches` are triangles without area that close T-junctions. The edges on their two sides count
+/// as one edge.
+///
 /// Runs in the caller's rayon pool.
 ///
 /// # Errors
@@ -103,6 +107,7 @@ struct Split {
 pub fn creased_normals<P: VertexPosition>(
     positions: &[P],
     triangles: &[[u32; 3]],
+    stitches: &[[u32; 3]],
     degrees: [f64; 2],
     name: &str,
 ) -> Result<Normals> {
@@ -111,6 +116,7 @@ pub fn creased_normals<P: VertexPosition>(
         return Ok(vertex_normals(positions, triangles).into());
     }
     let faces = VertexFaces::new(positions.len(), triangles);
+    let stitched = StitchedEdges::new(positions, stitches, name)?;
     let mut all = Vec::new();
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
@@ -125,7 +131,8 @@ pub fn creased_normals<P: VertexPosition>(
                 return;
             }
             if around.has_crease(&fan, *normal) {
-                let here = (triangles, vertex as u32, faces.of(vertex));
+                let number = vertex as u32;
+                let here = (triangles, number, faces.of(vertex), stitched.at(number));
                 *normal = around.split(&fan, here, &mut splits, &mut more);
             }
         });
@@ -180,8 +187,8 @@ impl Corners {
 /// are joined only through faces between them.
 const MAX_COMPARED_AT_EDGE: usize = 8;
 
-/// All triangles, the index of one vertex, and its faces in file order.
-type Here<'a> = (&'a [[u32; 3]], u32, &'a [u32]);
+/// All triangles, the index of one vertex, its faces in file order, and its [`StitchedEdges`].
+type Here<'a> = (&'a [[u32; 3]], u32, &'a [u32], &'a [[u32; 3]]);
 
 /// Maximum number of flat parts that meet at a vertex, as at the corner of a block. More parts are
 /// noise.
@@ -237,7 +244,7 @@ impl Around {
     fn split(
         &mut self,
         fan: &Fan,
-        (triangles, vertex, faces): Here,
+        (triangles, vertex, faces, stitched): Here,
         splits: &mut Vec<Split>,
         more: &mut Vec<[f32; 3]>,
     ) -> [f32; 3] {
@@ -245,6 +252,9 @@ impl Around {
         for (place, &face) in faces.iter().enumerate() {
             let others = triangles[face as usize].into_iter().filter(|&other| other != vertex);
             self.edges.extend(others.map(|other| (other, place)));
+        }
+        if !stitched.is_empty() {
+            stitched_edges::join(stitched, &mut self.edges);
         }
         self.edges.sort_unstable();
         let [all, flat] = self.max_distance;
@@ -305,15 +315,6 @@ impl Around {
     }
 }
 
-/// Returns the first face of a group. Shortens the path to it (union-find).
-fn first(group: &mut [usize], mut place: usize) -> usize {
-    while group[place] != place {
-        group[place] = group[group[place]];
-        place = group[place];
-    }
-    place
-}
-
 fn cosine(a: [f32; 3], b: [f32; 3]) -> f64 {
     dot(a.map(f64::from), b.map(f64::from))
 }
@@ -360,7 +361,7 @@ mod tests {
     fn a_cube_is_flat_shaded_below_90_degrees_and_smooth_from_90_on() {
         let (positions, triangles) = cube();
         for degrees in [1.0, 45.0, 89.0] {
-            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            let normals = creased_normals(&positions, &triangles, &[], [degrees; 2], "").unwrap();
             for (k, triangle) in triangles.iter().enumerate() {
                 let [a, b, c] = triangle.map(|v| positions[v as usize].xyz());
                 let flat = unit(cross(sub(b, a), sub(c, a)));
@@ -368,7 +369,7 @@ mod tests {
             }
         }
         for degrees in [90.0, 180.0] {
-            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            let normals = creased_normals(&positions, &triangles, &[], [degrees; 2], "").unwrap();
             assert!(normals.creases.is_none());
             assert_eq!(normals.all, vertex_normals(&positions, &triangles));
         }
@@ -377,11 +378,11 @@ mod tests {
     #[test]
     fn faces_are_grouped_through_their_neighbours() {
         let (positions, triangles) = cone(24, 2.0);
-        let normals = creased_normals(&positions, &triangles, [30.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [30.0; 2], "").unwrap();
         assert!(normals.creases.is_none(), "opposite faces are 127 degrees apart");
         assert!(of(&normals, &triangles, 7)[0][2] > 0.999);
         // Every edge is a crease: each corner at the tip has the normal of its face.
-        let normals = creased_normals(&positions, &triangles, [5.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [5.0; 2], "").unwrap();
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
         assert!(normals.bytes() > 25 * 12 + 24 * 12);
@@ -396,9 +397,25 @@ mod tests {
             let triangles = [[0, 1, 2], [1, 0, 3]];
             for (factor, folded) in [(0.9, true), (1.0, false), (1.1, false)] {
                 let normals =
-                    creased_normals(&positions, &triangles, [fold * factor; 2], "").unwrap();
+                    creased_normals(&positions, &triangles, &[], [fold * factor; 2], "").unwrap();
                 assert_eq!(normals.creases.is_some(), folded, "{fold} {factor}");
             }
+        }
+    }
+
+    /// Two walls with a fold of 12 degrees between them, over a floor. The edge of the left wall
+    /// has a vertex of the right wall in its middle.
+    #[test]
+    fn stitches_join_the_faces_beside_them() {
+        let (y, x) = 12f32.to_radians().sin_cos();
+        let positions =
+            [[0.0; 3], [0.0, 3.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [x, 0.0, -y]];
+        let triangles = [[0, 1, 3], [0, 4, 2], [2, 4, 1], [3, 0, 4]];
+        for (stitches, joined) in [(&[][..], false), (&[[0, 2, 1]], true), (&[[2, 1, 0]], true)] {
+            let normals = creased_normals(&positions, &triangles, stitches, [30.0; 2], "").unwrap();
+            let at = |k| of(&normals, &triangles, k)[0];
+            assert_eq!(at(0) == at(1), joined, "{stitches:?}");
+            assert_eq!(of(&normals, &triangles, 3)[1], [0.0, 1.0, 0.0]);
         }
     }
 
@@ -414,7 +431,7 @@ mod tests {
         let squares = (0..10).map(|k| 2 * k);
         let triangles: Vec<_> =
             squares.flat_map(|a| [[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]).collect();
-        let normals = creased_normals(&positions, &triangles, [40.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [40.0; 2], "").unwrap();
         let creases = normals.creases.as_ref().unwrap();
         let marked: Vec<u32> = (0..20).filter(|&k| creases.of(k).is_some()).collect();
         assert_eq!(
@@ -447,7 +464,7 @@ mod tests {
                 })
                 .collect();
             [[55.0, 30.0], [30.0, 30.0], [55.0, 55.0]].map(|angles| {
-                let results = creased_normals(&positions, &triangles, angles, "").unwrap();
+                let results = creased_normals(&positions, &triangles, &[], angles, "").unwrap();
                 results.creases.map_or(0, |creases| creases.normals.len())
             })
         };
@@ -469,8 +486,9 @@ mod tests {
         triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
         let make = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let results =
-                pool.install(|| creased_normals(&positions, &triangles, [20.0; 2], "")).unwrap();
+            let results = pool
+                .install(|| creased_normals(&positions, &triangles, &[], [20.0; 2], ""))
+                .unwrap();
             (0..triangles.len()).map(|k| of(&results, &triangles, k)).collect::<Vec<_>>()
         };
         let one = make(1);

@@ -235,7 +235,8 @@ impl PlacedMesh {
             // `flat` is the angle of creases between flat parts, normally smaller than `angle`.
             (Smooth::Below { angle, flat }, None) => {
                 let angles = [angle, flat];
-                Some(mesh::creased_normals(&vertices, &mesh.triangles, angles, &name())?)
+                let (faces, stitches) = (&mesh.triangles, &mesh.stitches);
+                Some(mesh::creased_normals(&vertices, faces, stitches, angles, &name())?)
             }
         };
         shape.uv = match mesh.uvs {
