@@ -468,8 +468,8 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
         (
             uvs,
             [
-                "pair of texture coordinates is not finite",
-                "pairs of texture coordinates are not finite",
+                "pair of texture coordinates is not finite; its triangles show arbitrary texels",
+                "pairs of texture coordinates are not finite; their triangles show arbitrary texels",
             ],
         ),
     ];
