@@ -289,6 +289,10 @@ fn strips() {
     let mesh = read_all(&ply);
     assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 5]]);
     assert_eq!((mesh.notes.faces, mesh.notes.degenerate_dropped), (6, 2));
+    // A part of fewer than three indices makes no triangle, so its indices are not checked.
+    let short = lists(&[&[0, 1, 2], &[0, 99], &[98, -1, 3, 97, -1, 3, 4, 5]]);
+    let ply = Ply::new().curve(8).element("tristrips", &["list int int vertex_indices"], short);
+    assert_eq!(read_all(&ply).triangles, [[0, 1, 2], [3, 4, 5]]);
     // Strips beside faces, in the order of the file, with unsigned restarts.
     let strips = lists(&[&[0, 1, 2, u32::MAX as i64, 1, 2, 3]]);
     let both = Ply::new()
