@@ -341,7 +341,7 @@ fn unusual_headers_are_read() {
         .comment(b"comment \xff\xfe\x00\x01 binary \x80 junk")
         .comment(b"obj_info num_cols 512")
         .comment(b"comment TextureFiles no.png")
-        .comment(b"comment TextureFile a.png")
+        .comment(b" \tcomment TextureFile a.png")
         .comment(b"comment TextureFile b.png");
     for encoding in ALL {
         let mesh = read(&fancy.write(encoding)).unwrap();
