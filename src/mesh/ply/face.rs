@@ -266,7 +266,7 @@ impl<'a, P: VertexPosition> BlockFaces<'a, P> {
             self.attributes.push(&std::array::from_fn(|i| self.roles[FIRST_ATTRIBUTE + i]));
         }
         if let Some(number) = self.texture {
-            *self.checker.tally.textures.entry(number).or_default() += 1;
+            self.checker.tally.count_texture(number, self.plan.texture_files);
         }
         if self.plan.texcoords {
             let uv = |c: u32| {

@@ -157,6 +157,7 @@ fn the_texture_of_most_triangles_is_used() {
         ([1., 1., 1.], "b.png", 1),
         ([1., 0., 1.], "b.png", 2),
         ([-1., 1., -1.], "a.png", 1),
+        ([1., 1., -1.], "b.png", 1),
     ] {
         let mesh = ply(numbers);
         assert_eq!(mesh.texture_file.as_deref(), Some(name));
