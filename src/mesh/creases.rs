@@ -8,6 +8,8 @@
 //! between the bumps of a scan at the same angle are not. Each group has its own normal, with the
 //! weights of [`vertex_normals`](super::vertex_normals).
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
 
 use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_normals};
@@ -16,7 +18,7 @@ use super::vertex_faces::VertexFaces;
 use crate::error::Result;
 use crate::math::{dot, sub};
 use crate::parallel;
-use crate::reserve;
+use crate::reserve::{self, MemoryLimit};
 
 /// Unit normals of a smooth mesh: per vertex, and at creases per corner.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -97,10 +99,14 @@ struct Split {
 /// `stitches` are triangles without area that close T-junctions. The edges on their two sides count
 /// as one edge.
 ///
+/// Noise needs far more memory than a smooth mesh: up to 120 bytes per triangle, beside 12 per
+/// vertex and the table of faces. All but the 12 bytes per vertex is counted against `limit`.
+///
 /// Runs in the caller's rayon pool.
 ///
 /// # Errors
-/// `Retry` if there is no memory for the normals. `name` is the mesh's name for the message.
+/// `Retry` if there is no memory for the normals; as [`MemoryLimit::check`]. `name` is the mesh's
+/// name for the message.
 ///
 /// # Panics
 /// If a triangle has an index beyond `positions`.
@@ -109,7 +115,7 @@ pub fn creased_normals<P: VertexPosition>(
     triangles: &[[u32; 3]],
     stitches: &[[u32; 3]],
     degrees: [f64; 2],
-    name: &str,
+    (name, limit): (&str, Option<MemoryLimit>),
 ) -> Result<Normals> {
     // A scene cannot hold so many triangles, so their creases do not matter.
     if triangles.len() > u32::MAX as usize {
@@ -120,7 +126,9 @@ pub fn creased_normals<P: VertexPosition>(
     let mut all = Vec::new();
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
-    let results = parallel::map(all.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
+    let check = |bytes: u64| limit.map_or(Ok(()), |limit| limit.check(bytes, name));
+    let (table, held) = (faces.bytes(), AtomicU64::new(0));
+    let results = parallel::try_map(all.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
         let (mut batch, mut around) = (CornerBatch::default(), Around::new(degrees));
         let (mut splits, mut more) = (Vec::<Split>::new(), Vec::new());
         let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
@@ -136,14 +144,24 @@ pub fn creased_normals<P: VertexPosition>(
                 *normal = around.split(&fan, here, &mut splits, &mut more);
             }
         });
-        (splits, more)
-    });
+        splits.shrink_to_fit();
+        more.shrink_to_fit();
+        let bytes = (size_of_val(&splits[..]) + size_of_val(&more[..])) as u64;
+        let before = held.fetch_add(bytes, Relaxed);
+        check(table + before + bytes).map(|()| (splits, more))
+    })?;
+    drop(faces);
     let mut creases = None;
-    let corners = results.iter().map(|(splits, _)| splits.len()).sum();
+    let corners: usize = results.iter().map(|(splits, _)| splits.len()).sum();
     if corners > 0 {
+        let additional = results.iter().map(|(_, more)| more.len()).sum();
+        // The lists above are released before the table of corners is made.
+        let entries = corners.min(triangles.len()) + triangles.len().div_ceil(64);
+        let beside = (12 * entries as u64).max(held.into_inner());
+        check(12 * (corners + additional) as u64 + beside)?;
         let mut found = Vec::new();
         reserve::exact(&mut found, corners, name)?;
-        reserve::exact(&mut all, results.iter().map(|(_, more)| more.len()).sum(), name)?;
+        reserve::exact(&mut all, additional, name)?;
         for (splits, more) in results {
             let first = all.len() as u32;
             found.extend(splits.iter().map(|s| (s.triangle, s.vertex, first + s.normal)));
@@ -331,6 +349,7 @@ fn is_zero(normal: [f32; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorKind;
     use crate::math::cross;
 
     /// A cube with shared vertices, two triangles per side, facing outwards.
@@ -361,7 +380,8 @@ mod tests {
     fn a_cube_is_flat_shaded_below_90_degrees_and_smooth_from_90_on() {
         let (positions, triangles) = cube();
         for degrees in [1.0, 45.0, 89.0] {
-            let normals = creased_normals(&positions, &triangles, &[], [degrees; 2], "").unwrap();
+            let normals =
+                creased_normals(&positions, &triangles, &[], [degrees; 2], ("", None)).unwrap();
             for (k, triangle) in triangles.iter().enumerate() {
                 let [a, b, c] = triangle.map(|v| positions[v as usize].xyz());
                 let flat = unit(cross(sub(b, a), sub(c, a)));
@@ -369,7 +389,8 @@ mod tests {
             }
         }
         for degrees in [90.0, 180.0] {
-            let normals = creased_normals(&positions, &triangles, &[], [degrees; 2], "").unwrap();
+            let normals =
+                creased_normals(&positions, &triangles, &[], [degrees; 2], ("", None)).unwrap();
             assert!(normals.creases.is_none());
             assert_eq!(normals.all, vertex_normals(&positions, &triangles));
         }
@@ -378,11 +399,11 @@ mod tests {
     #[test]
     fn faces_are_grouped_through_their_neighbours() {
         let (positions, triangles) = cone(24, 2.0);
-        let normals = creased_normals(&positions, &triangles, &[], [30.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [30.0; 2], ("", None)).unwrap();
         assert!(normals.creases.is_none(), "opposite faces are 127 degrees apart");
         assert!(of(&normals, &triangles, 7)[0][2] > 0.999);
         // Every edge is a crease: each corner at the tip has the normal of its face.
-        let normals = creased_normals(&positions, &triangles, &[], [5.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [5.0; 2], ("", None)).unwrap();
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
         assert!(normals.bytes() > 25 * 12 + 24 * 12);
@@ -397,7 +418,8 @@ mod tests {
             let triangles = [[0, 1, 2], [1, 0, 3]];
             for (factor, folded) in [(0.9, true), (1.0, false), (1.1, false)] {
                 let normals =
-                    creased_normals(&positions, &triangles, &[], [fold * factor; 2], "").unwrap();
+                    creased_normals(&positions, &triangles, &[], [fold * factor; 2], ("", None))
+                        .unwrap();
                 assert_eq!(normals.creases.is_some(), folded, "{fold} {factor}");
             }
         }
@@ -412,7 +434,8 @@ mod tests {
             [[0.0; 3], [0.0, 3.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [x, 0.0, -y]];
         let triangles = [[0, 1, 3], [0, 4, 2], [2, 4, 1], [3, 0, 4]];
         for (stitches, joined) in [(&[][..], false), (&[[0, 2, 1]], true), (&[[2, 1, 0]], true)] {
-            let normals = creased_normals(&positions, &triangles, stitches, [30.0; 2], "").unwrap();
+            let normals =
+                creased_normals(&positions, &triangles, stitches, [30.0; 2], ("", None)).unwrap();
             let at = |k| of(&normals, &triangles, k)[0];
             assert_eq!(at(0) == at(1), joined, "{stitches:?}");
             assert_eq!(of(&normals, &triangles, 3)[1], [0.0, 1.0, 0.0]);
@@ -431,7 +454,7 @@ mod tests {
         let squares = (0..10).map(|k| 2 * k);
         let triangles: Vec<_> =
             squares.flat_map(|a| [[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]).collect();
-        let normals = creased_normals(&positions, &triangles, &[], [40.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [40.0; 2], ("", None)).unwrap();
         let creases = normals.creases.as_ref().unwrap();
         let marked: Vec<u32> = (0..20).filter(|&k| creases.of(k).is_some()).collect();
         assert_eq!(
@@ -464,7 +487,8 @@ mod tests {
                 })
                 .collect();
             [[55.0, 30.0], [30.0, 30.0], [55.0, 55.0]].map(|angles| {
-                let results = creased_normals(&positions, &triangles, &[], angles, "").unwrap();
+                let results =
+                    creased_normals(&positions, &triangles, &[], angles, ("", None)).unwrap();
                 results.creases.map_or(0, |creases| creases.normals.len())
             })
         };
@@ -481,13 +505,28 @@ mod tests {
     }
 
     #[test]
+    fn memory_for_creases_is_limited() {
+        let (positions, triangles) = cone(3000, 2.0);
+        let make = |bytes| {
+            let limit = Some(MemoryLimit { bytes, set_by_user: true });
+            creased_normals(&positions, &triangles, &[], [0.01; 2], ("m.ply", limit))
+        };
+        let table = VertexFaces::new(positions.len(), &triangles).bytes();
+        // Each vertex of the rim has one additional normal, and the tip 2999.
+        let lists = 12 * (3000 + 2999) * 2;
+        assert_eq!(make(table + lists - 1).unwrap_err().kind, ErrorKind::Limit);
+        let made = make(table + 3 * lists).unwrap();
+        assert_eq!(made.all.len(), 3001 + 3000 + 2999);
+    }
+
+    #[test]
     fn degenerate_meshes_give_the_same_finite_normals_for_any_number_of_threads() {
         let (positions, mut triangles) = cone(3000, 0.3);
         triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
         let make = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let results = pool
-                .install(|| creased_normals(&positions, &triangles, &[], [20.0; 2], ""))
+                .install(|| creased_normals(&positions, &triangles, &[], [20.0; 2], ("", None)))
                 .unwrap();
             (0..triangles.len()).map(|k| of(&results, &triangles, k)).collect::<Vec<_>>()
         };

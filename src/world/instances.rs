@@ -36,7 +36,13 @@ impl SharedMeshes {
     ///
     /// # Errors
     /// As [`PlacedMesh::into_triangles`].
-    pub fn add(&mut self, index: usize, mesh: PlacedMesh, shape: &mut Shape) -> Result<()> {
+    pub fn add(
+        &mut self,
+        index: usize,
+        mesh: PlacedMesh,
+        shape: &mut Shape,
+        room: &mut Option<MemoryLimit>,
+    ) -> Result<()> {
         let placed = mesh.bounds();
         let origin = placed.origin();
         let mut bounds = [placed.min - origin, placed.max - origin];
@@ -44,7 +50,7 @@ impl SharedMeshes {
         let size = bounds[0].abs().max(bounds[1].abs()) * f64::from(f32::EPSILON);
         bounds = [bounds[0] - size, bounds[1] + size];
         let (source, was_f64) = (mesh.place_and_path(), mesh.is_f64());
-        let mesh = mesh.into_triangles(origin, shape)?;
+        let mesh = mesh.into_triangles(origin, shape, room)?;
         self.0.push(SharedMesh { shape: index, origin, bounds, mesh, source, was_f64 });
         Ok(())
     }

@@ -212,8 +212,8 @@ impl World {
         let shared = meshes.iter().map(|(_, mesh)| mesh).filter(|mesh| mesh.is_shared());
         let shared_without_area: Vec<_> = shared.map(PlacedMesh::without_area).collect();
         let all_fit = |limit| meshes.iter().try_fold(limit, |left, (_, mesh)| mesh.fits(left));
-        let room = options.memory_limit.map(all_fit).transpose()?;
-        let (geometry, shapes, shared) = gather(scene, meshes, origin)?;
+        let mut room = options.memory_limit.map(all_fit).transpose()?;
+        let (geometry, shapes, shared) = gather(scene, meshes, origin, &mut room)?;
         let found = without_area.iter().zip(&geometry.meshes);
         let found = found.chain(shared_without_area.iter().zip(shared.meshes()));
         log.warnings.extend(

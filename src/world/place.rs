@@ -204,11 +204,18 @@ impl PlacedMesh {
     }
 
     /// Returns the mesh relative to `origin`, and moves its normals, texture coordinates and
-    /// colours to `shape`.
+    /// colours to `shape`. `room` is the limit that [`Self::fits`] left after all meshes; normals
+    /// at creases are subtracted from it.
     ///
     /// # Errors
-    /// `Retry` (exit code 3) if the system refuses the memory.
-    pub fn into_triangles(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
+    /// `Retry` (exit code 3) if the system refuses the memory. As [`MemoryLimit::check`], if
+    /// normals at creases exceed `room`.
+    pub fn into_triangles(
+        self,
+        origin: DVec3,
+        shape: &mut Shape,
+        room: &mut Option<MemoryLimit>,
+    ) -> Result<TriangleMesh> {
         reserve::probe(self.conversion_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
         let Self { mesh, colors, spec, linear, .. } = self;
@@ -236,7 +243,11 @@ impl PlacedMesh {
             (Smooth::Below { angle, flat }, None) => {
                 let angles = [angle, flat];
                 let (faces, stitches) = (&mesh.triangles, &mesh.stitches);
-                Some(mesh::creased_normals(&vertices, faces, stitches, angles, &name())?)
+                let memory = (&*name(), *room);
+                let all = mesh::creased_normals(&vertices, faces, stitches, angles, memory)?;
+                let additional = all.bytes() - 12 * vertices.len() as u64;
+                *room = room.map(|room| room.less(additional));
+                Some(all)
             }
         };
         shape.uv = match mesh.uvs {
