@@ -22,7 +22,7 @@ use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render::{RenderContext, render_layers};
 use crate::scene::{self, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh};
-use crate::studio::{self, Studio, Subject, Template};
+use crate::studio::{self, MeshScene, Studio, Subject, Template};
 use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 
 /// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
@@ -185,16 +185,18 @@ impl LoadedScene {
         monitor: &Monitor,
     ) -> Result<Self> {
         mesh.check("mesh")?;
-        let subject = Subject::new(path.as_ref());
-        let mut user = Overrides::default();
-        overrides.iter().for_each(|set| user.set(set));
-        let template = Template::studio(Studio::default());
+        let (subject, template, user) = in_default_studio(path.as_ref(), overrides);
         let shown = studio::show_mesh(&subject, mesh, &template, user, None).map_err(readable)?;
+        Self::with_shown(shown, monitor)
+    }
+
+    fn with_shown(shown: MeshScene, monitor: &Monitor) -> Result<Self> {
         let loaded = Loaded { warnings: shown.warnings, ..shown.loaded };
         Self::with_ready(loaded, vec![shown.mesh], monitor)
     }
 
-    /// Reads a mesh file and shows it as [`LoadedScene::in_studio`] does.
+    /// Reads a mesh file and shows it as [`LoadedScene::in_studio`] does. The overrides decide
+    /// which data of the file are read.
     ///
     /// # Errors
     /// As [`LoadedScene::in_studio`]; a file that cannot be read; `Interrupted` if the monitor was
@@ -205,9 +207,9 @@ impl LoadedScene {
         overrides: &[&str],
         monitor: &Monitor,
     ) -> Result<Self> {
-        let mesh = Mesh::read_watched(path, monitor)?;
-        let shown = Self::in_studio_watched(mesh, path, overrides, monitor)?;
-        Ok(Self { hash: Some(OnceLock::new()), ..shown })
+        let (subject, template, user) = in_default_studio(path, overrides);
+        let shown = studio::show(&subject, &template, user, None, monitor).map_err(readable)?;
+        Ok(Self { hash: Some(OnceLock::new()), ..Self::with_shown(shown, monitor)? })
     }
 
     /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
@@ -309,6 +311,13 @@ impl LoadedScene {
         });
         hash.as_deref()
     }
+}
+
+/// Returns what the studio shows of the mesh at `path`, the built-in studio, and the overrides.
+fn in_default_studio<'a>(path: &'a Path, overrides: &[&str]) -> (Subject<'a>, Template, Overrides) {
+    let mut user = Overrides::default();
+    overrides.iter().for_each(|set| user.set(set));
+    (Subject::new(path), Template::studio(Studio::default()), user)
 }
 
 /// Removes the NULs of the paths of meshes from memory.

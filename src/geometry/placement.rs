@@ -60,7 +60,8 @@ impl Placement {
     /// Returns a normal in the scene, of unit length. It stays on its side of the surface, also if
     /// the map mirrors. Zero stays zero.
     pub fn normal(&self, normal: [f32; 3]) -> [f32; 3] {
-        (self.normals * doubles(normal)).normalize_or_zero().as_vec3().to_array()
+        let turned = self.normals * doubles(normal);
+        turned.normalize_or(turned * 0.0).as_vec3().to_array()
     }
 
     /// Returns a point of the scene in the coordinates of the mesh.

@@ -8,14 +8,17 @@
 //! between the bumps of a scan at the same angle are not. Each group has its own normal, with the
 //! weights of [`vertex_normals`](super::vertex_normals).
 
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
 
 use super::normals::{CHUNK, CornerBatch, Fan, VertexPosition, unit, vertex_normals};
+use super::stitched_edges::{self, StitchedEdges, first};
 use super::vertex_faces::VertexFaces;
 use crate::error::Result;
-use crate::math::dot;
+use crate::math::{dot, sub};
 use crate::parallel;
-use crate::reserve;
+use crate::reserve::{self, MemoryLimit};
 
 /// Unit normals of a smooth mesh: per vertex, and at creases per corner.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -93,28 +96,39 @@ struct Split {
 /// parts, it is a crease if they differ by more than the smaller of the two. Both angles are in
 /// (0, 180]. The result is the same for any number of threads.
 ///
+/// `stitches` are triangles without area that close T-junctions. The edges on their two sides count
+/// as one edge.
+///
+/// Noise needs far more memory than a smooth mesh: up to 120 bytes per triangle, beside 12 per
+/// vertex and the table of faces. All but the 12 bytes per vertex is counted against `limit`.
+///
 /// Runs in the caller's rayon pool.
 ///
 /// # Errors
-/// `Retry` if there is no memory for the normals. `name` is the mesh's name for the message.
+/// `Retry` if there is no memory for the normals; as [`MemoryLimit::check`]. `name` is the mesh's
+/// name for the message.
 ///
 /// # Panics
 /// If a triangle has an index beyond `positions`.
 pub fn creased_normals<P: VertexPosition>(
     positions: &[P],
     triangles: &[[u32; 3]],
+    stitches: &[[u32; 3]],
     degrees: [f64; 2],
-    name: &str,
+    (name, limit): (&str, Option<MemoryLimit>),
 ) -> Result<Normals> {
     // A scene cannot hold so many triangles, so their creases do not matter.
     if triangles.len() > u32::MAX as usize {
         return Ok(vertex_normals(positions, triangles).into());
     }
     let faces = VertexFaces::new(positions.len(), triangles);
+    let stitched = StitchedEdges::new(positions, stitches, name)?;
     let mut all = Vec::new();
     reserve::exact(&mut all, positions.len(), name)?;
     all.resize(positions.len(), [0.0f32; 3]);
-    let results = parallel::map(all.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
+    let check = |bytes: u64| limit.map_or(Ok(()), |limit| limit.check(bytes, name));
+    let (table, held) = (faces.bytes(), AtomicU64::new(0));
+    let results = parallel::try_map(all.chunks_mut(CHUNK).enumerate(), |(chunk, normals)| {
         let (mut batch, mut around) = (CornerBatch::default(), Around::new(degrees));
         let (mut splits, mut more) = (Vec::<Split>::new(), Vec::new());
         let vertices = chunk * CHUNK..chunk * CHUNK + normals.len();
@@ -125,18 +139,29 @@ pub fn creased_normals<P: VertexPosition>(
                 return;
             }
             if around.has_crease(&fan, *normal) {
-                let here = (triangles, vertex as u32, faces.of(vertex));
+                let number = vertex as u32;
+                let here = (triangles, number, faces.of(vertex), stitched.at(number));
                 *normal = around.split(&fan, here, &mut splits, &mut more);
             }
         });
-        (splits, more)
-    });
+        splits.shrink_to_fit();
+        more.shrink_to_fit();
+        let bytes = (size_of_val(&splits[..]) + size_of_val(&more[..])) as u64;
+        let before = held.fetch_add(bytes, Relaxed);
+        check(table + before + bytes).map(|()| (splits, more))
+    })?;
+    drop(faces);
     let mut creases = None;
-    let corners = results.iter().map(|(splits, _)| splits.len()).sum();
+    let corners: usize = results.iter().map(|(splits, _)| splits.len()).sum();
     if corners > 0 {
+        let additional = results.iter().map(|(_, more)| more.len()).sum();
+        // The lists above are released before the table of corners is made.
+        let entries = corners.min(triangles.len()) + triangles.len().div_ceil(64);
+        let beside = (12 * entries as u64).max(held.into_inner());
+        check(12 * (corners + additional) as u64 + beside)?;
         let mut found = Vec::new();
         reserve::exact(&mut found, corners, name)?;
-        reserve::exact(&mut all, results.iter().map(|(_, more)| more.len()).sum(), name)?;
+        reserve::exact(&mut all, additional, name)?;
         for (splits, more) in results {
             let first = all.len() as u32;
             found.extend(splits.iter().map(|s| (s.triangle, s.vertex, first + s.normal)));
@@ -180,8 +205,8 @@ impl Corners {
 /// are joined only through faces between them.
 const MAX_COMPARED_AT_EDGE: usize = 8;
 
-/// All triangles, the index of one vertex, and its faces in file order.
-type Here<'a> = (&'a [[u32; 3]], u32, &'a [u32]);
+/// All triangles, the index of one vertex, its faces in file order, and its [`StitchedEdges`].
+type Here<'a> = (&'a [[u32; 3]], u32, &'a [u32], &'a [[u32; 3]]);
 
 /// Maximum number of flat parts that meet at a vertex, as at the corner of a block. More parts are
 /// noise.
@@ -192,8 +217,9 @@ const FLAT_DEGREES: f64 = 5.0;
 
 /// Working memory to group the faces around one vertex.
 struct Around {
-    /// Minimum cosine between the two faces of a smooth edge: in general, and between flat parts.
-    min_cosine: [f64; 2],
+    /// Maximum squared distance between the unit normals of the two faces of a smooth edge: in
+    /// general, and between flat parts. Cosines of small angles would all round to 1.
+    max_distance: [f64; 2],
     /// Cosine of half the smaller angle. If all faces are this close to one normal, no two of them
     /// differ by more than the smaller angle, so there is no crease.
     half: f64,
@@ -211,13 +237,16 @@ struct Around {
 
 impl Around {
     fn new([angle, flat]: [f64; 2]) -> Self {
-        // An edge at exactly the given angle is smooth, however the cosine is rounded.
-        let cosine = |degrees: f64| degrees.to_radians().cos() - 1e-6;
-        let min_cosine = [cosine(angle), cosine(flat.min(angle))];
-        let half = cosine(0.5 * flat.min(angle)) + 2e-6;
+        // An edge at exactly the given angle is smooth, however the normals are rounded.
+        let distance = |degrees: f64| {
+            let exact = (2.0 * (0.5 * degrees.to_radians()).sin()).powi(2);
+            exact + 2e-6f64.min(0.1 * exact)
+        };
+        let max_distance = [distance(angle), distance(flat.min(angle))];
+        let half = (0.5 * flat.min(angle)).to_radians().cos() + 1e-6;
         let (normals, edges, group) = (vec![], vec![], vec![]);
         let (members, parts) = (vec![], vec![]);
-        Self { min_cosine, half, normals, edges, group, members, parts }
+        Self { max_distance, half, normals, edges, group, members, parts }
     }
 
     /// Stores the normal of each face. Returns false if there is certainly no crease.
@@ -233,7 +262,7 @@ impl Around {
     fn split(
         &mut self,
         fan: &Fan,
-        (triangles, vertex, faces): Here,
+        (triangles, vertex, faces, stitched): Here,
         splits: &mut Vec<Split>,
         more: &mut Vec<[f32; 3]>,
     ) -> [f32; 3] {
@@ -242,10 +271,13 @@ impl Around {
             let others = triangles[face as usize].into_iter().filter(|&other| other != vertex);
             self.edges.extend(others.map(|other| (other, place)));
         }
+        if !stitched.is_empty() {
+            stitched_edges::join(stitched, &mut self.edges);
+        }
         self.edges.sort_unstable();
-        let [all, flat] = self.min_cosine;
+        let [all, flat] = self.max_distance;
         self.divide(fan, flat);
-        if flat > all && !self.is_flat() {
+        if flat < all && !self.is_flat() {
             self.divide(fan, all);
         }
         let groups = self.members.chunk_by(|a, b| a.0 == b.0);
@@ -261,15 +293,15 @@ impl Around {
         self.parts.first().copied().unwrap_or_default()
     }
 
-    /// Groups the faces and computes the normals of the groups. An edge is smooth if the cosine
-    /// between its faces is at least `min_cosine`.
-    fn divide(&mut self, fan: &Fan, min_cosine: f64) {
+    /// Groups the faces and computes the normals of the groups. An edge is smooth if the squared
+    /// distance of its faces' normals is at most `max_distance`.
+    fn divide(&mut self, fan: &Fan, max_distance: f64) {
         self.group.clear();
         self.group.extend(0..self.normals.len());
         for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
             for (i, &(_, a)) in edge.iter().enumerate() {
                 for &(_, b) in edge[i + 1..].iter().take(MAX_COMPARED_AT_EDGE) {
-                    if cosine(self.normals[a], self.normals[b]) >= min_cosine {
+                    if squared_distance(self.normals[a], self.normals[b]) <= max_distance {
                         let (a, b) = (first(&mut self.group, a), first(&mut self.group, b));
                         self.group[a.max(b)] = a.min(b);
                     }
@@ -301,17 +333,13 @@ impl Around {
     }
 }
 
-/// Returns the first face of a group. Shortens the path to it (union-find).
-fn first(group: &mut [usize], mut place: usize) -> usize {
-    while group[place] != place {
-        group[place] = group[group[place]];
-        place = group[place];
-    }
-    place
-}
-
 fn cosine(a: [f32; 3], b: [f32; 3]) -> f64 {
     dot(a.map(f64::from), b.map(f64::from))
+}
+
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f64 {
+    let difference = sub(a.map(f64::from), b.map(f64::from));
+    dot(difference, difference)
 }
 
 fn is_zero(normal: [f32; 3]) -> bool {
@@ -321,7 +349,8 @@ fn is_zero(normal: [f32; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{cross, sub};
+    use crate::error::ErrorKind;
+    use crate::math::cross;
 
     /// A cube with shared vertices, two triangles per side, facing outwards.
     fn cube() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
@@ -351,7 +380,8 @@ mod tests {
     fn a_cube_is_flat_shaded_below_90_degrees_and_smooth_from_90_on() {
         let (positions, triangles) = cube();
         for degrees in [1.0, 45.0, 89.0] {
-            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            let normals =
+                creased_normals(&positions, &triangles, &[], [degrees; 2], ("", None)).unwrap();
             for (k, triangle) in triangles.iter().enumerate() {
                 let [a, b, c] = triangle.map(|v| positions[v as usize].xyz());
                 let flat = unit(cross(sub(b, a), sub(c, a)));
@@ -359,7 +389,8 @@ mod tests {
             }
         }
         for degrees in [90.0, 180.0] {
-            let normals = creased_normals(&positions, &triangles, [degrees; 2], "").unwrap();
+            let normals =
+                creased_normals(&positions, &triangles, &[], [degrees; 2], ("", None)).unwrap();
             assert!(normals.creases.is_none());
             assert_eq!(normals.all, vertex_normals(&positions, &triangles));
         }
@@ -368,14 +399,47 @@ mod tests {
     #[test]
     fn faces_are_grouped_through_their_neighbours() {
         let (positions, triangles) = cone(24, 2.0);
-        let normals = creased_normals(&positions, &triangles, [30.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [30.0; 2], ("", None)).unwrap();
         assert!(normals.creases.is_none(), "opposite faces are 127 degrees apart");
         assert!(of(&normals, &triangles, 7)[0][2] > 0.999);
         // Every edge is a crease: each corner at the tip has the normal of its face.
-        let normals = creased_normals(&positions, &triangles, [5.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [5.0; 2], ("", None)).unwrap();
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
         assert!(normals.bytes() > 25 * 12 + 24 * 12);
+    }
+
+    /// The cosine of 0.08 degrees is 1 but for a millionth.
+    #[test]
+    fn small_angles_are_told_apart() {
+        for fold in [0.003f64, 0.03, 0.3] {
+            let rise = fold.to_radians().tan() as f32;
+            let positions = [[0.0; 3], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [1.0, 0.0, rise]];
+            let triangles = [[0, 1, 2], [1, 0, 3]];
+            for (factor, folded) in [(0.9, true), (1.0, false), (1.1, false)] {
+                let normals =
+                    creased_normals(&positions, &triangles, &[], [fold * factor; 2], ("", None))
+                        .unwrap();
+                assert_eq!(normals.creases.is_some(), folded, "{fold} {factor}");
+            }
+        }
+    }
+
+    /// Two walls with a fold of 12 degrees between them, over a floor. The edge of the left wall
+    /// has a vertex of the right wall in its middle.
+    #[test]
+    fn stitches_join_the_faces_beside_them() {
+        let (y, x) = 12f32.to_radians().sin_cos();
+        let positions =
+            [[0.0; 3], [0.0, 3.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [x, 0.0, -y]];
+        let triangles = [[0, 1, 3], [0, 4, 2], [2, 4, 1], [3, 0, 4]];
+        for (stitches, joined) in [(&[][..], false), (&[[0, 2, 1]], true), (&[[2, 1, 0]], true)] {
+            let normals =
+                creased_normals(&positions, &triangles, stitches, [30.0; 2], ("", None)).unwrap();
+            let at = |k| of(&normals, &triangles, k)[0];
+            assert_eq!(at(0) == at(1), joined, "{stitches:?}");
+            assert_eq!(of(&normals, &triangles, 3)[1], [0.0, 1.0, 0.0]);
+        }
     }
 
     #[test]
@@ -390,7 +454,7 @@ mod tests {
         let squares = (0..10).map(|k| 2 * k);
         let triangles: Vec<_> =
             squares.flat_map(|a| [[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]).collect();
-        let normals = creased_normals(&positions, &triangles, [40.0; 2], "").unwrap();
+        let normals = creased_normals(&positions, &triangles, &[], [40.0; 2], ("", None)).unwrap();
         let creases = normals.creases.as_ref().unwrap();
         let marked: Vec<u32> = (0..20).filter(|&k| creases.of(k).is_some()).collect();
         assert_eq!(
@@ -423,7 +487,8 @@ mod tests {
                 })
                 .collect();
             [[55.0, 30.0], [30.0, 30.0], [55.0, 55.0]].map(|angles| {
-                let results = creased_normals(&positions, &triangles, angles, "").unwrap();
+                let results =
+                    creased_normals(&positions, &triangles, &[], angles, ("", None)).unwrap();
                 results.creases.map_or(0, |creases| creases.normals.len())
             })
         };
@@ -440,13 +505,29 @@ mod tests {
     }
 
     #[test]
+    fn memory_for_creases_is_limited() {
+        let (positions, triangles) = cone(3000, 2.0);
+        let make = |bytes| {
+            let limit = Some(MemoryLimit { bytes, set_by_user: true });
+            creased_normals(&positions, &triangles, &[], [0.01; 2], ("m.ply", limit))
+        };
+        let table = VertexFaces::new(positions.len(), &triangles).bytes();
+        // Each vertex of the rim has one additional normal, and the tip 2999.
+        let lists = 12 * (3000 + 2999) * 2;
+        assert_eq!(make(table + lists - 1).unwrap_err().kind, ErrorKind::Limit);
+        let made = make(table + 3 * lists).unwrap();
+        assert_eq!(made.all.len(), 3001 + 3000 + 2999);
+    }
+
+    #[test]
     fn degenerate_meshes_give_the_same_finite_normals_for_any_number_of_threads() {
         let (positions, mut triangles) = cone(3000, 0.3);
         triangles.extend([[0, 0, 1], [5, 6, 5], [7, 7, 7], [0, 2, 1], [1, 2, 0]]);
         let make = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let results =
-                pool.install(|| creased_normals(&positions, &triangles, [20.0; 2], "")).unwrap();
+            let results = pool
+                .install(|| creased_normals(&positions, &triangles, &[], [20.0; 2], ("", None)))
+                .unwrap();
             (0..triangles.len()).map(|k| of(&results, &triangles, k)).collect::<Vec<_>>()
         };
         let one = make(1);

@@ -8,6 +8,7 @@ mod normals;
 mod places;
 mod ply;
 mod shared_edges;
+mod stitched_edges;
 mod stitches;
 mod vertex_faces;
 

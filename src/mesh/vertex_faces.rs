@@ -20,6 +20,11 @@ pub(super) struct VertexFaces {
 }
 
 impl VertexFaces {
+    /// Size in bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of_val(&self.ends[..]) + size_of_val(&self.faces[..])) as u64
+    }
+
     /// Builds the table: 12 bytes per triangle and 8 per vertex. There must be fewer than 2^32
     /// triangles.
     ///

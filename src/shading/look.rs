@@ -83,6 +83,17 @@ pub struct Shape {
     pub first: u32,
 }
 
+impl Shape {
+    /// Memory of the vertex and face data in bytes: normals, texture coordinates, colours.
+    pub fn vertex_bytes(&self) -> u64 {
+        let uv = self.uv.bytes();
+        let colors = self.colors.as_ref().map_or(0, MeshColors::bytes);
+        let normals = self.normals.as_ref().map_or(0, Normals::bytes);
+        let numbers = self.textures.as_ref().map_or(0, |all| size_of_val(&all.indices[..]));
+        (uv + colors + numbers) as u64 + normals
+    }
+}
+
 /// Maps the primitives of a geometry to shapes.
 #[derive(Debug, Clone)]
 pub enum Owner {
@@ -301,14 +312,7 @@ impl Shapes {
 
     /// Memory of the vertex and face data in bytes: normals, texture coordinates, colours.
     pub fn vertex_bytes(&self) -> u64 {
-        let shapes = self.shapes.iter().map(|shape| {
-            let uv = shape.uv.bytes();
-            let colors = shape.colors.as_ref().map_or(0, MeshColors::bytes);
-            let normals = shape.normals.as_ref().map_or(0, Normals::bytes);
-            let numbers = shape.textures.as_ref().map_or(0, |all| size_of_val(&all.indices[..]));
-            (uv + colors + numbers) as u64 + normals
-        });
-        shapes.sum()
+        self.shapes.iter().map(Shape::vertex_bytes).sum()
     }
 
     /// Memory of all textures in bytes.

@@ -30,7 +30,7 @@ pub fn color_request(spec: &Trimesh, textured: bool) -> ColorRequest<'_> {
 /// colours of the mesh are dropped.
 ///
 /// # Errors
-/// If the requested property was not read with the mesh.
+/// If the mesh lacks the requested colours, or the requested property was not read with it.
 pub(super) fn take(
     mesh: &mut Mesh,
     spec: &Trimesh,
@@ -38,24 +38,36 @@ pub(super) fn take(
     warnings: &mut Vec<Problem>,
 ) -> Result<(Option<MeshColors>, Option<Legend>)> {
     let (of_vertices, of_faces) = (mesh.colors.take(), mesh.face_colors.take());
-    let (alpha, property) = (mesh.alpha.take(), mesh.property.take());
+    let (mut alpha, property) = (mesh.alpha.take(), mesh.property.take());
+    // Alpha belongs to the colours of the vertices, if there are any.
+    let of_alpha = if of_vertices.is_some() { MeshElement::Vertex } else { MeshElement::Face };
     let by_vertices = of_vertices.map(|values| (MeshElement::Vertex, values));
     let by_faces = of_faces.map(|values| (MeshElement::Face, values));
+    let lacks = |what: &str| {
+        let place = spec.color.as_ref().map_or("", |request| &request.place);
+        let message = format!("{} has no colours of its {what}", spec.path.display());
+        Error::invalid(place, message)
+    };
     let stored = match spec.color.as_ref().map(|request| &request.color) {
         _ if textured => None,
         None if !spec.vertex_colors => None,
         Some(Stored(StoredColor::None)) => None,
         None => by_vertices.or(by_faces),
-        Some(Stored(StoredColor::Vertex)) => by_vertices,
-        Some(Stored(StoredColor::Face)) => by_faces,
+        Some(Stored(StoredColor::Vertex)) => Some(by_vertices.ok_or_else(|| lacks("vertices"))?),
+        Some(Stored(StoredColor::Face)) => Some(by_faces.ok_or_else(|| lacks("faces"))?),
         Some(Mapped(color)) => {
             let (colors, legend) = mapped(property, color, spec, warnings)?;
             return Ok((Some(colors), Some(legend)));
         }
     };
     let stored = stored.map(|(element, mut values)| {
-        let mut alpha = alpha;
-        let replaced = replace_unusable(&mut values, alpha.as_mut());
+        alpha = alpha.take().filter(|_| element == of_alpha);
+        let space = match values {
+            Colors::F32(_) => ColorSpace::Linear,
+            Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
+        };
+        let space = spec.vertex_color_space.unwrap_or(space);
+        let replaced = replace_unusable(&mut values, alpha.as_mut(), space);
         if replaced > 0 {
             let message = format!(
                 "{} not finite or beyond {MAX_COLOR:e}; white is shown",
@@ -63,11 +75,6 @@ pub(super) fn take(
             );
             warnings.push(Problem::new(spec.path.display().to_string(), message));
         }
-        let space = match values {
-            Colors::F32(_) => ColorSpace::Linear,
-            Colors::U8(_) | Colors::U16(_) => ColorSpace::Srgb,
-        };
-        let space = spec.vertex_color_space.unwrap_or(space);
         let source = ColorSource::Stored(StoredColors { values, alpha, space });
         MeshColors { element, source }
     });
@@ -75,12 +82,16 @@ pub(super) fn take(
 }
 
 /// Replaces colours that cannot be multiplied with light: they become white, which leaves the
-/// material's colour. Returns their number.
-fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>) -> u64 {
+/// material's colour. Returns their number. `space` is that of the colours.
+fn replace_unusable(colors: &mut Colors, alpha: Option<&mut Scalars>, space: ColorSpace) -> u64 {
     let is_usable = |value: f64| value.abs() <= MAX_COLOR;
+    let decoded = |channel: f32| match space {
+        ColorSpace::Linear => channel.into(),
+        ColorSpace::Srgb => srgb::to_linear(channel.into()),
+    };
     let mut replaced = 0;
     if let Colors::F32(colors) = colors {
-        replaced += replace(colors, [1.0; 3], |rgb| rgb.iter().all(|&c| is_usable(c.into())));
+        replaced += replace(colors, [1.0; 3], |rgb| rgb.iter().all(|&c| is_usable(decoded(c))));
     }
     // Without alpha, the colour is white.
     match alpha {
@@ -136,7 +147,7 @@ impl Finite {
             width if width > 0.0 => [self.low, self.high],
             0.0 => {
                 let some = 0.5f64.max(self.low.abs() * 1e-6);
-                [self.low - some, self.high + some]
+                [(self.low - some).max(-f64::MAX), (self.high + some).min(f64::MAX)]
             }
             // There is no finite value.
             _ => [0.0, 1.0],

@@ -6,7 +6,7 @@ use super::instances::{SharedMeshes, too_many};
 use super::place::PlacedMesh;
 use crate::error::Result;
 use crate::geometry::{Geometry, Sphere, TriangleMesh};
-use crate::reserve;
+use crate::reserve::{self, MemoryLimit};
 use crate::scene::{Role, Scene, ShapeKind};
 use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
 
@@ -15,11 +15,12 @@ use crate::shading::{Owner, Shape, Shapes, UvFrame, UvSource};
 /// meshes. Meshes of instances are returned apart, for [`SharedMeshes::place`].
 ///
 /// # Errors
-/// A lack of memory, or too many primitives.
+/// A lack of memory, or too many primitives. `room` is that of [`PlacedMesh::into_triangles`].
 pub(super) fn gather(
     scene: &Scene,
     meshes: Vec<(usize, PlacedMesh)>,
     origin: DVec3,
+    room: &mut Option<MemoryLimit>,
 ) -> Result<(Geometry, Shapes, SharedMeshes)> {
     let local = |p: DVec3| (p - origin).as_vec3().to_array();
     let mut shapes: Vec<Shape> = Vec::with_capacity(scene.shapes.len());
@@ -67,11 +68,11 @@ pub(super) fn gather(
             continue;
         }
         if mesh.is_shared() {
-            shared.add(index, mesh, &mut shapes[index])?;
+            shared.add(index, mesh, &mut shapes[index], room)?;
             continue;
         }
         owners.push(Owner::One(index as u32));
-        arrays.push(mesh.into_triangles(origin, &mut shapes[index])?);
+        arrays.push(mesh.into_triangles(origin, &mut shapes[index], room)?);
     }
     if !triangle_shapes.is_empty() {
         let triangles =

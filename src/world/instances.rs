@@ -10,6 +10,7 @@ use super::resolution::{CollapseSuspect, ulp};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Geometry, Instance, Placement, TriangleMesh, Unseen};
 use crate::ray::RayKind;
+use crate::reserve::MemoryLimit;
 use crate::scene::{Scene, ShapeKind};
 use crate::shading::{Owner, Shape, Shapes};
 
@@ -35,7 +36,13 @@ impl SharedMeshes {
     ///
     /// # Errors
     /// As [`PlacedMesh::into_triangles`].
-    pub fn add(&mut self, index: usize, mesh: PlacedMesh, shape: &mut Shape) -> Result<()> {
+    pub fn add(
+        &mut self,
+        index: usize,
+        mesh: PlacedMesh,
+        shape: &mut Shape,
+        room: &mut Option<MemoryLimit>,
+    ) -> Result<()> {
         let placed = mesh.bounds();
         let origin = placed.origin();
         let mut bounds = [placed.min - origin, placed.max - origin];
@@ -43,7 +50,7 @@ impl SharedMeshes {
         let size = bounds[0].abs().max(bounds[1].abs()) * f64::from(f32::EPSILON);
         bounds = [bounds[0] - size, bounds[1] + size];
         let (source, was_f64) = (mesh.place_and_path(), mesh.is_f64());
-        let mesh = mesh.into_triangles(origin, shape)?;
+        let mesh = mesh.into_triangles(origin, shape, room)?;
         self.0.push(SharedMesh { shape: index, origin, bounds, mesh, source, was_f64 });
         Ok(())
     }
@@ -51,6 +58,22 @@ impl SharedMeshes {
     /// The meshes, in the order of their shapes.
     pub fn meshes(&self) -> impl Iterator<Item = &TriangleMesh> {
         self.0.iter().map(|shared| &shared.mesh)
+    }
+
+    /// Checks that a copy of each mesh for each of its instances fits into `limit`.
+    ///
+    /// # Errors
+    /// As [`MemoryLimit::check`].
+    pub fn copies_fit(&self, scene: &Scene, shapes: &[Shape], limit: MemoryLimit) -> Result<()> {
+        let mut left = limit;
+        for shared in &self.0 {
+            let copies = placements(scene, shared.shape).count() as u64;
+            let each = shared.mesh.bytes() + shapes[shared.shape].vertex_bytes();
+            let bytes = each.saturating_mul(copies);
+            left.check(bytes, &format!("copies of {}", shared.source.1.display()))?;
+            left = left.less(bytes);
+        }
+        Ok(())
     }
 
     /// Returns a warning for each mesh that has collapsed edges in an instance. Of the instances of
@@ -188,4 +211,40 @@ fn with_unseen(geometry: Geometry, scene: &Scene, owners: &[Owner]) -> Geometry 
         unseen
     });
     geometry.with_unseen(unseen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::monitor::Monitor;
+    use crate::scene::{self, Source};
+    use crate::world::{LoadOptions, World};
+
+    /// Backends without instances need a copy of the mesh for each.
+    #[test]
+    fn copies_are_within_the_limit_of_memory() {
+        let load = |bytes: u64, copy_instances| {
+            let at = |x: u32| format!("[[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]");
+            let instances: Vec<String> = (0..8).map(at).collect();
+            let text = format!(
+                r#"{{ "camera": {{ "type": "pinhole", "width": 8, "height": 8, "fov": 50,
+                "position": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0] }},
+                "scene": {{ "shapes": [{{ "type": "trimesh", "path": "assets/teapot.ply",
+                "fit": 1, "smooth": true, "material": {{}}, "instances": [{}] }}] }} }}"#,
+                instances.join(", ")
+            );
+            let folder = std::path::Path::new("");
+            let source = Source::Text { name: "s.json", text: text.as_bytes(), folder };
+            let scene = scene::load(source, &[]).unwrap().scene;
+            let memory_limit = Some(MemoryLimit { bytes, set_by_user: true });
+            let options = LoadOptions { copy_instances, memory_limit, ..LoadOptions::default() };
+            World::load(&scene, options, &Monitor::default()).map(|(world, _)| world.mesh_bytes())
+        };
+        let (one, copies) = (load(1 << 30, false).unwrap(), load(1 << 30, true).unwrap());
+        assert!(copies > 6 * one, "{one} {copies}");
+        assert!(load(copies / 2, false).is_ok());
+        let error = load(copies / 2, true).unwrap_err().to_string();
+        assert!(error.contains("copies of assets/teapot.ply"), "{error}");
+        assert!(load(2 * copies, true).is_ok());
+    }
 }

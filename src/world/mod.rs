@@ -211,10 +211,9 @@ impl World {
         let without_area: Vec<_> = faces().map(PlacedMesh::without_area).collect();
         let shared = meshes.iter().map(|(_, mesh)| mesh).filter(|mesh| mesh.is_shared());
         let shared_without_area: Vec<_> = shared.map(PlacedMesh::without_area).collect();
-        if let Some(limit) = options.memory_limit {
-            meshes.iter().try_fold(limit, |left, (_, mesh)| mesh.fits(left))?;
-        }
-        let (geometry, shapes, shared) = gather(scene, meshes, origin)?;
+        let all_fit = |limit| meshes.iter().try_fold(limit, |left, (_, mesh)| mesh.fits(left));
+        let mut room = options.memory_limit.map(all_fit).transpose()?;
+        let (geometry, shapes, shared) = gather(scene, meshes, origin, &mut room)?;
         let found = without_area.iter().zip(&geometry.meshes);
         let found = found.chain(shared_without_area.iter().zip(shared.meshes()));
         log.warnings.extend(
@@ -227,6 +226,9 @@ impl World {
             shapes.shapes[shape].textures = textures.map(Box::new);
         }
         let copy = options.copy_instances || !scene.backend.traces_instances();
+        if let (Some(room), true) = (room, copy) {
+            shared.copies_fit(scene, &shapes.shapes, room)?;
+        }
         let (geometry, mut shapes) = shared.place(scene, geometry, shapes, copy)?;
         log.warnings.extend(lights::occlusion_warning(scene, &chosen));
         shapes.make_mip_maps(left)?;

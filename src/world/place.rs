@@ -43,8 +43,8 @@ impl PlacedMesh {
     /// Computes the transform and the world bounds of a mesh, and takes the colours that it shows.
     ///
     /// # Errors
-    /// A texture without texture coordinates, a requested property that the mesh lacks, or a
-    /// coordinate above [`MAX_COORDINATE`].
+    /// A texture without texture coordinates, requested colours or points that the mesh was not
+    /// read with, or a coordinate above [`MAX_COORDINATE`].
     pub fn new(
         mut mesh: Mesh,
         spec: &Trimesh,
@@ -61,6 +61,10 @@ impl PlacedMesh {
                 ),
             )
             .help("give the file `s t` or `u v` vertex properties, or drop `tPath`"));
+        }
+        if spec.points.is_some() && !mesh.is_cloud() {
+            let message = format!("{} was not read as points", spec.path.display());
+            return Err(Error::invalid(&spec.place, message));
         }
         let (colors, legend) = colors::take(&mut mesh, spec, textured, warnings)?;
         let used = mesh.used_vertices();
@@ -200,11 +204,18 @@ impl PlacedMesh {
     }
 
     /// Returns the mesh relative to `origin`, and moves its normals, texture coordinates and
-    /// colours to `shape`.
+    /// colours to `shape`. `room` is the limit that [`Self::fits`] left after all meshes; normals
+    /// at creases are subtracted from it.
     ///
     /// # Errors
-    /// `Retry` (exit code 3) if the system refuses the memory.
-    pub fn into_triangles(self, origin: DVec3, shape: &mut Shape) -> Result<TriangleMesh> {
+    /// `Retry` (exit code 3) if the system refuses the memory. As [`MemoryLimit::check`], if
+    /// normals at creases exceed `room`.
+    pub fn into_triangles(
+        self,
+        origin: DVec3,
+        shape: &mut Shape,
+        room: &mut Option<MemoryLimit>,
+    ) -> Result<TriangleMesh> {
         reserve::probe(self.conversion_bytes(), &self.spec.path.display().to_string())?;
         let (placed, placed_exactly) = (self.placed(origin), self.placed_exactly(origin));
         let Self { mesh, colors, spec, linear, .. } = self;
@@ -231,7 +242,12 @@ impl PlacedMesh {
             // `flat` is the angle of creases between flat parts, normally smaller than `angle`.
             (Smooth::Below { angle, flat }, None) => {
                 let angles = [angle, flat];
-                Some(mesh::creased_normals(&vertices, &mesh.triangles, angles, &name())?)
+                let (faces, stitches) = (&mesh.triangles, &mesh.stitches);
+                let memory = (&*name(), *room);
+                let all = mesh::creased_normals(&vertices, faces, stitches, angles, memory)?;
+                let additional = all.bytes() - 12 * vertices.len() as u64;
+                *room = room.map(|room| room.less(additional));
+                Some(all)
             }
         };
         shape.uv = match mesh.uvs {
@@ -343,12 +359,13 @@ impl WithoutArea {
     }
 }
 
-/// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero.
+/// Returns the file's normals, rotated with the mesh and normalised. Zero normals stay zero. A
+/// normal that is not finite becomes NaN, with which no normal is interpolated.
 fn rotated(mut normals: Vec<[f32; 3]>, linear: DMat3) -> Vec<[f32; 3]> {
     parallel::each(normals.chunks_mut(GRAIN), |normals| {
         for n in normals {
             let turned = linear * DVec3::from(n.map(f64::from));
-            *n = turned.normalize_or_zero().as_vec3().to_array();
+            *n = turned.normalize_or(turned * 0.0).as_vec3().to_array();
         }
     });
     normals
@@ -462,8 +479,8 @@ fn warn(mesh: &Mesh, spec: &Trimesh, textured: bool, warnings: &mut Vec<Problem>
         (
             uvs,
             [
-                "pair of texture coordinates is not finite",
-                "pairs of texture coordinates are not finite",
+                "pair of texture coordinates is not finite; its triangles show arbitrary texels",
+                "pairs of texture coordinates are not finite; their triangles show arbitrary texels",
             ],
         ),
     ];

@@ -101,6 +101,7 @@ mod rays {
 mod scene {
     mod errors;
     mod fingerprint;
+    mod mesh_alone;
     mod warnings;
     mod watched;
 }

@@ -12,6 +12,9 @@ use crate::mesh::normals::VertexPosition;
 /// A face: the name of its element and the index of its row.
 type Face = (&'static str, u64);
 
+/// Stands for all texture indices that no file has.
+const OTHER_TEXTURES: i64 = i64::MAX;
+
 /// Result of the check of consecutive faces: counts, and the first error of each kind.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
@@ -24,7 +27,8 @@ pub(super) struct Tally {
     /// Number of triangles that use an index out of range or a non-finite vertex. In a cloud of
     /// points, the number of points that are not finite.
     pub(super) unusable: u64,
-    /// Number of triangles for each `texnumber`.
+    /// Number of triangles for each `texnumber` from -1 to the number of files, and for all others
+    /// together.
     pub(super) textures: BTreeMap<i64, u64>,
     bad_textures: u64,
     first_bad_texture: Option<(Face, f64)>,
@@ -55,9 +59,18 @@ impl Tally {
         self.first_bad_vertex = self.first_bad_vertex.or(next.first_bad_vertex);
     }
 
-    /// Returns the `texnumber` that most triangles have; of equally frequent ones, the lowest.
+    /// Counts a triangle with the `texnumber` `number`, if the file names `files` textures.
+    #[inline]
+    pub(super) fn count_texture(&mut self, number: i64, files: usize) {
+        let known = (-1..files as i64).contains(&number);
+        *self.textures.entry(if known { number } else { OTHER_TEXTURES }).or_default() += 1;
+    }
+
+    /// Returns the `texnumber` that most triangles have; of equally frequent ones, the lowest. One
+    /// that no file has only if there is no other.
     pub(super) fn main_texture(&self) -> Option<i64> {
-        let main = self.textures.iter().max_by_key(|(number, count)| (**count, Reverse(**number)));
+        let key = |number: i64, count: u64| (number != OTHER_TEXTURES, count, Reverse(number));
+        let main = self.textures.iter().max_by_key(|(number, count)| key(**number, **count));
         main.map(|(number, _)| *number)
     }
 

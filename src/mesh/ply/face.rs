@@ -266,7 +266,7 @@ impl<'a, P: VertexPosition> BlockFaces<'a, P> {
             self.attributes.push(&std::array::from_fn(|i| self.roles[FIRST_ATTRIBUTE + i]));
         }
         if let Some(number) = self.texture {
-            *self.checker.tally.textures.entry(number).or_default() += 1;
+            self.checker.tally.count_texture(number, self.plan.texture_files);
         }
         if self.plan.texcoords {
             let uv = |c: u32| {
@@ -291,23 +291,29 @@ impl<'a, P: VertexPosition> BlockFaces<'a, P> {
         item: Scalar,
         row: u64,
     ) -> RowResult<()> {
-        let (mut before, mut seen) = ([None; 2], 0u64);
+        // The first two indices are checked when a third one makes a triangle of them.
+        let (mut first, mut before, mut seen) = ([0; 2], [None; 2], 0u64);
         for _ in 0..count {
             let value = values.number(item)? as i64;
             if value == -1 || item == Scalar::U32 && value == u32::MAX as i64 {
                 seen = 0;
                 continue;
             }
+            seen += 1;
+            if seen < 3 {
+                first[seen as usize - 1] = value;
+                continue;
+            }
+            if seen == 3 {
+                before = first.map(|value| self.checker.vertex(row, value));
+            }
             let vertex = self.checker.vertex(row, value);
-            if seen >= 2 {
-                let [a, b] = if seen % 2 == 0 { before } else { [before[1], before[0]] };
-                self.checker.tally.faces += 1;
-                if let Some(triangle) = self.checker.triangle(row, [a, b, vertex]) {
-                    push(&mut self.triangles, triangle, self.context)?;
-                }
+            let [a, b] = if seen % 2 == 1 { before } else { [before[1], before[0]] };
+            self.checker.tally.faces += 1;
+            if let Some(triangle) = self.checker.triangle(row, [a, b, vertex]) {
+                push(&mut self.triangles, triangle, self.context)?;
             }
             before = [before[1], vertex];
-            seen += 1;
         }
         Ok(())
     }

@@ -211,7 +211,7 @@ impl<'a> Lines<'a> {
 }
 
 fn comment(line: &[u8], header: &mut Header) {
-    let text = line["comment".len()..].trim_ascii();
+    let text = line.trim_ascii()["comment".len()..].trim_ascii();
     let Some(file) = text.strip_prefix(b"TextureFile") else {
         return;
     };

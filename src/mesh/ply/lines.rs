@@ -16,6 +16,7 @@ use crate::units::counted;
 const CHUNK: usize = 1 << 19;
 
 /// A range of bytes that holds whole lines.
+#[derive(Debug)]
 struct Chunk {
     start: usize,
     end: usize,
@@ -34,14 +35,14 @@ pub(super) fn locate(
     let mut spans = Vec::with_capacity(header.elements.len());
     for element in &header.elements {
         let left = lines.left;
-        let span = lines.take(element, 0, element.count);
+        let span = lines.take(data, element, 0, element.count);
         if span.rows < element.count {
             let have = format!("{} of data in all", counted(lines.all, ["line", "lines"]));
             return Err(too_short(element, left, &have, context));
         }
         spans.push(span);
     }
-    Ok((spans, lines.rest()))
+    Ok((spans, lines.rest(data)))
 }
 
 fn chunks(data: &[u8], context: &ReadContext) -> Result<Vec<Chunk>> {
@@ -78,8 +79,10 @@ fn count(data: &[u8], start: usize, end: usize) -> Chunk {
 
 /// Distributes lines of text to elements, in order. A chunk is cut where one element ends and the
 /// next begins.
-pub(super) struct Lines<'a> {
-    data: &'a [u8],
+#[derive(Debug)]
+pub(super) struct Lines {
+    /// Length of the data in bytes. The data are a parameter of the methods.
+    length: usize,
     chunks: Vec<Chunk>,
     /// Index of the next chunk to open.
     chunk: usize,
@@ -93,28 +96,28 @@ pub(super) struct Lines<'a> {
     left: u64,
 }
 
-impl<'a> Lines<'a> {
+impl Lines {
     /// Counts the lines of `data`. The file has `line` lines before it.
-    pub(super) fn new(data: &'a [u8], line: u64, context: &ReadContext) -> Result<Self> {
+    pub(super) fn new(data: &[u8], line: u64, context: &ReadContext) -> Result<Self> {
         let chunks = chunks(data, context)?;
         let all = chunks.iter().map(|c| c.rows).sum();
-        Ok(Self { data, chunks, chunk: 0, block: None, line, all, left: all })
+        Ok(Self { length: data.len(), chunks, chunk: 0, block: None, line, all, left: all })
     }
 
     /// Takes the next rows of `element`, from row `first` on: `wanted` rows, or fewer if the lines
     /// end first.
-    pub(super) fn take(&mut self, element: &Element, first: u64, wanted: u64) -> Span {
+    pub(super) fn take(&mut self, data: &[u8], element: &Element, first: u64, wanted: u64) -> Span {
         // A row without properties has no line.
         if element.properties.is_empty() {
             return Span { first, rows: wanted, ..Span::default() };
         }
         let rows = wanted.min(self.left);
         self.left -= rows;
-        Span { first, rows, uniform: None, blocks: self.blocks(first, rows) }
+        Span { first, rows, uniform: None, blocks: self.blocks(data, first, rows) }
     }
 
     /// Returns the blocks of the next `rows` rows. The caller has checked that they exist.
-    fn blocks(&mut self, first: u64, rows: u64) -> Vec<RowBlock> {
+    fn blocks(&mut self, data: &[u8], first: u64, rows: u64) -> Vec<RowBlock> {
         let (mut blocks, mut taken) = (Vec::new(), 0);
         while taken < rows {
             let Some(open) = self.open() else { break };
@@ -123,7 +126,7 @@ impl<'a> Lines<'a> {
             if count == open.rows {
                 self.block = None;
             } else {
-                self.block = Some(skip(self.data, open, count));
+                self.block = Some(skip(data, open, count));
             }
             taken += count;
             if count > 0 {
@@ -139,7 +142,7 @@ impl<'a> Lines<'a> {
         match (self.block, self.chunks.get(self.chunk)) {
             (Some(block), _) => (block.start, block.line),
             (None, Some(chunk)) => (chunk.start, self.line),
-            (None, None) => (self.data.len(), self.line),
+            (None, None) => (self.length, self.line),
         }
     }
 
@@ -162,12 +165,12 @@ impl<'a> Lines<'a> {
 
     /// Returns the number of bytes from the first word that no element takes to the end of the
     /// data; 0 if there is no such word.
-    fn rest(&mut self) -> u64 {
+    fn rest(&mut self, data: &[u8]) -> u64 {
         while let Some(block) = self.open() {
             if block.rows > 0 {
-                let mut row = Text::new(self.data, &block);
+                let mut row = Text::new(data, &block);
                 row.begin();
-                return (self.data.len() - row.at) as u64;
+                return (data.len() - row.at) as u64;
             }
             self.block = None;
         }

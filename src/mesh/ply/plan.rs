@@ -138,6 +138,8 @@ pub(super) struct FacePlan {
     pub(super) corners: usize,
     pub(super) texcoords: bool,
     pub(super) texnumbers: bool,
+    /// Number of textures that the file names.
+    pub(super) texture_files: usize,
     pub(super) strips: bool,
     pub(super) columns: Columns,
     pub(super) attributes: AttributePlan,
@@ -332,6 +334,7 @@ fn face_plan(
         corners,
         texcoords,
         texnumbers,
+        texture_files: header.texture_files.len(),
         strips,
         columns,
         attributes,

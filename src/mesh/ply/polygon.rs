@@ -71,15 +71,18 @@ fn is_convex(flat: &[[f64; 2]]) -> bool {
 
 /// Splits a counter-clockwise polygon by ear clipping.
 fn clip_ears(flat: &[[f64; 2]], triangles: &mut Vec<[u32; 3]>) {
+    let mut ears = Ears { flat, clipped: vec![false; flat.len()], harmless: vec![0; flat.len()] };
     let mut left: Vec<u32> = (0..flat.len() as u32).collect();
     let mut at = 0;
     while left.len() > 3 {
         let n = left.len();
-        let ear = (0..n).map(|step| (at + step) % n).find(|&i| is_ear(flat, &left, i));
+        let around = |i: usize| [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
+        let ear = (0..n).map(|step| (at + step) % n).find(|&i| ears.is_ear(around(i)));
         // A polygon that crosses itself may have no ear. Clip a corner anyway, so that the loop
         // ends.
         let ear = ear.unwrap_or(at % n);
-        triangles.push([left[(ear + n - 1) % n], left[ear], left[(ear + 1) % n]]);
+        triangles.push(around(ear));
+        ears.clip(around(ear));
         left.remove(ear);
         // Skipping a corner keeps the triangles from becoming a fan of slivers.
         at = (ear + 1) % left.len();
@@ -87,21 +90,52 @@ fn clip_ears(flat: &[[f64; 2]], triangles: &mut Vec<[u32; 3]>) {
     triangles.push([left[0], left[1], left[2]]);
 }
 
-/// Returns true if corner `i` of the polygon `left` turns left and its triangle contains no other
-/// corner.
-fn is_ear(flat: &[[f64; 2]], left: &[u32], i: usize) -> bool {
-    let n = left.len();
-    let [a, b, c] = [(i + n - 1) % n, i, (i + 1) % n].map(|k| flat[left[k] as usize]);
-    if area([a, b, c]) <= 0.0 {
-        return false;
+/// The search for ears. It continues where it stopped at a corner, so that all of it takes
+/// quadratic time: a corner that does not block an ear never blocks it.
+struct Ears<'a> {
+    flat: &'a [[f64; 2]],
+    /// True for corners that are no longer in the polygon.
+    clipped: Vec<bool>,
+    /// For each corner, the number of corners, from the first on, that do not block its triangle.
+    /// It is [`TURNS_RIGHT`] for a corner that is no ear whatever the others are.
+    harmless: Vec<u32>,
+}
+
+/// Marks a corner that does not turn left.
+const TURNS_RIGHT: u32 = u32::MAX;
+
+impl Ears<'_> {
+    /// Returns true if a corner turns left and its triangle contains no other corner. It is given
+    /// between the corners before and after it.
+    fn is_ear(&mut self, [before, corner, after]: [u32; 3]) -> bool {
+        let harmless = &mut self.harmless[corner as usize];
+        if *harmless == TURNS_RIGHT {
+            return false;
+        }
+        let [a, b, c] = [before, corner, after].map(|k| self.flat[k as usize]);
+        if *harmless == 0 && area([a, b, c]) <= 0.0 {
+            *harmless = TURNS_RIGHT;
+            return false;
+        }
+        let first = *harmless as usize;
+        for (&p, &clipped) in self.flat[first..].iter().zip(&self.clipped[first..]) {
+            // Corners that coincide with a corner of the ear do not block it: seams that join holes
+            // have such corners.
+            let outside = area([a, b, p]) < 0.0 || area([b, c, p]) < 0.0 || area([c, a, p]) < 0.0;
+            if !(clipped || outside || p == a || p == b || p == c) {
+                return false;
+            }
+            *harmless += 1;
+        }
+        true
     }
-    left.iter().all(|&k| {
-        let p = flat[k as usize];
-        // Corners that coincide with a corner of the ear do not block it: seams that join holes
-        // have such corners.
-        let outside = area([a, b, p]) < 0.0 || area([b, c, p]) < 0.0 || area([c, a, p]) < 0.0;
-        outside || p == a || p == b || p == c
-    })
+
+    /// Removes a corner. The corners before and after it have new triangles.
+    fn clip(&mut self, [before, corner, after]: [u32; 3]) {
+        self.clipped[corner as usize] = true;
+        self.harmless[before as usize] = 0;
+        self.harmless[after as usize] = 0;
+    }
 }
 
 #[cfg(test)]
@@ -188,6 +222,78 @@ mod tests {
             assert!(split(&points, &mut triangles));
             assert_eq!(triangles.len(), points.len() - 2);
         }
+    }
+
+    /// The triangles are those of a search that compares each corner with all others every time.
+    #[test]
+    fn the_search_for_ears_finds_the_first_one_every_time() {
+        let plain = |flat: &[[f64; 2]]| {
+            let (mut left, mut at, mut found) = ((0..flat.len()).collect::<Vec<_>>(), 0, vec![]);
+            while left.len() > 3 {
+                let n = left.len();
+                let around = |i: usize| [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];
+                let is_ear = |i: &usize| {
+                    let ear = around(*i).map(|k| flat[k]);
+                    let [a, b, c] = ear;
+                    let blocks = |&k: &usize| {
+                        let p = flat[k];
+                        let sides = [[a, b, p], [b, c, p], [c, a, p]];
+                        !ear.contains(&p) && sides.iter().all(|side| area(*side) >= 0.0)
+                    };
+                    area(ear) > 0.0 && !left.iter().any(blocks)
+                };
+                let ear = (0..n).map(|step| (at + step) % n).find(is_ear).unwrap_or(at % n);
+                found.push(around(ear).map(|k| k as u32));
+                left.remove(ear);
+                at = (ear + 1) % left.len();
+            }
+            found.push([left[0] as u32, left[1] as u32, left[2] as u32]);
+            found
+        };
+        let mut state = 1u32;
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from((state >> 16) % below)
+        };
+        // Stars with corners at random distances, and corners on a small grid, which cross each
+        // other and coincide.
+        for case in 0..400 {
+            let n = 5 + case % 37;
+            let flat: Vec<[f64; 2]> = (0..n)
+                .map(|i| match case % 2 {
+                    0 => {
+                        let (y, x) =
+                            (f64::from(i) * std::f64::consts::TAU / f64::from(n)).sin_cos();
+                        let far = 1.0 + random(9);
+                        [x * far, y * far]
+                    }
+                    _ => [random(5), random(5)],
+                })
+                .collect();
+            let mut triangles = Vec::new();
+            clip_ears(&flat, &mut triangles);
+            assert_eq!(triangles, plain(&flat), "{flat:?}");
+        }
+    }
+
+    /// In a thin crescent many corners are blocked by others. With a new search at each of them for
+    /// each ear, the test takes minutes without optimisation.
+    #[test]
+    fn a_thin_crescent_takes_quadratic_time() {
+        let half = 1500;
+        let step = std::f64::consts::PI / (half - 1) as f64;
+        let arc = |radius: f64| {
+            let at = (0..half).map(move |k| (k as f64 * step).sin_cos());
+            at.map(move |(y, x)| [x * radius, y * radius, 0.0])
+        };
+        let mut points: Vec<_> = arc(1.0 - step * step / 4.0).collect();
+        points.reverse();
+        let points: Vec<_> = arc(1.0).chain(points).collect();
+        let mut triangles = Vec::new();
+        let start = std::time::Instant::now();
+        assert!(split(&points, &mut triangles));
+        assert_eq!(triangles.len(), 2 * half - 2);
+        assert!(start.elapsed().as_secs() < 60);
     }
 
     #[test]

@@ -104,12 +104,23 @@ struct ReadWindow<'a> {
     failed: Failed<'a>,
     /// Number of bytes with which the window is filled before rows are read. Longer rows need more.
     size: usize,
+    /// The lines of text from this offset on, until the window moves.
+    lines: Option<(usize, Lines)>,
+}
+
+/// Rows in the window.
+struct LocatedRows {
+    /// Offset of the data to which `span` and `end` refer.
+    start: usize,
+    span: Span,
+    end: usize,
 }
 
 impl<'a> ReadWindow<'a> {
     fn new(chunks: Receiver<Chunk>, options: ReadOptions, failed: Failed<'a>) -> Self {
         let size = options.window.max(1);
-        Self { bytes: Vec::new(), at: 0, taken: 0, chunks, ended: false, failed, size }
+        let (bytes, ended, lines) = (Vec::new(), false, None);
+        Self { bytes, at: 0, taken: 0, chunks, ended, failed, size, lines }
     }
 
     fn data(&self) -> &[u8] {
@@ -126,6 +137,7 @@ impl<'a> ReadWindow<'a> {
         if !self.ended && self.data().len() < bytes {
             self.bytes.drain(..self.at);
             self.at = 0;
+            self.lines = None;
         }
         while !self.ended && self.data().len() < bytes {
             let chunk = next(&self.chunks, context)?.map_err(|error| (self.failed)(&error))?;
@@ -170,15 +182,14 @@ impl<'a> ReadWindow<'a> {
             let mut need = self.size;
             while row < element.count {
                 self.fill(need, context)?;
-                let data = self.data();
-                let (span, end) =
-                    next_rows(data, self.ended, &header, element, row, &mut line, context)?;
-                let rows = span.rows;
+                let LocatedRows { start, span, end } =
+                    self.next_rows(&header, element, row, &mut line, context)?;
+                let (rows, data) = (span.rows, &self.bytes[start..]);
                 let big = header.format.is_big();
                 let table = Table { data, big, span: &span, element, context: *context };
                 partial.read(&table, index, &plan, &header, length)?;
                 row += rows;
-                self.take(end);
+                self.take(start + end - self.at);
                 if rows == 0 && row < element.count {
                     if self.ended {
                         let have =
@@ -193,6 +204,40 @@ impl<'a> ReadWindow<'a> {
         let trailing_bytes = self.trailing(header.format, context)?;
         let PartialMesh { vertices, faces } = partial;
         finish(ParsedFile { header, plan, vertices, faces, trailing_bytes }, context, options)
+    }
+
+    /// Locates the next complete rows of `element` in the window, from row `row` on. `line` is the
+    /// number of lines of text before the window's data; it is moved to the end of the rows.
+    fn next_rows(
+        &mut self,
+        header: &Header,
+        element: &Element,
+        row: u64,
+        line: &mut u64,
+        context: &ReadContext,
+    ) -> Result<LocatedRows> {
+        let (start, data) = (self.at, &self.bytes[self.at..]);
+        let wanted = element.count - row;
+        if header.format != Format::Ascii {
+            let big = header.format == Format::Big;
+            let (span, end) = BinaryRows { data, element, big, context }.rows(0, row, wanted)?;
+            return Ok(LocatedRows { start, span, end });
+        }
+        let (start, lines) = match &mut self.lines {
+            Some((start, lines)) => (*start, lines),
+            none => {
+                let whole_lines = match self.ended {
+                    true => data.len(),
+                    false => data.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1),
+                };
+                let lines = Lines::new(&data[..whole_lines], *line, context)?;
+                (start, &mut none.insert((start, lines)).1)
+            }
+        };
+        let span = lines.take(&self.bytes[start..], element, row, wanted);
+        let (end, after) = lines.position();
+        *line = after;
+        Ok(LocatedRows { start, span, end })
     }
 
     /// Consumes the rest of the file. Returns the number of bytes after the last row. In text,
@@ -213,34 +258,6 @@ impl<'a> ReadWindow<'a> {
             self.fill(1, context)?;
         }
     }
-}
-
-/// Locates the complete rows of `element` at the beginning of `data`, from row `row` on. Also
-/// returns the offset of their end. `line` is the number of lines of text before `data`; it is
-/// moved to the end of the rows.
-fn next_rows(
-    data: &[u8],
-    ended: bool,
-    header: &Header,
-    element: &Element,
-    row: u64,
-    line: &mut u64,
-    context: &ReadContext,
-) -> Result<(Span, usize)> {
-    let wanted = element.count - row;
-    if header.format != Format::Ascii {
-        let big = header.format == Format::Big;
-        return BinaryRows { data, element, big, context }.rows(0, row, wanted);
-    }
-    let whole_lines = match ended {
-        true => data.len(),
-        false => data.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1),
-    };
-    let mut lines = Lines::new(&data[..whole_lines], *line, context)?;
-    let span = lines.take(element, row, wanted);
-    let (end, after) = lines.position();
-    *line = after;
-    Ok((span, end))
 }
 
 /// The arrays that have been read so far.

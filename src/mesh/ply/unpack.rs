@@ -31,6 +31,8 @@ impl Packing {
         match bytes {
             [0x1f, 0x8b, ..] => Some(Self::Gzip),
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(Self::Zstd),
+            // A skippable frame. Parallel compressors begin with one.
+            [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..] => Some(Self::Zstd),
             _ => None,
         }
     }
@@ -168,6 +170,11 @@ mod tests {
         assert!(unpacked(&[gzip(first), vec![0, 1]].concat()).is_err());
         let frames = [zstd(first), skippable.clone(), zstd(b""), zstd(second), skippable];
         assert!(unpacked(&frames.concat()).unwrap() == data);
+        let first = [0x184d_2a50u32, 0x184d_2a5f]
+            .map(|magic| [&magic.to_le_bytes()[..], &4u32.to_le_bytes(), b"size"].concat());
+        for skippable in first {
+            assert!(unpacked(&[skippable, zstd(&data)].concat()).unwrap() == data);
+        }
     }
 
     #[test]

@@ -85,3 +85,40 @@ on_both! {
         }
     }
 }
+
+/// A triangle with a normal that is not finite is flat, also in an instance. A normal of length 0
+/// is left out of the mean.
+#[test]
+fn normals_that_are_not_finite_make_their_triangles_flat() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.ply");
+    let rotations = [json!(null), json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])];
+    for (instance, normal, flat) in rotations.iter().flat_map(|i| {
+        ["nan 0 1", "0 inf 0", "0 0 -inf", "0 0 0"].map(|normal| (i, normal, normal != "0 0 0"))
+    }) {
+        let ply = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nproperty float nx\nproperty float ny\nproperty float nz\n\
+             element face 1\nproperty list int int vertex_indices\nend_header\n\
+             -4 -4 0 {normal}\n4 -4 0 0.6 0 0.8\n0 4 0 0.6 0 0.8\n3 0 1 2\n"
+        );
+        std::fs::write(&path, ply).unwrap();
+        let mut shape = json!({ "type": "trimesh", "path": path, "smooth": true,
+            "rotate": [0, 0, 90], "material": {} });
+        if !instance.is_null() {
+            shape["instances"] = json!([instance]);
+        }
+        let scene = json!({
+            "camera": { "type": "pinhole", "width": 4, "height": 4, "fov": 10,
+                "position": [0, 0, 4], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+            "output": { "layers": ["N"] }, "scene": { "shapes": [shape] } });
+        let loaded = lightpath::LoadedScene::from_json(&scene.to_string(), &[]).unwrap();
+        let film = loaded.renderer().unwrap().render().unwrap();
+        let axis = |name| film.planes.float(film.planes.index(name).unwrap(), 5);
+        let found = ["N.X", "N.Y", "N.Z"].map(axis);
+        let expected = if flat { [0.0, 0.0, 1.0] } else { [0.0, 0.6, 0.8] };
+        for (found, expected) in found.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{instance} {normal}: {found:?}");
+        }
+    }
+}

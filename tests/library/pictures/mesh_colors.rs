@@ -181,6 +181,13 @@ fn problems_name_the_place_in_the_scene() {
 #[test]
 fn the_largest_numbers_have_colours() {
     let max = f64::MAX;
+    // Files of maps have -f64::MAX where there are no data.
+    for everywhere in [-max, max] {
+        let ply = square(&["double q"], |_, _| everywhere, &[], |_, _| 0.0);
+        let (film, _) = render(&ply, json!({ "color": { "property": "q" } })).unwrap();
+        let end = if everywhere < 0.0 { 0.0 } else { 1.0 };
+        check(&film, |_, _| mapped(colorous::VIRIDIS, end));
+    }
     let name = |range: Value| {
         let mut color = json!({ "property": "q" });
         if !range.is_null() {
@@ -291,6 +298,12 @@ fn colours_that_are_not_finite_are_white() {
         assert!(warning.message.starts_with("1 colour is not finite"), "{warning}");
         check(&film, |x, y| [0.25 + 0.75 * ((y - x) / 2.0).max(0.0); 3]);
     }
+    // 1e17 is finite, but decoded from sRGB it is 1e41.
+    let color = |[x, y]: [f64; 2], _| if x < 0.0 && y > 0.0 { -1e17 } else { 0.0 };
+    let ply = square(&names, color, &[], |_, _| 0.0);
+    let (film, warnings) = render(&ply, json!({ "vertexcolorspace": "srgb" })).unwrap();
+    assert!(warnings[0].message.starts_with("1 colour is not finite or beyond 1e18"));
+    check(&film, |x, y| [((y - x) / 2.0).max(0.0); 3]);
     let alpha = ["float red", "float green", "float blue", "float alpha"];
     let color = |[x, y]: [f64; 2], k: usize| match (x < 0.0 && y > 0.0, k) {
         (true, 3) => f64::NAN,

@@ -157,6 +157,7 @@ fn the_texture_of_most_triangles_is_used() {
         ([1., 1., 1.], "b.png", 1),
         ([1., 0., 1.], "b.png", 2),
         ([-1., 1., -1.], "a.png", 1),
+        ([1., 1., -1.], "b.png", 1),
     ] {
         let mesh = ply(numbers);
         assert_eq!(mesh.texture_file.as_deref(), Some(name));
@@ -289,6 +290,10 @@ fn strips() {
     let mesh = read_all(&ply);
     assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [4, 5, 6], [7, 6, 5]]);
     assert_eq!((mesh.notes.faces, mesh.notes.degenerate_dropped), (6, 2));
+    // A part of fewer than three indices makes no triangle, so its indices are not checked.
+    let short = lists(&[&[0, 1, 2], &[0, 99], &[98, -1, 3, 97, -1, 3, 4, 5]]);
+    let ply = Ply::new().curve(8).element("tristrips", &["list int int vertex_indices"], short);
+    assert_eq!(read_all(&ply).triangles, [[0, 1, 2], [3, 4, 5]]);
     // Strips beside faces, in the order of the file, with unsigned restarts.
     let strips = lists(&[&[0, 1, 2, u32::MAX as i64, 1, 2, 3]]);
     let both = Ply::new()
@@ -337,7 +342,7 @@ fn unusual_headers_are_read() {
         .comment(b"comment \xff\xfe\x00\x01 binary \x80 junk")
         .comment(b"obj_info num_cols 512")
         .comment(b"comment TextureFiles no.png")
-        .comment(b"comment TextureFile a.png")
+        .comment(b" \tcomment TextureFile a.png")
         .comment(b"comment TextureFile b.png");
     for encoding in ALL {
         let mesh = read(&fancy.write(encoding)).unwrap();
