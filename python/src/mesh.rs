@@ -5,7 +5,7 @@ use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 
-use crate::{arrays, errors, pools, watch};
+use crate::{arrays, pools, watch};
 
 /// The rows of a numpy array, and a reference that keeps the array alive.
 struct Rows<T> {
@@ -146,10 +146,11 @@ pub fn check_mesh(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
     faces: &Bound<'_, PyAny>,
+    threads: Option<usize>,
 ) -> PyResult<()> {
     let mesh = NumpyMesh::new(vertices, faces)?;
-    let checked = py.detach(|| mesh.check(""));
-    checked.map_err(|error| errors::to_python(py, error))
+    let pool = pools::pool(py, threads)?;
+    watch::run(py, &pool, mesh.faces().len(), None, |_| mesh.check(""))
 }
 
 /// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32. The
