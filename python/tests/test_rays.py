@@ -456,3 +456,30 @@ def test_a_ply_file(tmp_path):
     assert repr(scene) == "RayScene(1 mesh, 1 face)" and scene.nbytes > 0
     with pytest.raises(lightpath.Error, match="nothing.ply"):
         lightpath.RayScene.from_ply(tmp_path / "nothing.ply")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+def test_too_many_hits_are_an_exception():
+    done = run_script("""
+        import resource, numpy as np, lightpath
+        layers = np.repeat(np.arange(1000.0), 3)[:, None]
+        vertices = np.hstack([np.tile([[-5, -5], [10, -5], [-5, 10.0]], (1000, 1)), layers])
+        scene = lightpath.RayScene(vertices, np.arange(3000).reshape(-1, 3), threads=1)
+        origins = np.tile([0, 0, -1.0], (3000, 1))
+        picture = lightpath.render((vertices, np.arange(3000).reshape(-1, 3)), spp=1, threads=1,
+                                   camera={"width": 1200, "height": 900}, layers="Z")
+        queries = [lambda: scene.all_hits(origins, [0, 0, 1.0]), picture._picture.pixels,
+                   picture._picture.words]
+        scene.all_hits(origins[:2], [0, 0, 1.0])
+        pages = int(open("/proc/self/statm").read().split()[0])
+        limit = pages * resource.getpagesize() + (1 << 20)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+        for query in queries:
+            try:
+                query()
+                print("ok")
+            except MemoryError as error:
+                print(str(error).splitlines()[0])
+    """, MALLOC_MMAP_THRESHOLD_="65536", MALLOC_ARENA_MAX="1")
+    lines = done.stdout.splitlines()
+    assert len(lines) == 3 and all("no memory for" in line for line in lines), done
