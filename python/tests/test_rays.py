@@ -379,6 +379,31 @@ def test_control_c_stops_a_query():
         assert process.stdout.readline() == "stopped\n" and time.time() - began < 5
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer")
+def test_a_signal_stops_the_first_query_of_one_point():
+    scene = lightpath.RayScene(*bumpy_sphere(7))
+
+    def seconds():
+        began = time.perf_counter()
+        try:
+            scene.winding_number([0, 0, 0])
+        except KeyboardInterrupt:
+            pass
+        return time.perf_counter() - began
+
+    old = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+        first, second = seconds(), seconds()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, old)
+    if first + second < 0.15:
+        pytest.skip("the query is too fast to be stopped")
+    # What the first query did not finish is computed now.
+    assert second > first / 4
+
+
 def test_a_forked_process_has_its_own_threads(sphere):
     import multiprocessing
 
