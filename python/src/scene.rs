@@ -1,16 +1,16 @@
 //! The class behind `lightpath.RayScene`.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use lightpath::{Limits, MeshArrays, Monitor, RayBatch, RayScene};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 
 use crate::arrays::{Triples, column, rows, table};
 use crate::mesh::NumpyMesh;
+use crate::pools::Pool;
 use crate::{errors, pools, watch};
 
 type Any<'py> = Bound<'py, PyAny>;
@@ -22,6 +22,8 @@ type Answer<T> = lightpath::Result<T>;
 pub struct Scene {
     scene: RayScene,
     threads: Option<usize>,
+    /// The pool of its latest use, whose threads would end without it.
+    kept: Mutex<Arc<Pool>>,
     /// Whether `contains` has found which meshes are closed.
     knows_closed: AtomicBool,
     /// Whether `winding_number` has computed the dipoles of the tree.
@@ -49,8 +51,11 @@ fn limits(values: &[f64]) -> Limits<'_> {
 }
 
 impl Scene {
-    fn pool(&self, py: Python<'_>) -> PyResult<Arc<ThreadPool>> {
-        pools::pool(py, self.threads)
+    /// Returns the pool of this scene, and keeps it. After a fork, it is another one.
+    fn pool(&self, py: Python<'_>) -> PyResult<Arc<Pool>> {
+        let pool = pools::pool(py, self.threads)?;
+        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&pool);
+        Ok(pool)
     }
 
     /// Number of faces of all meshes.
@@ -115,7 +120,7 @@ impl Scene {
         let build = |monitor: &Monitor| RayScene::with_backend(arrays, backend, monitor);
         let scene = watch::run(py, &pool, items, progress, build)?;
         let [knows_closed, knows_dipoles] = Default::default();
-        Ok(Self { scene, threads, knows_closed, knows_dipoles })
+        Ok(Self { scene, threads, kept: Mutex::new(pool), knows_closed, knows_dipoles })
     }
 
     #[getter]

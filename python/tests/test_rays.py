@@ -436,6 +436,24 @@ def run_script(script, **environment):
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs a list of threads")
+def test_threads_end_with_their_scenes():
+    done = run_script("""
+        import os, time, lightpath
+        from shapes import cube
+        kept = lightpath.RayScene(*cube(), threads=3)
+        before = len(os.listdir("/proc/self/task"))
+        for threads in range(1, 20):
+            lightpath.RayScene(*cube(), threads=threads).contains([0, 0, 0])
+        assert kept.contains([0, 0, 0])
+        for wait in range(100):  # threads end a little later
+            if len(os.listdir("/proc/self/task")) > before:
+                time.sleep(0.1)
+        print(len(os.listdir("/proc/self/task")) - before)
+    """)
+    assert done.stdout == "0\n", (done.stdout, done.stderr)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs a list of threads")
 def test_a_file_is_read_by_as_many_threads_as_asked(tmp_path):
     path = tmp_path / "one.ply"
     path.write_text(TRIANGLE)
