@@ -1,5 +1,6 @@
 """Answers of `RayScene`, against closed forms, integers and brute force."""
 
+import copy
 import os
 import pickle
 import signal
@@ -304,6 +305,23 @@ def test_pickles_hold_the_arrays_not_the_tree(sphere):
     again = pickle.loads(data)
     assert again.bounds.tolist() == scene.bounds.tolist()
     assert (again.count([0, 0, 0], vertices) == scene.count([0, 0, 0], vertices)).all()
+
+
+class Scan(lightpath.RayScene):
+    """A user's class with an attribute of its own."""
+
+
+def test_pickles_and_copies_keep_the_class():
+    scan = Scan(*cube(), threads=1)
+    scan.name = "cube"
+    for again in pickle.loads(pickle.dumps(scan)), copy.copy(scan):
+        assert type(again) is Scan and again.name == "cube"
+        assert again.contains([0, 0, 0]).all()
+
+
+def test_a_signed_distance_on_the_surface_is_not_negative():
+    distance = lightpath.RayScene(*cube()).distance([cube()[0][0], [0, 0, 0]], signed=True)
+    assert np.signbit(distance).tolist() == [False, True]
 
 
 def test_the_progress_of_a_signed_distance_runs_once():
