@@ -110,12 +110,16 @@ fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: 
     }
 }
 
-/// Returns the height of the plane named `ground`, at its first corner.
+/// Returns the height of the plane named `ground`. `None` if there is none, or if its corners do
+/// not agree: then the camera's `up` is not the direction in which things stand on the plane.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     let named = loaded.scene.shapes.iter();
     let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));
     planes.find_map(|shape| match &shape.kind {
-        ShapeKind::Plane { corners } => Some(corners[0][vertical]),
+        ShapeKind::Plane { corners } => {
+            let height = corners[0][vertical];
+            corners.iter().all(|corner| corner[vertical] == height).then_some(height)
+        }
         _ => None,
     })
 }

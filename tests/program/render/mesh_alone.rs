@@ -321,6 +321,23 @@ fn a_texture_by_flag_and_notes_without_one() {
 }
 
 #[test]
+fn a_ground_across_another_axis_does_not_move_the_mesh() {
+    let scratch = Scratch::new();
+    scratch.write("cube.ply", &block(2.0, ""));
+    let placed = |flags: &[&str]| {
+        let said = render(&scratch, "cube.ply", flags).good().stderr();
+        let scene: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+        let center = numbers(&scene["scene"]["shapes"][0]["center"]);
+        (center, said.contains("warning: /camera/up: found") && said.contains("--up "))
+    };
+    let write = ["--write-scene", "s.json"];
+    let up = |up: &'static str| ["--set", up, write[0], write[1]];
+    assert_eq!(placed(&write), (vec![0.0, 1.0002, 0.0], false));
+    assert_eq!(placed(&up("/camera/up=[0.1,0,1]")), (vec![0.0, 0.0, 1.0002], true));
+    assert_eq!(placed(&up("/camera/up=[1,0,0]")), (vec![1.0002, 0.0, 0.0], true));
+}
+
+#[test]
 fn a_mesh_on_its_side_gives_a_note() {
     let scratch = Scratch::new();
     scratch.write("tall.ply", &block(6.0, ""));
