@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::axes::{main_axis, turn};
+use super::axes::turn;
 use super::points::UsedVertices;
 use super::subject::Subject;
 use super::template::trimesh;
@@ -35,7 +35,7 @@ pub fn keep_coordinates(
     let list = |v: DVec3| Some(v.to_array().to_vec());
     ours.flag("--cameras", &format!("{shape}/fit"), Some(longest));
     ours.flag("--cameras", &format!("{shape}/center"), list(middle));
-    let up = subject.up.map(|up| turn(up, main_axis(loaded.scene.camera.up)));
+    let up = subject.up.map(|up| turn(up, loaded.scene.camera.up));
     let [x, y, z] = subject.rotate.or(up).unwrap_or_default().map(f64::to_radians);
     let to_studio =
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);

@@ -66,7 +66,7 @@ pub fn furnish(
     };
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
-        (None, Some(up)) => Some(("--up", turn(up, main_axis(loaded.scene.camera.up)))),
+        (None, Some(up)) => Some(("--up", turn(up, loaded.scene.camera.up))),
         (None, None) => None,
     };
     if let Some((flag, angles)) = turned {
