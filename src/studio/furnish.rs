@@ -58,8 +58,7 @@ pub fn furnish(
     let Some(points) = points else {
         if template.builtin {
             let studio = load(template, &ours, &Overrides::default())?;
-            let with_lights = (&loaded, &studio.scene.lights[..]);
-            keep_coordinates(subject, &mesh, with_lights, &shape, &mut ours)?;
+            keep_coordinates(subject, &mesh, (&loaded, &studio), &shape, &mut ours)?;
         }
         let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
         return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });

@@ -40,15 +40,13 @@ pub(super) fn place(
     let (low, high) = (min - radius, max + radius);
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
-    let up = camera.up[vertical].signum();
-    let lowest = if up > 0.0 { low } else { high }[vertical];
-    let mut center = spec.center;
+    let mut center = standing(loaded, spec.center, (low, high));
     // Without `fit`, `placement` does not move the centre of the box to zero.
     if spec.fit.is_none() {
+        let height = std::mem::replace(&mut center[vertical], 0.0);
         center -= (low + high) / 2.0;
+        center[vertical] = height;
     }
-    let gap = up * GROUND_GAP * (high - low).max_element();
-    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + gap - lowest;
     let Some((fov_deg, _)) = camera.perspective() else {
         let message =
             "found a template whose camera cannot be framed, expected a `pinhole` or `thinlens`";
@@ -87,6 +85,18 @@ pub(super) fn place(
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
     point(loaded, user, position, middle, ours);
     Ok(middle)
+}
+
+/// Returns `center` with the height at which a box around zero, from `low` to `high`, stands on the
+/// ground; without a ground, on the height of `center`.
+pub(super) fn standing(loaded: &Loaded, mut center: DVec3, (low, high): (DVec3, DVec3)) -> DVec3 {
+    let up = loaded.scene.camera.up;
+    let vertical = main_axis(up);
+    let up = up[vertical].signum();
+    let lowest = if up > 0.0 { low } else { high }[vertical];
+    let gap = up * GROUND_GAP * (high - low).max_element();
+    center[vertical] = ground(loaded, vertical).unwrap_or(center[vertical]) + gap - lowest;
+    center
 }
 
 /// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on
