@@ -219,7 +219,10 @@ class RayScene:
                    progress=progress)
 
     def __reduce__(self):
-        return _unpickle, (self._meshes, self._threads, self._backend)
+        own = "_meshes", "_threads", "_backend", "_scene"
+        added = {name: value for name, value in vars(self).items() if name not in own}
+        arguments = self._meshes, self._threads, self._backend, type(self)
+        return _unpickle, arguments, added or None
 
     def __repr__(self):
         meshes, faces = len(self._meshes), self.num_faces
@@ -484,7 +487,8 @@ class RayScene:
             return self._scene.closest_point(points, progress)[1]
         distance = self._scene.closest_point(points, _half(progress, 0))[1]
         inside = self._scene.contains(points, _half(progress, 1))
-        distance[inside] *= -1.0
+        # Not -0.0 on the surface.
+        distance[inside] = 0.0 - distance[inside]
         return distance
 
     def visible(self, points: ArrayLike, from_: ArrayLike, *,
@@ -528,5 +532,5 @@ def _half(progress, index):
     return progress and (lambda done, total: progress(index * total + done, 2 * total))
 
 
-def _unpickle(meshes, threads, backend="bvh"):
-    return RayScene.from_meshes(meshes, threads=threads, backend=backend)
+def _unpickle(meshes, threads, backend="bvh", kind=RayScene):
+    return kind.from_meshes(meshes, threads=threads, backend=backend)

@@ -55,7 +55,7 @@ class RaycastingScene:
         if triangles is None:
             vertices, triangles = _convert.open3d_arrays(vertices)
         arrays = _convert.mesh(_convert.array(vertices), _convert.array(triangles))
-        check_mesh(*arrays)
+        check_mesh(*arrays, self._threads)
         self._meshes.append(tuple(array.copy() for array in arrays))
         self._scene = None
         return len(self._meshes) - 1

@@ -1,7 +1,7 @@
 //! Converts numpy arrays to slices, and `Vec`s to numpy arrays.
 
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
 /// A borrowed array of f64 with two dimensions. [`rows`] checks that it is (n, 3) in C order.
@@ -23,6 +23,31 @@ pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<&'a 
     }
     // SAFETY: the slice has 3 * `rows` elements, and [T; 3] has the layout of three elements.
     Ok(unsafe { std::slice::from_raw_parts(flat.as_ptr().cast(), rows) })
+}
+
+/// Reserves memory for `count` elements of a new `Vec`.
+///
+/// # Errors
+/// `MemoryError` if the system refuses the memory.
+pub fn reserved<T>(count: usize, what: &str) -> PyResult<Vec<T>> {
+    let mut all = Vec::new();
+    let lack = |_| PyMemoryError::new_err(format!("no memory for {what}"));
+    all.try_reserve_exact(count).map_err(lack)?;
+    Ok(all)
+}
+
+/// Returns an array of one dimension with a copy of `values`.
+///
+/// # Errors
+/// `MemoryError` if the system refuses the memory.
+pub fn copied<'py, T: Element + Copy>(
+    py: Python<'py>,
+    values: &[T],
+    what: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let mut own = reserved(values.len(), what)?;
+    own.extend_from_slice(values);
+    Ok(column(py, own))
 }
 
 /// Returns an (n, N) array that takes over the memory of `rows`.

@@ -5,7 +5,7 @@ use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 
-use crate::{arrays, errors, pools, watch};
+use crate::{arrays, pools, watch};
 
 /// The rows of a numpy array, and a reference that keeps the array alive.
 struct Rows<T> {
@@ -111,7 +111,7 @@ impl VertexColors {
     /// Copies an (n, 4) array of u8 or u16.
     ///
     /// # Errors
-    /// `TypeError` for another dtype.
+    /// `TypeError` for another dtype, `MemoryError` for too little memory.
     pub fn new(array: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(array) = array.cast::<PyArray2<u8>>() {
             let (colors, alpha) = split(array, u8::MAX)?;
@@ -133,8 +133,10 @@ fn split<T: Element + Copy + Default + PartialEq>(
 ) -> PyResult<Columns<T>> {
     let read = array.try_readonly()?;
     let rows = read.as_slice()?.chunks_exact(4);
-    let colors = rows.clone().map(|row| [row[0], row[1], row[2]]).collect();
-    let alpha: Vec<T> = rows.map(|row| row[3]).collect();
+    let mut colors = arrays::reserved(rows.len(), "colors")?;
+    colors.extend(rows.clone().map(|row| [row[0], row[1], row[2]]));
+    let mut alpha: Vec<T> = arrays::reserved(rows.len(), "colors")?;
+    alpha.extend(rows.map(|row| row[3]));
     let all = |value| alpha.iter().all(|&alpha| alpha == value);
     let alpha = if all(opaque) || all(T::default()) { None } else { Some(alpha) };
     Ok((colors, alpha))
@@ -146,10 +148,11 @@ pub fn check_mesh(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
     faces: &Bound<'_, PyAny>,
+    threads: Option<usize>,
 ) -> PyResult<()> {
     let mesh = NumpyMesh::new(vertices, faces)?;
-    let checked = py.detach(|| mesh.check(""));
-    checked.map_err(|error| errors::to_python(py, error))
+    let pool = pools::pool(py, threads)?;
+    watch::run(py, &pool, mesh.faces().len(), None, |_| mesh.check(""))
 }
 
 /// Reads the vertices and triangles of a PLY file: (n, 3) f32 or f64, and (m, 3) u32. The

@@ -7,7 +7,7 @@ use lightpath::scene::IN_MEMORY;
 use lightpath::{ChannelKind, Film, LoadedScene, MeshArrays, Monitor, PictureWriter, Problem};
 use pyo3::prelude::*;
 
-use crate::arrays::column;
+use crate::arrays::copied;
 use crate::mesh::{NumpyMesh, VertexColors};
 use crate::{errors, pools, watch};
 
@@ -122,8 +122,8 @@ impl Picture {
     }
 
     /// R, G, B, A of all pixels, row by row, as an array of one dimension.
-    fn pixels<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        column(py, self.film.pixels.as_flattened().to_vec())
+    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        copied(py, self.film.pixels.as_flattened(), "pixels")
     }
 
     /// Names of the layer channels, and whether they hold integers.
@@ -134,8 +134,8 @@ impl Picture {
     }
 
     /// The words of the layer channels, pixel by pixel, as an array of one dimension.
-    fn words<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        column(py, self.film.planes.words.clone())
+    fn words<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        copied(py, &self.film.planes.words, "layers")
     }
 
     /// Writes PREFIX.exr, of 32-bit floats or of halves, and PREFIX.png. Returns the path of each,

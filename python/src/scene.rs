@@ -1,14 +1,16 @@
 //! The class behind `lightpath.RayScene`.
 
-use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use lightpath::{Limits, MeshArrays, Monitor, RayBatch, RayScene};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 
 use crate::arrays::{Triples, column, rows, table};
 use crate::mesh::NumpyMesh;
+use crate::pools::Pool;
 use crate::{errors, pools, watch};
 
 type Any<'py> = Bound<'py, PyAny>;
@@ -20,6 +22,12 @@ type Answer<T> = lightpath::Result<T>;
 pub struct Scene {
     scene: RayScene,
     threads: Option<usize>,
+    /// The pool of its latest use, whose threads would end without it.
+    kept: Mutex<Arc<Pool>>,
+    /// Whether `contains` has found which meshes are closed.
+    knows_closed: AtomicBool,
+    /// Whether `winding_number` has computed the dipoles of the tree.
+    knows_dipoles: AtomicBool,
 }
 
 /// Rays as Python passes them: origins, directions, tnear and tfar. The last two are arrays of one
@@ -43,8 +51,16 @@ fn limits(values: &[f64]) -> Limits<'_> {
 }
 
 impl Scene {
-    fn pool(&self, py: Python<'_>) -> PyResult<Arc<ThreadPool>> {
-        pools::pool(py, self.threads)
+    /// Returns the pool of this scene, and keeps it. After a fork, it is another one.
+    fn pool(&self, py: Python<'_>) -> PyResult<Arc<Pool>> {
+        let pool = pools::pool(py, self.threads)?;
+        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Arc::clone(&pool);
+        Ok(pool)
+    }
+
+    /// Number of faces of all meshes.
+    fn faces(&self) -> usize {
+        self.scene.meshes().iter().map(|mesh| mesh.faces().len()).sum()
     }
 
     fn with_rays<T: Send>(
@@ -63,17 +79,24 @@ impl Scene {
         })
     }
 
+    /// The first query with the flag `prepared` computes something of every face, and sets it.
     fn with_points<T: Send>(
         &self,
         py: Python<'_>,
         points: &Triples<'_>,
         progress: Progress<'_, '_>,
+        prepared: Option<&AtomicBool>,
         query: impl FnOnce(&RayScene, &[[f64; 3]], &Monitor) -> Answer<T> + Send,
     ) -> PyResult<T> {
         let (points, pool, scene) = (rows(points)?, self.pool(py)?, &self.scene);
         // A point costs more than a ray, so fewer points need watching.
         let items = points.len().saturating_mul(16);
-        watch::run(py, &pool, items, progress, move |monitor| query(scene, points, monitor))
+        let is_first = prepared.is_some_and(|prepared| !prepared.load(Relaxed));
+        let items = items.saturating_add(if is_first { self.faces() } else { 0 });
+        let answer =
+            watch::run(py, &pool, items, progress, move |monitor| query(scene, points, monitor))?;
+        prepared.inspect(|prepared| prepared.store(true, Relaxed));
+        Ok(answer)
     }
 }
 
@@ -96,7 +119,8 @@ impl Scene {
         let pool = pools::pool(py, threads)?;
         let build = |monitor: &Monitor| RayScene::with_backend(arrays, backend, monitor);
         let scene = watch::run(py, &pool, items, progress, build)?;
-        Ok(Self { scene, threads })
+        let [knows_closed, knows_dipoles] = Default::default();
+        Ok(Self { scene, threads, kept: Mutex::new(pool), knows_closed, knows_dipoles })
     }
 
     #[getter]
@@ -111,8 +135,7 @@ impl Scene {
 
     fn closed(&self, py: Python<'_>) -> PyResult<Vec<bool>> {
         let (pool, scene) = (self.pool(py)?, &self.scene);
-        let faces = scene.meshes().iter().map(|mesh| mesh.faces().len()).sum();
-        watch::run(py, &pool, faces, None, |monitor| Ok(scene.closed(monitor)?.to_vec()))
+        watch::run(py, &pool, self.faces(), None, |monitor| Ok(scene.closed(monitor)?.to_vec()))
     }
 
     fn closest<'py>(
@@ -165,7 +188,8 @@ impl Scene {
         points: Triples<'py>,
         progress: Progress<'_, 'py>,
     ) -> PyResult<Any<'py>> {
-        let all = self.with_points(py, &points, progress, |scene, p, m| scene.contains(p, m))?;
+        let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.contains(p, m);
+        let all = self.with_points(py, &points, progress, Some(&self.knows_closed), query)?;
         Ok(column(py, all))
     }
 
@@ -176,7 +200,8 @@ impl Scene {
         progress: Progress<'_, 'py>,
     ) -> PyResult<Any<'py>> {
         let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.winding_number(p, m);
-        Ok(column(py, self.with_points(py, &points, progress, query)?))
+        let prepared = Some(&self.knows_dipoles);
+        Ok(column(py, self.with_points(py, &points, progress, prepared, query)?))
     }
 
     fn closest_point<'py>(
@@ -186,7 +211,7 @@ impl Scene {
         progress: Progress<'_, 'py>,
     ) -> PyResult<(Any<'py>, Any<'py>, Any<'py>, Any<'py>)> {
         let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.closest_point(p, m);
-        let all = self.with_points(py, &points, progress, query)?;
+        let all = self.with_points(py, &points, progress, None, query)?;
         let ids = (column(py, all.primitive), column(py, all.mesh));
         Ok((table(py, all.point)?, column(py, all.distance), ids.0, ids.1))
     }
@@ -199,7 +224,7 @@ impl Scene {
         progress: Progress<'_, 'py>,
     ) -> PyResult<Any<'py>> {
         let from = rows(&from)?;
-        let all = self.with_points(py, &points, progress, move |scene, points, m| {
+        let all = self.with_points(py, &points, progress, None, move |scene, points, m| {
             scene.visible(points, from, m).map_err(|mut error| {
                 // `from` is a keyword in Python.
                 let problems = error.problems.iter_mut();

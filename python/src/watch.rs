@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use lightpath::Monitor;
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 
 use crate::errors;
+use crate::pools::Pool;
 
 /// Period of the checks for signals and of the calls of `progress`.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -25,7 +25,7 @@ const FEW: usize = 1 << 14;
 /// exception stops the work first.
 pub fn run<T: Send>(
     py: Python<'_>,
-    pool: &ThreadPool,
+    pool: &Pool,
     items: usize,
     progress: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Monitor) -> lightpath::Result<T> + Send,

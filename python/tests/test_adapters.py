@@ -1,5 +1,7 @@
 """The classes with the methods of trimesh and Open3D, which need not be installed."""
 
+import multiprocessing
+import os
 import subprocess
 import sys
 
@@ -166,6 +168,18 @@ class Tensor:
 
     def numpy(self):
         return self.array
+
+
+def add_many():
+    many = np.repeat([[0, 1, 2]], 20_000, axis=0)  # checked by several threads
+    return lightpath.open3d.RaycastingScene(nthreads=1).add_triangles(np.eye(3), many)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_open3d_meshes_are_added_in_a_forked_process():
+    add_many()
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        assert pool.apply_async(add_many).get(20) == 0
 
 
 def test_open3d_meshes_are_checked_when_they_are_added():

@@ -1,5 +1,6 @@
 """Answers of `RayScene`, against closed forms, integers and brute force."""
 
+import copy
 import os
 import pickle
 import signal
@@ -306,6 +307,23 @@ def test_pickles_hold_the_arrays_not_the_tree(sphere):
     assert (again.count([0, 0, 0], vertices) == scene.count([0, 0, 0], vertices)).all()
 
 
+class Scan(lightpath.RayScene):
+    """A user's class with an attribute of its own."""
+
+
+def test_pickles_and_copies_keep_the_class():
+    scan = Scan(*cube(), threads=1)
+    scan.name = "cube"
+    for again in pickle.loads(pickle.dumps(scan)), copy.copy(scan):
+        assert type(again) is Scan and again.name == "cube"
+        assert again.contains([0, 0, 0]).all()
+
+
+def test_a_signed_distance_on_the_surface_is_not_negative():
+    distance = lightpath.RayScene(*cube()).distance([cube()[0][0], [0, 0, 0]], signed=True)
+    assert np.signbit(distance).tolist() == [False, True]
+
+
 def test_the_progress_of_a_signed_distance_runs_once():
     steps = []
     scene = lightpath.RayScene(*bumpy_sphere(5))
@@ -379,6 +397,31 @@ def test_control_c_stops_a_query():
         assert process.stdout.readline() == "stopped\n" and time.time() - began < 5
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer")
+def test_a_signal_stops_the_first_query_of_one_point():
+    scene = lightpath.RayScene(*bumpy_sphere(7))
+
+    def seconds():
+        began = time.perf_counter()
+        try:
+            scene.winding_number([0, 0, 0])
+        except KeyboardInterrupt:
+            pass
+        return time.perf_counter() - began
+
+    old = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+        first, second = seconds(), seconds()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, old)
+    if first + second < 0.15:
+        pytest.skip("the query is too fast to be stopped")
+    # What the first query did not finish is computed now.
+    assert second > first / 4
+
+
 def test_a_forked_process_has_its_own_threads(sphere):
     import multiprocessing
 
@@ -408,6 +451,24 @@ def run_script(script, **environment):
     script = "import sys\nsys.path[:0] = %r\n" % (sys.path,) + textwrap.dedent(script)
     command, environment = [sys.executable, "-c", script], {**os.environ, **environment}
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs a list of threads")
+def test_threads_end_with_their_scenes():
+    done = run_script("""
+        import os, time, lightpath
+        from shapes import cube
+        kept = lightpath.RayScene(*cube(), threads=3)
+        before = len(os.listdir("/proc/self/task"))
+        for threads in range(1, 20):
+            lightpath.RayScene(*cube(), threads=threads).contains([0, 0, 0])
+        assert kept.contains([0, 0, 0])
+        for wait in range(100):  # threads end a little later
+            if len(os.listdir("/proc/self/task")) > before:
+                time.sleep(0.1)
+        print(len(os.listdir("/proc/self/task")) - before)
+    """)
+    assert done.stdout == "0\n", (done.stdout, done.stderr)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="needs a list of threads")
@@ -456,3 +517,30 @@ def test_a_ply_file(tmp_path):
     assert repr(scene) == "RayScene(1 mesh, 1 face)" and scene.nbytes > 0
     with pytest.raises(lightpath.Error, match="nothing.ply"):
         lightpath.RayScene.from_ply(tmp_path / "nothing.ply")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+def test_too_many_hits_are_an_exception():
+    done = run_script("""
+        import resource, numpy as np, lightpath
+        layers = np.repeat(np.arange(1000.0), 3)[:, None]
+        vertices = np.hstack([np.tile([[-5, -5], [10, -5], [-5, 10.0]], (1000, 1)), layers])
+        scene = lightpath.RayScene(vertices, np.arange(3000).reshape(-1, 3), threads=1)
+        origins = np.tile([0, 0, -1.0], (3000, 1))
+        picture = lightpath.render((vertices, np.arange(3000).reshape(-1, 3)), spp=1, threads=1,
+                                   camera={"width": 1200, "height": 900}, layers="Z")
+        queries = [lambda: scene.all_hits(origins, [0, 0, 1.0]), picture._picture.pixels,
+                   picture._picture.words]
+        scene.all_hits(origins[:2], [0, 0, 1.0])
+        pages = int(open("/proc/self/statm").read().split()[0])
+        limit = pages * resource.getpagesize() + (1 << 20)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+        for query in queries:
+            try:
+                query()
+                print("ok")
+            except MemoryError as error:
+                print(str(error).splitlines()[0])
+    """, MALLOC_MMAP_THRESHOLD_="65536", MALLOC_ARENA_MAX="1")
+    lines = done.stdout.splitlines()
+    assert len(lines) == 3 and all("no memory for" in line for line in lines), done

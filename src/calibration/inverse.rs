@@ -20,8 +20,11 @@ const CHORD_POINTS: u32 = 8;
 /// Largest error of the inverse at sampled positions of the table's cells, in pixels.
 const TOLERANCE: f64 = 1e-10;
 
-/// Largest number of steps of Newton's method per ray.
+/// Largest number of steps of Newton's method per ray, but for [`CORNER_ITERATIONS`].
 const MAX_ITERATIONS: u32 = 12;
+
+/// Largest number of steps of Newton's method per ray, if a corner of the frame is near a fold.
+const CORNER_ITERATIONS: u32 = 24;
 
 /// Largest number of steps of Newton's method in [`Inverse::settle`]. Near a fold each step only
 /// halves the error.
@@ -111,7 +114,7 @@ impl Inverse {
     }
 
     /// Returns the direction of the ray through a raster position: x right, y down, z forward, of
-    /// any length. Right to 1e-9 pixel within the frame.
+    /// any length. Right to 1e-9 pixel.
     #[inline(always)]
     pub fn direction(&self, raster: [f64; 2]) -> [f64; 3] {
         self.distortion.direction(self.undistorted(raster))
@@ -139,7 +142,11 @@ impl Inverse {
             let t = f64::from(i) / f64::from(OVERSCAN_STEPS);
             let at = [0, 1].map(|k| border[k] + (raster[k] - border[k]) * t);
             let target = self.calibration.plane(at);
-            for _ in 0..self.iterations {
+            // The number of steps within the frame is that for guesses of the table.
+            for _ in 0..SETTLE_ITERATIONS {
+                if self.error(q, at) <= TOLERANCE {
+                    break;
+                }
                 let [x, y] = self.distortion.map(q).step(target);
                 q = [q[0] + x, q[1] + y];
             }
@@ -206,21 +213,50 @@ impl Inverse {
             for (s, t) in [(0.5, 0.5), (0.25, 0.25), (0.75, 0.5), (0.5, 0.02), (0.02, 0.5)] {
                 let step = |k: usize, at: f64| at / f64::from(self.cells) * self.end[k];
                 let raster = [x + step(0, s), y + step(1, t)];
-                let target = self.calibration.plane(raster);
-                let mut q = self.guess(raster);
-                let mut count = 0;
-                while self.error(q, raster) > TOLERANCE {
-                    if count == MAX_ITERATIONS {
-                        return Err(self.fold_at(raster, q));
-                    }
-                    let [x, y] = self.distortion.map(q).step(target);
-                    q = [q[0] + x, q[1] + y];
-                    count += 1;
-                }
-                most = most.max(count);
+                let count = self.steps(raster, MAX_ITERATIONS);
+                most = most.max(count.map_err(|q| self.fold_at(raster, q))?);
             }
         }
-        Ok((most + 1).min(MAX_ITERATIONS))
+        Ok((most + 1).min(MAX_ITERATIONS).max(self.count_at_corners()))
+    }
+
+    /// Returns how many steps the positions near the frame's corners need. A fold is nearest there.
+    /// A guess that is nearer to it than the position lets the first step go too far.
+    fn count_at_corners(&self) -> u32 {
+        let mut most = 0;
+        for corner in 0..4u32 {
+            let inward = |k: usize, by: f64| {
+                let by = by / f64::from(self.cells) * self.end[k];
+                if corner >> k & 1 == 1 { self.end[k] - by } else { by }
+            };
+            for halvings in 2..=24 {
+                let s = 0.5f64.powi(halvings);
+                for [x, y] in [[s, s], [s, 0.0], [0.0, s]] {
+                    let count = self.steps([inward(0, x), inward(1, y)], CORNER_ITERATIONS);
+                    most = most.max(count.unwrap_or(CORNER_ITERATIONS));
+                }
+            }
+        }
+        (most + 1).min(CORNER_ITERATIONS)
+    }
+
+    /// Returns the number of steps of Newton's method from the table's guess to a position.
+    ///
+    /// # Errors
+    /// The undistorted point after `limit` steps, if they are too few.
+    fn steps(&self, raster: [f64; 2], limit: u32) -> Result<u32, [f64; 2]> {
+        let target = self.calibration.plane(raster);
+        let mut q = self.guess(raster);
+        for count in 0..=limit {
+            if self.error(q, raster) <= TOLERANCE {
+                return Ok(count);
+            }
+            if count < limit {
+                let [x, y] = self.distortion.map(q).step(target);
+                q = [q[0] + x, q[1] + y];
+            }
+        }
+        Err(q)
     }
 
     /// Distance in pixels between a raster position and the one that an undistorted point maps to,

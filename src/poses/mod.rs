@@ -122,6 +122,13 @@ impl Poses {
 /// Problems after which a list is not checked further.
 const MAX_PROBLEMS: usize = 20;
 
+/// Endings of pictures, in lower case. Other text behind a dot is part of a name: `frame.0001`.
+const ENDINGS: [&str; 27] = [
+    "arw", "avif", "bmp", "cr2", "cr3", "dng", "exr", "gif", "hdr", "heic", "heif", "jfif", "jp2",
+    "jpeg", "jpg", "jxl", "nef", "orf", "pgm", "png", "pnm", "ppm", "raw", "tga", "tif", "tiff",
+    "webp",
+];
+
 /// Returns the name of a picture without its ending, with `/` between folders. `None` if it leads
 /// out of a folder or is empty.
 fn picture_name(name: &str) -> Option<String> {
@@ -130,7 +137,12 @@ fn picture_name(name: &str) -> Option<String> {
     let plain = |part: &Component| !matches!(part, Component::CurDir);
     let parts: Vec<Component> = path.components().filter(plain).collect();
     let good = parts.iter().all(|part| matches!(part, Component::Normal(_)));
-    let stem = path.file_stem()?.to_str()?.to_string();
+    let file = path.file_name()?.to_str()?;
+    let is_ending = |end: &str| ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(end));
+    let stem = match file.rsplit_once('.') {
+        Some((stem, end)) if !stem.is_empty() && is_ending(end) => stem.to_string(),
+        _ => file.to_string(),
+    };
     let parts = parts.iter().filter_map(|part| part.as_os_str().to_str());
     let mut parts: Vec<String> = parts.map(str::to_string).collect();
     *parts.last_mut()? = stem;
@@ -177,6 +189,9 @@ mod tests {
         assert_eq!(name("a/b.c.jpg").unwrap(), "a/b.c");
         assert_eq!(name("./images/IMG_1.png").unwrap(), "images/IMG_1");
         assert_eq!(name("r_0").unwrap(), "r_0");
+        assert_eq!(name("./im/frame.0001").unwrap(), "im/frame.0001");
+        assert_eq!(name("im/frame.0001.JPG").unwrap(), "im/frame.0001");
+        assert_eq!(name("im.d/.png").unwrap(), "im.d/.png");
         assert_eq!(name("a\\b.png").unwrap(), "a/b");
         for bad in ["", "..", "../a.png", "/a.png", "a/../b.png", "a\n.png"] {
             assert_eq!(name(bad), None, "{bad:?}");

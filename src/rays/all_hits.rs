@@ -51,9 +51,11 @@ impl RayScene {
                 crossings.clear();
                 bvh.crossings(&rounded.active, &rounded.packet.rays, &mut crossings);
                 self.add_strays(&bvh, &rounding, first, &rounded, &mut crossings);
+                reserve::growing(&mut found, crossings.len(), "hits")?;
                 self.collect_crossings(first, &crossings, &mut found);
             }
-            let (mut counts, mut hits) = (vec![0; range.len()], Vec::with_capacity(found.len()));
+            let (mut counts, mut hits) = (vec![0; range.len()], Vec::new());
+            reserve::exact(&mut hits, found.len(), "hits")?;
             self.refine(rays, &found, 0.0, |found, refined| {
                 for (i, hit) in found.iter().enumerate().filter(|(i, _)| refined.counts[*i]) {
                     counts[hit.ray - range.start] += 1;

@@ -2,31 +2,33 @@
 
 use glam::{DMat3, DVec3};
 
-use super::axes::{main_axis, turn};
+use super::axes::turn;
+use super::placing::standing;
 use super::points::UsedVertices;
 use super::subject::Subject;
 use super::template::trimesh;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::scene::{CheckedLight, LightKind, Loaded, Overrides};
-use crate::world::extent;
+use crate::scene::{LightKind, Loaded, Overrides};
+use crate::world::{Bounds, extent};
 
 /// Adds overrides that keep the mesh at its coordinates and move the lights instead. Lights and
-/// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights. `lights`
-/// are those of the studio without the user's overrides, which come later and hold as written.
+/// mesh then stand to each other as in the studio. `--up` and `--rotate` turn the lights. `studio`
+/// is the studio without the user's overrides, which come later and hold as written.
 ///
 /// # Errors
 /// If the mesh has no triangle, or its extent is not finite.
 pub fn keep_coordinates(
     subject: &Subject,
     mesh: &Mesh,
-    (loaded, lights): (&Loaded, &[CheckedLight]),
+    (loaded, studio): (&Loaded, &Loaded),
     shape: &str,
     ours: &mut Overrides,
 ) -> Result<()> {
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
-    let bounds = UsedVertices::new(mesh).bounds(|p| p);
+    let points = UsedVertices::new(mesh);
+    let bounds = points.bounds(|p| p);
     let (longest, middle) = (extent(spec, bounds), bounds.center());
     if !(longest > 0.0 && longest.is_finite()) {
         return Err(empty());
@@ -35,13 +37,18 @@ pub fn keep_coordinates(
     let list = |v: DVec3| Some(v.to_array().to_vec());
     ours.flag("--cameras", &format!("{shape}/fit"), Some(longest));
     ours.flag("--cameras", &format!("{shape}/center"), list(middle));
-    let up = subject.up.map(|up| turn(up, main_axis(loaded.scene.camera.up)));
+    let up = subject.up.map(|up| turn(up, loaded.scene.camera.up));
     let [x, y, z] = subject.rotate.or(up).unwrap_or_default().map(f64::to_radians);
     let to_studio =
         DMat3::from_rotation_z(z) * DMat3::from_rotation_y(y) * DMat3::from_rotation_x(x);
     let scale = longest / spec.fit.unwrap_or(2.0);
-    let moved = |p: DVec3| to_studio.transpose() * p * scale + middle;
-    for (index, light) in lights.iter().enumerate() {
+    // In the studio, the mesh stands on the ground.
+    let Bounds { min, max } = points.bounds(|p| to_studio * (p - middle) / scale);
+    let radius = spec.points.unwrap_or(0.0) / scale;
+    let center = trimesh(studio, shape).ok_or_else(empty)?.center;
+    let center = standing(studio, center, (min - radius, max + radius));
+    let moved = |p: DVec3| to_studio.transpose() * (p - center) * scale + middle;
+    for (index, light) in studio.scene.lights.iter().enumerate() {
         let mut set = |key: &str, p: DVec3| {
             let pointer = format!("/scene/lightsources/{index}/{key}");
             ours.flag("--cameras", &pointer, list(moved(p)));
@@ -75,7 +82,46 @@ mod tests {
 
     use super::*;
     use crate::monitor::Monitor;
+    use crate::scene::ShapeKind;
     use crate::studio::{Studio, Template, show};
+    use crate::world::placement;
+
+    /// Lights and mesh stand to each other as in the studio.
+    #[test]
+    fn lamps_stand_to_the_mesh_as_in_the_studio() {
+        let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/teapot.ply"));
+        for rotate in [None, Some([0.0; 3]), Some([-90.0, 0.0, 0.0]), Some([10.0, 20.0, 30.0])] {
+            let plain = Subject { rotate, ..Subject::new(path) };
+            let kept = Subject { calibrated: true, ..plain.clone() };
+            let [studio, kept] = [plain, kept].map(|subject| {
+                let (template, user) = (Template::studio(Studio::Lamps), Overrides::default());
+                show(&subject, &template, user, None, &Monitor::default()).unwrap()
+            });
+            // From the file to the studio.
+            let bounds = UsedVertices::new(&studio.mesh.1).bounds(|p| p);
+            let mut shapes = studio.loaded.scene.shapes.iter();
+            let spec = shapes.find_map(|shape| match &shape.kind {
+                ShapeKind::Trimesh(spec) => Some(spec),
+                _ => None,
+            });
+            let spec = spec.unwrap();
+            let (linear, middle) = placement(spec, bounds);
+            let placed = |p: DVec3| linear * (p - middle) + spec.center;
+            let lamps = [&studio.loaded, &kept.loaded].map(|loaded| {
+                let lights = loaded.scene.lights.iter().map(|light| match &light.kind {
+                    LightKind::Area { corner, edge, height, .. } => {
+                        [*corner, *corner + *edge, *corner + *height]
+                    }
+                    other => panic!("{other:?}"),
+                });
+                lights.collect::<Vec<_>>()
+            });
+            assert_eq!([lamps[0].len(), lamps[1].len()], [2, 2]);
+            for (there, here) in lamps[0].iter().flatten().zip(lamps[1].iter().flatten()) {
+                assert!((placed(*here) - *there).length() < 1e-9, "{rotate:?} {there} {here}");
+            }
+        }
+    }
 
     /// The suns of the studios turn against the mesh.
     #[test]

@@ -54,18 +54,18 @@ pub fn furnish(
     if y_is_up && subject.up.is_none() && subject.rotate.is_none() {
         warnings.extend(points.as_ref().and_then(|points| side_note(subject, points)));
     }
+    warnings.extend(up_note(subject, template, &loaded));
     let Some(points) = points else {
         if template.builtin {
             let studio = load(template, &ours, &Overrides::default())?;
-            let with_lights = (&loaded, &studio.scene.lights[..]);
-            keep_coordinates(subject, &mesh, with_lights, &shape, &mut ours)?;
+            keep_coordinates(subject, &mesh, (&loaded, &studio), &shape, &mut ours)?;
         }
         let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
         return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });
     };
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
-        (None, Some(up)) => Some(("--up", turn(up, main_axis(loaded.scene.camera.up)))),
+        (None, Some(up)) => Some(("--up", turn(up, loaded.scene.camera.up))),
         (None, None) => None,
     };
     if let Some((flag, angles)) = turned {
@@ -292,6 +292,19 @@ fn texture_notes(
         // The world warns of an image that is missing.
         _ => Vec::new(),
     })
+}
+
+/// Returns a warning about a camera whose `up` is not that of the built-in studio, where things
+/// stand on a plane across y, under its lights.
+fn up_note(subject: &Subject, template: &Template, loaded: &Loaded) -> Option<Problem> {
+    let axis = ["x", "y", "z"][main_axis(loaded.scene.camera.up)];
+    if !template.builtin || subject.calibrated || axis == "y" {
+        return None;
+    }
+    let message =
+        format!("found {axis}, but y points up in the studio, with its ground and lights");
+    let help = format!("if {axis} points up in the file: --up {axis}, and no `up`");
+    Some(Problem::new("/camera/up", message).help(help))
 }
 
 /// Returns a warning about a mesh that seems to lie on its side, if y points up in the scene.

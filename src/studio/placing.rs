@@ -40,15 +40,13 @@ pub(super) fn place(
     let (low, high) = (min - radius, max + radius);
     let camera = &loaded.scene.camera;
     let vertical = main_axis(camera.up);
-    let up = camera.up[vertical].signum();
-    let lowest = if up > 0.0 { low } else { high }[vertical];
-    let mut center = spec.center;
+    let mut center = standing(loaded, spec.center, (low, high));
     // Without `fit`, `placement` does not move the centre of the box to zero.
     if spec.fit.is_none() {
+        let height = std::mem::replace(&mut center[vertical], 0.0);
         center -= (low + high) / 2.0;
+        center[vertical] = height;
     }
-    let gap = up * GROUND_GAP * (high - low).max_element();
-    center[vertical] = ground(loaded, vertical).unwrap_or(spec.center[vertical]) + gap - lowest;
     let Some((fov_deg, _)) = camera.perspective() else {
         let message =
             "found a template whose camera cannot be framed, expected a `pinhole` or `thinlens`";
@@ -89,6 +87,18 @@ pub(super) fn place(
     Ok(middle)
 }
 
+/// Returns `center` with the height at which a box around zero, from `low` to `high`, stands on the
+/// ground; without a ground, on the height of `center`.
+pub(super) fn standing(loaded: &Loaded, mut center: DVec3, (low, high): (DVec3, DVec3)) -> DVec3 {
+    let up = loaded.scene.camera.up;
+    let vertical = main_axis(up);
+    let up = up[vertical].signum();
+    let lowest = if up > 0.0 { low } else { high }[vertical];
+    let gap = up * GROUND_GAP * (high - low).max_element();
+    center[vertical] = ground(loaded, vertical).unwrap_or(center[vertical]) + gap - lowest;
+    center
+}
+
 /// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on
 /// the centre of the mesh.
 fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: &mut Overrides) {
@@ -110,12 +120,16 @@ fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: 
     }
 }
 
-/// Returns the height of the plane named `ground`, at its first corner.
+/// Returns the height of the plane named `ground`. `None` if there is none, or if its corners do
+/// not agree: then the camera's `up` is not the direction in which things stand on the plane.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     let named = loaded.scene.shapes.iter();
     let mut planes = named.filter(|shape| shape.name.as_deref() == Some(GROUND));
     planes.find_map(|shape| match &shape.kind {
-        ShapeKind::Plane { corners } => Some(corners[0][vertical]),
+        ShapeKind::Plane { corners } => {
+            let height = corners[0][vertical];
+            corners.iter().all(|corner| corner[vertical] == height).then_some(height)
+        }
         _ => None,
     })
 }

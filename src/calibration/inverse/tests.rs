@@ -58,6 +58,67 @@ fn positions_are_inverted_to_a_billionth_of_a_pixel() {
     }
 }
 
+/// Returns the largest error of the inverse at these positions, in pixels.
+fn worst(inverse: &Inverse, positions: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let error = |raster: [f64; 2]| {
+        let q = inverse.undistorted(raster);
+        let found = inverse.calibration.raster(inverse.distortion.map(q).point);
+        (found[0] - raster[0]).abs().max((found[1] - raster[1]).abs())
+    };
+    positions.map(error).fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
+}
+
+#[test]
+fn the_overscan_is_inverted_as_well_as_the_frame() {
+    let focal = 409.452_750_573_891_25;
+    let calibration =
+        Calibration { focal: [focal; 2], principal: [148.044_662_545_388_6, 120.0], skew: 0.0 };
+    let distortion =
+        radial(Model::Fisheye, [0.004_050_631_976_537_405, -0.007_170_961_785_573_424, 0.0, 0.0]);
+    let inverse = Inverse::new(calibration, distortion, [320, 240]).unwrap();
+    inverse.check_overscan(400).unwrap();
+    let side = |pixels: u32| (0..=pixels / 16).map(|i| f64::from(16 * i) - 400.0);
+    let all = side(1120).flat_map(|x| side(1040).map(move |y| [x, y]));
+    let worst = worst(&inverse, all);
+    assert!(worst < 1e-9, "{worst:e}");
+}
+
+#[test]
+fn corners_near_a_fold_are_inverted_exactly() {
+    let lens = |focal, principal, tangential, model, k: [f64; 2], size: [u32; 2]| {
+        let calibration = Calibration { focal: [focal; 2], principal, skew: 0.0 };
+        let distortion = Distortion { tangential, ..radial(model, [k[0], k[1], 0.0, 0.0]) };
+        Inverse::new(calibration, distortion, size).unwrap()
+    };
+    let inverses = [
+        lens(
+            133.551_222_041_248_7,
+            [65.257_947_663_015_61, 50.448_179_975_441_32],
+            [0.009_617_073_933_606_956, 0.012_544_388_871_754_662],
+            Model::BrownConrady,
+            [-0.247_726_271_155_220_75, 0.011_770_663_434_388_116],
+            [160, 120],
+        ),
+        lens(
+            34.454_240_018_129_35,
+            [33.238_449_099_141, 23.234_385_319_857_77],
+            [0.0; 2],
+            Model::Fisheye,
+            [-0.083_518_024_307_561_68, -0.006_111_040_956_015_321],
+            [64, 48],
+        ),
+    ];
+    for inverse in inverses {
+        // From 1e-6 to 1 pixel from each corner.
+        let steps = || (0..60).map(|i| 10f64.powf(f64::from(i) / 10.0 - 6.0));
+        let near = steps().flat_map(|x| steps().map(move |y| [x, y]));
+        let [w, h] = inverse.end;
+        let all = near.flat_map(|[x, y]| [[x, y], [w - x, y], [x, h - y], [w - x, h - y]]);
+        let worst = worst(&inverse, all);
+        assert!(worst < 1e-9, "{worst:e} {}", inverse.iterations);
+    }
+}
+
 #[test]
 fn derivatives_are_those_of_the_map() {
     for distortion in lenses() {

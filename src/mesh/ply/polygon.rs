@@ -276,26 +276,6 @@ mod tests {
         }
     }
 
-    /// In a thin crescent many corners are blocked by others. With a new search at each of them for
-    /// each ear, the test takes minutes without optimisation.
-    #[test]
-    fn a_thin_crescent_takes_quadratic_time() {
-        let half = 1500;
-        let step = std::f64::consts::PI / (half - 1) as f64;
-        let arc = |radius: f64| {
-            let at = (0..half).map(move |k| (k as f64 * step).sin_cos());
-            at.map(move |(y, x)| [x * radius, y * radius, 0.0])
-        };
-        let mut points: Vec<_> = arc(1.0 - step * step / 4.0).collect();
-        points.reverse();
-        let points: Vec<_> = arc(1.0).chain(points).collect();
-        let mut triangles = Vec::new();
-        let start = std::time::Instant::now();
-        assert!(split(&points, &mut triangles));
-        assert_eq!(triangles.len(), 2 * half - 2);
-        assert!(start.elapsed().as_secs() < 60);
-    }
-
     #[test]
     fn a_huge_concave_polygon_is_refused() {
         let mut points: Vec<[f64; 3]> = (0..MAX_CONCAVE + 2)

@@ -321,6 +321,51 @@ fn a_texture_by_flag_and_notes_without_one() {
 }
 
 #[test]
+fn a_ground_across_another_axis_does_not_move_the_mesh() {
+    let scratch = Scratch::new();
+    scratch.write("cube.ply", &block(2.0, ""));
+    let placed = |flags: &[&str]| {
+        let said = render(&scratch, "cube.ply", flags).good().stderr();
+        let scene: Value = serde_json::from_slice(&scratch.read("s.json")).unwrap();
+        let center = numbers(&scene["scene"]["shapes"][0]["center"]);
+        (center, said.contains("warning: /camera/up: found") && said.contains("--up "))
+    };
+    let write = ["--write-scene", "s.json"];
+    let up = |up: &'static str| ["--set", up, write[0], write[1]];
+    assert_eq!(placed(&write), (vec![0.0, 1.0002, 0.0], false));
+    assert_eq!(placed(&up("/camera/up=[0.1,0,1]")), (vec![0.0, 0.0, 1.0002], true));
+    assert_eq!(placed(&up("/camera/up=[1,0,0]")), (vec![1.0002, 0.0, 0.0], true));
+}
+
+/// The whole scene is turned about the camera's axis, so the picture stays.
+#[test]
+fn a_camera_upside_down_turns_the_mesh_as_well() {
+    let scratch = Scratch::new();
+    // A square of 2 x 2 and a point 3 above it, in z.
+    let pyramid = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+         property float z\nelement face 5\nproperty list uchar int vertex_indices\nend_header\n\
+         -1 -1 0\n1 -1 0\n1 1 0\n-1 1 0\n0.5 -0.5 3\n\
+         4 0 3 2 1\n3 0 1 4\n3 1 2 4\n3 2 3 4\n3 3 0 4\n";
+    scratch.write("pyramid.ply", pyramid);
+    let seen = |up: i32, axis: &str| {
+        let scene = json!({
+            "camera": { "type": "pinhole", "fov": 40, "position": [0, 0, 6], "lookat": [0, 0, -1], "up": [0, up, 0] },
+            "scene": {
+                "lightsources": [{ "type": "pointlight", "position": [0, 0, 9], "id": [1, 1, 1] }],
+                "shapes": [{ "type": "trimesh", "path": "x.ply", "fit": 2, "material": { "kd": 1 } }] } });
+        scratch.write("t.json", &scene.to_string());
+        render(&scratch, "pyramid.ply", &["--template", "t.json", "--up", axis]).good();
+        scratch.floats("o.exr")["G"].clone()
+    };
+    for axis in ["x", "y", "z"] {
+        let pairs = seen(1, axis).into_iter().zip(seen(-1, axis));
+        let different = pairs.filter(|(a, b)| (a - b).abs() > 1e-3 * (a + b)).count();
+        // Rays along an edge may see either side of it.
+        assert!(different < 100, "{axis}: {different}");
+    }
+}
+
+#[test]
 fn a_mesh_on_its_side_gives_a_note() {
     let scratch = Scratch::new();
     scratch.write("tall.ply", &block(6.0, ""));
