@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::tests::{everything, load_value};
 use super::*;
@@ -21,6 +21,23 @@ fn one_long_line_is_parsed_in_linear_time() {
     let start = std::time::Instant::now();
     assert!(Document::parse("s", list.as_bytes()).is_ok());
     assert!(start.elapsed().as_secs() < 5);
+}
+
+#[test]
+fn many_named_materials_are_checked_in_linear_time() {
+    let mut scene = everything();
+    let named = |i: u32| format!("a material with a long name {i:06}");
+    let materials = scene["scene"]["materials"].as_object_mut().unwrap();
+    materials.extend((0..20_000).map(|i| (named(i), json!({ "kd": 0.5 }))));
+    let shapes = scene["scene"]["shapes"].as_array_mut().unwrap();
+    // The other half is unused.
+    shapes.extend((0..10_000).map(|i| {
+        json!({ "type": "sphere", "center": [i, 9, 0], "radius": 0.1, "material": named(2 * i) })
+    }));
+    let start = std::time::Instant::now();
+    let loaded = load_value(&scene, &[]).unwrap();
+    assert!(start.elapsed().as_secs() < 8);
+    assert!(loaded.warnings.len() >= 10_000);
 }
 
 proptest! {
