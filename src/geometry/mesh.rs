@@ -1,8 +1,13 @@
 //! A triangle mesh as the accelerators read it.
 
+use std::sync::OnceLock;
+
 use crate::parallel;
 
 use super::placement::Placement;
+
+/// Number of triangles in a [block](TriangleMesh::blocks).
+pub const BLOCK: usize = 256;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
@@ -18,6 +23,8 @@ pub struct TriangleMesh {
     pub loop_only: bool,
     /// Lowest and highest finite coordinates of all vertices.
     bounds: [[f32; 3]; 2],
+    /// See [`TriangleMesh::blocks`]; made at the first use.
+    pub(super) blocks: OnceLock<Vec<[[f32; 3]; 2]>>,
 }
 
 impl TriangleMesh {
@@ -28,7 +35,8 @@ impl TriangleMesh {
         let bounds = bounds_of(&vertices);
         vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
-        Self { vertices, triangles, stitches: Vec::new(), loop_only, bounds }
+        let (stitches, blocks) = (Vec::new(), OnceLock::new());
+        Self { vertices, triangles, stitches, loop_only, bounds, blocks }
     }
 
     /// Returns a copy of the mesh in the scene.
@@ -69,23 +77,46 @@ impl TriangleMesh {
         self.bounds
     }
 
-    /// Memory of all arrays, in bytes.
+    /// Lowest and highest coordinates of each [`BLOCK`] triangles in order, stitches included. They
+    /// are computed at the first call, in the current rayon pool if there is one.
+    pub fn blocks(&self) -> &[[[f32; 3]; 2]] {
+        let of_block = |block: usize| {
+            let end = self.triangles.len().min((block + 1) * BLOCK);
+            let corners = (block * BLOCK..end).flat_map(|prim| self.corners(prim as u32));
+            corners.fold(NOTHING, |all, corner| union(all, [corner; 2]))
+        };
+        self.blocks.get_or_init(|| {
+            let count = self.triangles.len().div_ceil(BLOCK);
+            // Outside of any pool, parallel code would start rayon's global one.
+            match rayon::current_thread_index() {
+                Some(_) => parallel::values(count, of_block),
+                None => (0..count).map(of_block).collect(),
+            }
+        })
+    }
+
+    /// Memory of all arrays but the small one of the blocks, in bytes.
     pub fn bytes(&self) -> u64 {
         let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
         (size_of_val(&self.vertices[..]) + indices) as u64
     }
 }
 
+/// Bounds around nothing.
+const NOTHING: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+
+/// Returns the bounds of two bounds, without coordinates that are not finite.
+#[inline(always)]
+fn union([low, high]: [[f32; 3]; 2], [a, b]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    let lower = |k: usize| a[k] < low[k] && a[k] > f32::NEG_INFINITY;
+    let higher = |k: usize| b[k] > high[k] && b[k] < f32::INFINITY;
+    let least = std::array::from_fn(|k| if lower(k) { a[k] } else { low[k] });
+    [least, std::array::from_fn(|k| if higher(k) { b[k] } else { high[k] })]
+}
+
 fn bounds_of(vertices: &[[f32; 3]]) -> [[f32; 3]; 2] {
-    let none = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-    let union = |[low, high]: [[f32; 3]; 2], [a, b]: [[f32; 3]; 2]| {
-        let lower = |k: usize| a[k] < low[k] && a[k] > f32::NEG_INFINITY;
-        let higher = |k: usize| b[k] > high[k] && b[k] < f32::INFINITY;
-        let least = std::array::from_fn(|k| if lower(k) { a[k] } else { low[k] });
-        [least, std::array::from_fn(|k| if higher(k) { b[k] } else { high[k] })]
-    };
-    let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(none, |all, &v| union(all, [v; 2]));
-    parallel::map(vertices.chunks(1 << 16), of_chunk).into_iter().fold(none, union)
+    let of_chunk = |chunk: &[[f32; 3]]| chunk.iter().fold(NOTHING, |all, &v| union(all, [v; 2]));
+    parallel::map(vertices.chunks(1 << 16), of_chunk).into_iter().fold(NOTHING, union)
 }
 
 #[cfg(test)]
@@ -100,6 +131,21 @@ mod tests {
         assert_eq!(mesh.bounds(), [[-4.0, -2.0, -6.0], [1.0, 7.0, 3.0]]);
         let nothing = TriangleMesh::new(vec![], vec![], false).bounds();
         assert_eq!(nothing, [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+    }
+
+    #[test]
+    fn blocks_are_around_their_triangles() {
+        let at = |i: usize| [i as f32, -(i as f32), 0.5];
+        let vertices = (0..3 * BLOCK).map(at).collect();
+        let triangles = (0..BLOCK as u32 + 2).map(|i| [i, i + 1, i + 2]).collect();
+        let mesh = TriangleMesh::new(vertices, triangles, false);
+        let last = BLOCK as f32;
+        let around = |low: f32, high: f32| [[low, -high, 0.5], [high, -low, 0.5]];
+        assert_eq!(mesh.blocks(), [around(0.0, last + 1.0), around(last, last + 3.0)]);
+        // A stitch comes into the last block.
+        let mesh = mesh.with_stitches(&[[0, 2, 1]]);
+        assert_eq!(mesh.blocks()[mesh.blocks().len() - 1][0][0], 0.0);
+        assert!(TriangleMesh::default().blocks().is_empty());
     }
 
     #[test]

@@ -4,6 +4,8 @@
 //! The light from a drawn light is divided by its probability and by the number of draws. So the
 //! expected value of the sum is the light from all lights in the tree.
 
+use glam::Vec3;
+
 use super::camera_packet::CameraPacket;
 use super::record::Record;
 use super::render_context::RayCounts;
@@ -147,7 +149,9 @@ impl<'a> WhittedIntegrator<'a> {
             }
             let mut weight = draws.weight[i];
             if area.is_none() {
-                weight *= emission(draws.emitter(world, i), &rays.dir, i);
+                // From the point itself: the ray may start at a lifted origin.
+                let to_light = lane(&draws.q, i) - lane(&points.position, i);
+                weight *= emission(draws.emitter(world, i), to_light);
             }
             weights.diffuse[i] *= weight;
             weights.specular[i] *= weight;
@@ -203,14 +207,13 @@ impl<'a> WhittedIntegrator<'a> {
     }
 }
 
-/// Relative emission of a light against the direction of ray `i`: the cosine for a one-sided
-/// emitter, else 1.
+/// Relative emission of a light towards a point from which it lies in the direction `to_light`: the
+/// cosine for a one-sided emitter, else 1.
 #[inline(always)]
-fn emission(emitter: &Emitter, direction: &Lanes3, i: usize) -> f32 {
+fn emission(emitter: &Emitter, to_light: Vec3) -> f32 {
     match emitter {
         Emitter::Area(Area { normal: Some(normal), .. }) => {
-            let direction = lane(direction, i);
-            (-direction.dot(*normal) * (1.0 / direction.dot(direction).sqrt())).max(0.0)
+            (-to_light.dot(*normal) * (1.0 / to_light.dot(to_light).sqrt())).max(0.0)
         }
         _ => 1.0,
     }

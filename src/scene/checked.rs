@@ -87,22 +87,27 @@ impl Scene {
     }
 
     /// Returns true if adaptive shadows can skip any shadow ray. This needs an area light, sun or
-    /// environment without image that has more points than are always traced.
+    /// environment without image that has more points than are always traced. An area light that
+    /// is drawn has one, except under a shadow catcher.
     pub fn can_skip_shadow_rays(&self) -> bool {
         self.can_skip_shadow_rays_with(None)
     }
 
     /// [`Scene::can_skip_shadow_rays`] if every such light has `points` points.
     pub fn can_skip_shadow_rays_with(&self, points: Option<u32>) -> bool {
-        let spares = |light: &CheckedLight| match light.kind {
-            LightKind::Area { samples, .. }
-            | LightKind::Sun { samples, .. }
-            | LightKind::Environment { samples, map: None } => {
-                light.kind.has_extent() && points.unwrap_or(samples) > FIRST_SHADOW_POINTS
-            }
-            LightKind::Point { .. } | LightKind::Environment { map: Some(_), .. } => false,
+        let many = |kind: &LightKind| {
+            kind.has_extent() && points.unwrap_or(kind.samples()) > FIRST_SHADOW_POINTS
         };
-        self.adaptive_shadows && self.lights.iter().any(spares)
+        let spares = |kind: &LightKind| {
+            let is_image = matches!(kind, LightKind::Environment { map: Some(_), .. });
+            many(kind) && !is_image && !self.has_one_point(kind)
+        };
+        self.adaptive_shadows && self.lights.iter().any(|light| spares(&light.kind))
+    }
+
+    /// Returns true for a light that shading points draw, and of it one point, everywhere.
+    pub fn has_one_point(&self, kind: &LightKind) -> bool {
+        matches!(kind, LightKind::Area { .. }) && self.draws_lights() && !self.has_catchers()
     }
 
     /// Number of point and area lights: those that `emitter_samples` draws from.
@@ -122,9 +127,7 @@ impl Scene {
     /// Returns true if the `samples` of any light have an effect. Lights that shading points draw
     /// have one point each, except under a shadow catcher.
     pub fn uses_light_samples(&self) -> bool {
-        let draws = self.draws_lights();
-        let drawn = |kind: &LightKind| matches!(kind, LightKind::Area { .. }) && draws;
-        let ignored = |kind: &LightKind| drawn(kind) && !self.has_catchers();
+        let ignored = |kind: &LightKind| self.has_one_point(kind);
         self.lights.iter().any(|light| light.kind.has_extent() && !ignored(&light.kind))
     }
 
@@ -283,6 +286,16 @@ impl LightKind {
             Self::Point { .. } => false,
             Self::Sun { angle_deg, .. } => *angle_deg > 0.0,
             Self::Area { .. } | Self::Environment { .. } => true,
+        }
+    }
+
+    /// Number of points or directions per shading point; 1 for a point light.
+    pub fn samples(&self) -> u32 {
+        match *self {
+            Self::Point { .. } => 1,
+            Self::Area { samples, .. }
+            | Self::Sun { samples, .. }
+            | Self::Environment { samples, .. } => samples,
         }
     }
 }

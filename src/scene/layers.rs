@@ -1,5 +1,7 @@
 //! Layers of the EXR and their names in `output.layers`, and the light groups of a scene.
 
+use std::collections::HashMap;
+
 use crate::nearest::nearest;
 
 /// A layer of the EXR in addition to the beauty.
@@ -108,6 +110,7 @@ impl LightGroups {
         let mut groups = Self::default();
         let mut sources: Vec<(bool, &str)> = Vec::new();
         let mut collisions = Vec::new();
+        let mut indices: HashMap<String, usize> = HashMap::new();
         for (i, called) in lights.into_iter().enumerate() {
             let source = match called {
                 (Some(group), _) => (true, group),
@@ -118,13 +121,14 @@ impl LightGroups {
                 "" => (i + 1).to_string(),
                 text => label(text),
             };
-            let known = groups.names.iter().position(|name| *name == label);
+            let known = indices.get(&label).copied();
             let same = known.is_some_and(|k| source.0 && sources[k] == source);
             if matches!(label.as_str(), "ambient" | "background") || known.is_some() && !same {
                 collisions.push((i, label.clone()));
             }
             groups.of.push(known.unwrap_or(groups.names.len()));
             if known.is_none() {
+                indices.insert(label.clone(), groups.names.len());
                 groups.names.push(label);
                 sources.push(source);
             }

@@ -164,6 +164,8 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     let kind = if bad_overrides.is_empty() { problems.kind() } else { ErrorKind::Invalid };
     let (mut errors, warnings) = problems.finish();
     errors.extend(bad_overrides);
+    // A large scene needs its memory for the hash.
+    drop(document);
     match checked {
         Some((description, scene)) if errors.is_empty() => {
             Ok(Loaded { scene, hash: description.hash(), description, warnings })

@@ -10,7 +10,8 @@ use super::node::{JsonNode, JsonPlace, Member, NodeKind};
 
 /// Maximum nesting of arrays and objects. A scene needs 6 levels.
 pub const MAX_DEPTH: usize = 64;
-/// Maximum number of values in a text. A value takes some 90 bytes of memory.
+/// Maximum number of values in a text. A value takes some 90 bytes of memory in the tree, and up to
+/// 1 kB until the scene is checked and hashed.
 const MAX_VALUES: usize = 1 << 25;
 
 /// A syntax error: why a text is not JSON, and where.

@@ -64,6 +64,17 @@ impl<'a> Problems<'a> {
     /// Adds a warning about the value at `pointer`.
     pub fn warn(&mut self, pointer: &str, message: impl Into<String>, help: Option<String>) {
         let place = &self.document.nearest(pointer).place;
+        self.warn_at(place, pointer, message, help);
+    }
+
+    /// [`Problems::warn`] at the `place` of that value, which is not searched for.
+    pub fn warn_at(
+        &mut self,
+        place: &JsonPlace,
+        pointer: &str,
+        message: impl Into<String>,
+        help: Option<String>,
+    ) {
         let at = self.document.describe(place, pointer);
         let problem = Problem { help, ..Problem::new(at, message) };
         self.warnings.push((place.order(), problem));

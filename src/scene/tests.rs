@@ -384,6 +384,15 @@ fn light_groups_are_named_by_group_then_name_then_number() {
 }
 
 #[test]
+fn many_lights_have_groups_in_linear_time() {
+    let start = std::time::Instant::now();
+    let (groups, collisions) = LightGroups::new((0..100_000).map(|_| (None, None)));
+    assert!(start.elapsed().as_secs() < 4);
+    assert_eq!((groups.of[99_999], &*groups.names[99_999]), (99_999, "100000"));
+    assert!(collisions.is_empty());
+}
+
+#[test]
 fn light_groups_that_would_share_a_layer_collide() {
     assert_eq!(groups(&[(Some("a b"), None), (Some("a_b"), None)]).1, [1]);
     assert_eq!(groups(&[(None, Some("x")), (None, Some("x"))]).1, [1]);
@@ -399,5 +408,45 @@ fn a_sun_without_size_spares_no_shadow_rays() {
         let sun = format!("/scene/lightsources={sun}");
         let scene = load_value(&minimal(), &["/adaptiveshadows=true", &sun]).unwrap().scene;
         assert_eq!(scene.can_skip_shadow_rays_with(Some(16)), spares);
+    }
+}
+
+/// Returns the warnings about adaptive shadows under `lights`.
+fn warnings_of_adaptive_shadows(lights: &Value, set: &[&str]) -> Vec<String> {
+    let lights = format!("/scene/lightsources={lights}");
+    let set = [set, &[&lights, "/adaptiveshadows=true"]].concat();
+    let warnings = load_value(&everything(), &set).unwrap().warnings;
+    let texts = warnings.iter().map(|warning| warning.to_string());
+    texts.filter(|text| text.contains("adaptiveshadows")).collect()
+}
+
+#[test]
+fn a_warning_says_why_adaptive_shadows_skip_no_ray() {
+    let area = json!({ "type": "arealight", "v0": [0, 0, 9], "v1": [1, 0, 9], "v2": [0, 1, 9],
+                       "id": [1, 1, 1], "samples": 32 });
+    let image = json!({ "type": "environment", "image": "a.png", "samples": 32 });
+    let sun = json!({ "type": "sun", "direction": [0, 0, -1], "id": [1, 1, 1], "samples": 32 });
+    let surface = "/scene/shapes/1/shadow_catcher=false";
+    let draws = ["/emittersamples=1", surface];
+    let says = |lights: Value, set: &[&str], expected: &str| {
+        let found = warnings_of_adaptive_shadows(&lights, set);
+        assert!(found.len() == 1 && found[0].contains(expected), "{found:?}");
+    };
+    says(json!([]), &[], "no area light has more than 4 `samples`; every shadow ray is traced");
+    says(json!([image]), &[], "only lights with an `image` have more than 4 `samples`");
+    let drawn = "`emittersamples` takes one point of each area light that it draws";
+    says(json!([area, area]), &draws, drawn);
+    says(json!([image, area, area]), &draws, drawn);
+    let silent: [(Value, &[&str]); 5] = [
+        (json!([area, area]), &[surface]),
+        (json!([area, image]), &[]),
+        // All are used.
+        (json!([area]), &draws),
+        (json!([area, area, sun]), &draws),
+        // Shadow catchers gather all lights.
+        (json!([area, area]), &["/emittersamples=1"]),
+    ];
+    for (lights, set) in silent {
+        assert_eq!(warnings_of_adaptive_shadows(&lights, set), [""; 0], "{lights} {set:?}");
     }
 }

@@ -1,5 +1,7 @@
 //! Writes a [`SceneDescription`] as JSON that is easy to read: no defaults, vectors on one line.
 
+use std::io::BufWriter;
+
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
@@ -9,7 +11,15 @@ use super::schema::{of_camera, schema, without_defaults};
 impl SceneDescription {
     /// Returns the SHA-256 (hexadecimal) of the canonical JSON.
     pub fn hash(&self) -> String {
-        format!("{:x}", Sha256::digest(self.to_json().to_string()))
+        format!("{:x}", self.digest().finalize())
+    }
+
+    /// [`SceneDescription::hash`] before its end, so that more can follow.
+    pub(crate) fn digest(&self) -> Sha256 {
+        let mut all = BufWriter::with_capacity(1 << 16, Sha256::new());
+        // A hash takes all bytes, and all keys are strings.
+        let _ = serde_json::to_writer(&mut all, &self.to_json());
+        all.into_inner().unwrap_or_default()
     }
 
     /// Returns the canonical JSON. Values that equal their default are omitted, whole numbers are

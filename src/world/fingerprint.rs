@@ -1,7 +1,7 @@
 //! One hash of everything that decides the pixels of a picture. Of files only the contents count,
 //! not names and folders. One exception: mattes of a mesh without a name are named after its file.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -118,12 +118,14 @@ pub fn fingerprint(
         (description.output.aodistance, description.output.aosamples) = (aodistance, aosamples);
     }
 
-    let used: BTreeSet<usize> = scene.shapes.iter().map(|shape| shape.material).collect();
-    let used = || used.iter().map(|&index| &scene.materials[index]);
-    description.scene.materials.retain(|key, _| used().any(|m| m.name.as_ref() == Some(key)));
+    let used = scene.shapes.iter().filter_map(|shape| {
+        let material = &scene.materials[shape.material];
+        Some((material.name.as_deref()?, material))
+    });
+    let used: HashMap<&str, &CheckedMaterial> = used.collect();
+    description.scene.materials.retain(|key, _| used.contains_key(key.as_str()));
     for (key, material) in &mut description.scene.materials {
-        let checked = used().find(|m| m.name.as_ref() == Some(key));
-        if !replace_texture(material, checked, contents)? {
+        if !replace_texture(material, used.get(key.as_str()).copied(), contents)? {
             return Ok(None);
         }
     }
@@ -157,8 +159,7 @@ pub fn fingerprint(
             light.image = Some(Name(hash));
         }
     }
-    let mut hash = Sha256::new();
-    hash.update(description.to_json().to_string());
+    let mut hash = description.digest();
     hash.update([u8::from(repair)]);
     Ok(Some(format!("{:x}", hash.finalize())))
 }

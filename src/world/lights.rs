@@ -118,15 +118,26 @@ pub(super) fn visible_environments(scene: &Scene, maps: &Maps) -> Vec<VisibleEnv
     seen.collect()
 }
 
-/// Returns the light relative to the geometry's origin, in f32.
-pub(super) fn recentre(light: &scene::CheckedLight, geometry: &Geometry, maps: &Maps) -> Light {
+/// Returns the light relative to the geometry's origin, in f32. `known`: the same light in another
+/// frame of the same geometry. If it has the same place, the shapes are not searched again.
+pub(super) fn recentre(
+    light: &scene::CheckedLight,
+    geometry: &Geometry,
+    maps: &Maps,
+    known: Option<&Light>,
+) -> Light {
     let origin = geometry.origin;
     let emitter = match &light.kind {
         LightKind::Point { position } => Emitter::Point((*position - origin).as_vec3()),
         LightKind::Area { corner, edge, height, samples, lambertian } => {
             let corner = (*corner - origin).as_vec3();
             let mut area = Area::new(corner, *edge, *height, *lambertian, *samples);
-            area.set_plane_gap(geometry);
+            match known.map(|light| &light.emitter) {
+                Some(Emitter::Area(known)) if known.has_place_of(&area) => {
+                    area.plane_gap = known.plane_gap;
+                }
+                _ => area.set_plane_gap(geometry),
+            }
             Emitter::Area(area)
         }
         LightKind::Sun { towards, angle_deg, samples } => {

@@ -238,21 +238,25 @@ impl World {
             .zip(&geometry.meshes)
             .filter_map(|(suspect, mesh)| suspect.as_ref()?.settle(mesh));
         log.warnings.extend(settled);
-        let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), chosen, scene);
+        let lights = scene.lights.iter().map(|light| {
+            monitor.check()?;
+            Ok(recentre(light, &geometry, &maps, None))
+        });
+        let lights = lights.collect::<Result<_>>()?;
+        let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), lights, chosen, scene);
         let world = Self { resolutions, views, read: log.read, legend, ..world };
         Ok((world, log.warnings))
     }
 
-    /// Makes the world of a scene whose geometry, shapes and maps are loaded.
+    /// Makes the world of a scene whose geometry, shapes, maps and lights are loaded.
     fn over(
         (geometry, shapes, maps): (Arc<Geometry>, Arc<Shapes>, Maps),
+        lights: Vec<Light>,
         chosen: Origin,
         scene: &Scene,
     ) -> Self {
         let origin = chosen.position;
         let [right, up, forward] = camera::axes(&scene.camera);
-        let lights: Vec<Light> =
-            scene.lights.iter().map(|light| recentre(light, &geometry, &maps)).collect();
         let tree = |samples| LightTree::new(&lights, samples, scene.falloff);
         Self {
             shapes,
@@ -289,7 +293,10 @@ impl World {
     /// not differ from the loaded scene in shapes, materials or images.
     pub fn frame_of(&self, scene: &Scene) -> Self {
         let shared = (Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.maps.clone());
-        Self::over(shared, self.origin, scene)
+        let lights = scene.lights.iter().enumerate().map(|(index, light)| {
+            recentre(light, &self.geometry, &self.maps, self.lights.get(index))
+        });
+        Self::over(shared, lights.collect(), self.origin, scene)
     }
 
     /// Returns the world with `overscan` pixels of overscan on every side of the camera's frame.

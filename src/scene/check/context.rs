@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 
 use crate::scene::description::Name;
 use crate::scene::document::Document;
-use crate::scene::node::NodeKind;
+use crate::scene::node::{JsonNode, NodeKind};
 use crate::scene::problems::Problems;
 
 /// Maximum length of a name in characters. Layer names in EXR headers hold 255 bytes, including
@@ -28,13 +28,17 @@ impl Check<'_, '_> {
     /// Returns the value at `pointer`. `None` if it is absent, or if it or a value below it has
     /// structural errors.
     pub fn part<T: DeserializeOwned>(&mut self, pointer: &str) -> Option<T> {
+        self.part_at(pointer, self.document.get(pointer)?)
+    }
+
+    /// [`Check::part`] of the `node` at `pointer`, which is not searched for.
+    pub fn part_at<T: DeserializeOwned>(&mut self, pointer: &str, node: &JsonNode) -> Option<T> {
         let below = format!("{pointer}/");
         let next = self.broken.range(below.clone()..).next();
         if self.broken.contains(pointer) || next.is_some_and(|p| p.starts_with(&below)) {
             return None;
         }
-        let value = self.document.get(pointer)?.to_value();
-        match serde_json::from_value(value) {
+        match serde_json::from_value(node.to_value()) {
             Ok(part) => Some(part),
             Err(error) => {
                 // Not expected: the schema is generated from the types.

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use crate::nearest::{did_you_mean, list};
 use crate::scene::checked::{CheckedMaterial, TextureLookup, TextureUse};
 use crate::scene::description::{MaterialDescription, MaterialUse};
-use crate::scene::document::join;
+use crate::scene::document::{Document, join};
 use crate::scene::expected::quoted;
-use crate::scene::node::NodeKind;
+use crate::scene::node::{JsonNode, Member, NodeKind};
 
 use super::context::Check;
 
@@ -28,16 +28,11 @@ impl Check<'_, '_> {
     /// Checks `/scene/materials` and makes the named materials.
     pub(super) fn named_materials(&mut self) -> Materials {
         let mut materials = Materials { all: Vec::new(), names: BTreeMap::new() };
-        let document = self.document;
-        let Some(NodeKind::Object(members)) = document.get("/scene/materials").map(|n| &n.kind)
-        else {
-            return materials;
-        };
-        for member in members.iter().filter(|m| m.key != "comment") {
+        for member in named(self.document) {
             let pointer = join("/scene/materials", &member.key);
             // An invalid material keeps its name. Otherwise every use of it would be an error too.
-            let written = self.part(&pointer).unwrap_or_default();
-            let material = self.material(&pointer, Some(&member.key), &written);
+            let written = self.part_at(&pointer, &member.value).unwrap_or_default();
+            let material = self.material((&pointer, &member.value), Some(&member.key), &written);
             materials.names.insert(member.key.clone(), (materials.all.len(), false));
             materials.all.push(material);
         }
@@ -46,10 +41,10 @@ impl Check<'_, '_> {
 
     /// Warns about materials that no shape uses.
     pub(super) fn unused(&mut self, materials: &Materials) {
-        for (name, (_, used)) in &materials.names {
-            if !used {
-                let message = unused_material(name);
-                self.problems.warn(&join("/scene/materials", name), message, None);
+        for Member { key, value, .. } in named(self.document) {
+            if materials.names.get(key).is_some_and(|(_, used)| !used) {
+                let pointer = join("/scene/materials", key);
+                self.problems.warn_at(&value.place, &pointer, unused_material(key), None);
             }
         }
     }
@@ -58,9 +53,10 @@ impl Check<'_, '_> {
     /// error.
     pub(super) fn material_of(&mut self, shape: &str, materials: &mut Materials) -> Option<usize> {
         let pointer = format!("{shape}/material");
-        match self.part::<MaterialUse>(&pointer)? {
+        let node = self.document.get(&pointer)?;
+        match self.part_at::<MaterialUse>(&pointer, node)? {
             MaterialUse::Inline(material) => {
-                let material = self.material(&pointer, None, &material);
+                let material = self.material((&pointer, node), None, &material);
                 materials.all.push(material);
                 Some(materials.all.len() - 1)
             }
@@ -84,16 +80,18 @@ impl Check<'_, '_> {
         }
     }
 
+    /// Makes the material at `pointer`, which `node` holds. A search for the pointer would compare
+    /// the names of all materials.
     fn material(
         &mut self,
-        pointer: &str,
+        (pointer, node): (&str, &JsonNode),
         name: Option<&String>,
         written: &MaterialDescription,
     ) -> CheckedMaterial {
-        let has = |key: &str| self.document.get(&format!("{pointer}/{key}")).is_some();
-        if has("specularexponent") && !has("ks") {
+        if let (Some(exponent), None) = (node.member("specularexponent"), node.member("ks")) {
             let message = "found `specularexponent` without `ks`; it has no effect";
-            self.problems.warn(&format!("{pointer}/specularexponent"), message, None);
+            let at = format!("{pointer}/specularexponent");
+            self.problems.warn_at(&exponent.place, &at, message, None);
         }
         CheckedMaterial {
             name: name.cloned(),
@@ -103,31 +101,42 @@ impl Check<'_, '_> {
             kr: written.kr as f32,
             specular_exponent: written.specularexponent as f32,
             diffuse_color: written.diffusecolor.vec(),
-            texture: self.texture(pointer, written),
-            lookup: self.lookup(pointer, written),
+            texture: self.texture((pointer, node), written),
+            lookup: self.lookup((pointer, node), written),
         }
     }
 
-    fn texture(&mut self, pointer: &str, written: &MaterialDescription) -> Option<TextureUse> {
+    fn texture(
+        &mut self,
+        (pointer, node): (&str, &JsonNode),
+        written: &MaterialDescription,
+    ) -> Option<TextureUse> {
         let Some(name) = &written.texture_path else {
-            self.sizes_without_path(pointer);
+            self.sizes_without_path((pointer, node));
             return None;
         };
-        let place = format!("{pointer}/tPath");
-        let path = self.file(&place, &name.0, "an image");
+        let at = format!("{pointer}/tPath");
+        let path = self.file(&at, &name.0, "an image");
+        let place = &node.member("tPath").unwrap_or(node).place;
         Some(TextureUse {
-            place: self.document.place(&place),
+            place: self.document.describe(place, &at),
             path,
             declared_size: [written.texture_width, written.texture_height],
         })
     }
 
-    fn lookup(&self, pointer: &str, written: &MaterialDescription) -> TextureLookup {
+    fn lookup(
+        &self,
+        (pointer, node): (&str, &JsonNode),
+        written: &MaterialDescription,
+    ) -> TextureLookup {
+        let place = |key: &'static str| {
+            let place = &node.member(key)?.place;
+            Some((key, self.document.describe(place, &format!("{pointer}/{key}"))))
+        };
         let keys = ["filter", "wrap", "colorspace", "tScale"];
-        let pointers = keys.map(|key| (key, format!("{pointer}/{key}"))).into_iter();
-        let has = pointers.filter(|(_, at)| self.document.get(at).is_some());
         TextureLookup {
-            places: has.map(|(key, at)| (key, self.document.place(&at))).collect(),
+            places: keys.into_iter().filter_map(place).collect(),
             filter: written.filter,
             wrap: written.wrap,
             color_space: written.colorspace,
@@ -135,13 +144,21 @@ impl Check<'_, '_> {
         }
     }
 
-    fn sizes_without_path(&mut self, pointer: &str) {
+    fn sizes_without_path(&mut self, (pointer, node): (&str, &JsonNode)) {
         for key in ["tWidth", "tHeight"] {
-            let at = format!("{pointer}/{key}");
-            if self.document.get(&at).is_some() {
+            if let Some(size) = node.member(key) {
                 let message = format!("found `{key}` without `tPath`; it has no effect");
-                self.problems.warn(&at, message, None);
+                self.problems.warn_at(&size.place, &format!("{pointer}/{key}"), message, None);
             }
         }
     }
+}
+
+/// Returns the materials of the scene that have a name.
+fn named(document: &Document) -> impl Iterator<Item = &Member> {
+    let members = match document.get("/scene/materials").map(|node| &node.kind) {
+        Some(NodeKind::Object(members)) => &members[..],
+        _ => &[],
+    };
+    members.iter().filter(|member| member.key != "comment")
 }

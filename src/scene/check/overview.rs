@@ -93,10 +93,8 @@ impl Check<'_, '_> {
             self.problems.warn("/emittersamples", message, None);
         }
         if scene.adaptive_shadows && !scene.can_skip_shadow_rays() {
-            let message = format!(
-                "found true, but no area light has more than {FIRST_SHADOW_POINTS} `samples`; every shadow ray is traced"
-            );
-            let help = "give lights more `samples`, or leave it out";
+            let (reason, help) = why_none_is_skipped(scene);
+            let message = format!("found true, but {reason}; every shadow ray is traced");
             self.problems.warn("/adaptiveshadows", message, Some(help.into()));
         }
         self.warn_about_another_up(scene);
@@ -129,6 +127,24 @@ impl Check<'_, '_> {
                 self.problems.warn(&pointer, message, Some(help.into()));
             }
         }
+    }
+}
+
+/// Returns why adaptive shadows cannot skip a ray, and what helps.
+fn why_none_is_skipped(scene: &Scene) -> (String, &'static str) {
+    let lights = scene.lights.iter().map(|light| &light.kind);
+    let is_many = |kind: &&LightKind| kind.has_extent() && kind.samples() > FIRST_SHADOW_POINTS;
+    let many: Vec<&LightKind> = lights.filter(is_many).collect();
+    if many.is_empty() {
+        let reason = format!("no area light has more than {FIRST_SHADOW_POINTS} `samples`");
+        (reason, "give lights more `samples`, or leave it out")
+    } else if many.into_iter().any(|kind| scene.has_one_point(kind)) {
+        let reason = "`emittersamples` takes one point of each area light that it draws";
+        (reason.into(), "leave out one of the two")
+    } else {
+        let reason = "only lights with an `image` have more than";
+        let help = "it does not apply to images: leave it out";
+        (format!("{reason} {FIRST_SHADOW_POINTS} `samples`"), help)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::support::backends::on_both;
 const SIZE: usize = 64;
 
 /// A coarse ball. The normals of its corners are the axes.
-const OCTAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\n\
+pub const OCTAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\n\
     property float y\nproperty float z\nelement face 8\nproperty list uchar int vertex_indices\n\
     end_header\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n\
     3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";

@@ -3,6 +3,8 @@
 use lightpath::LoadedScene;
 use serde_json::{Value, json};
 
+use super::lifted_origins::OCTAHEDRON;
+
 /// A room with a glossy ball and a mirror: point lights, lamps that shine to one side or to both,
 /// panels in the ceiling, and a sun.
 fn room(falloff: &str) -> Value {
@@ -88,6 +90,30 @@ fn drawn_lights_have_the_mean_of_all_lights() {
             assert!(all[last][1] < 0.01 * all[last][0] && drawn[last][1] < 0.02 * drawn[last][0]);
         }
     }
+}
+
+/// Shadow rays from a coarse smooth mesh start outside of it, nearer to the lights. The light that
+/// the lamps emit towards the mesh is that towards the mesh itself.
+#[test]
+fn drawn_lamps_near_a_coarse_smooth_mesh_have_the_mean_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("octahedron.ply");
+    std::fs::write(&path, OCTAHEDRON).unwrap();
+    let lamp = |x: f64, y: f64| {
+        json!({ "type": "arealight", "v0": [x, y, 0.8], "v1": [x, y + 0.1, 0.8],
+                "v2": [x + 0.1, y, 0.8], "id": [1, 1, 1], "emission": "lambertian" })
+    };
+    let scene = json!({
+        "spp": 64,
+        "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 15,
+                    "position": [4, 4, 4], "target": [0.33, 0.33, 0.33], "up": [0, 0, 1] },
+        "scene": { "lightsources": [lamp(0.0, 0.5), lamp(0.5, 0.0), lamp(0.5, 0.5)], "shapes": [
+            { "type": "trimesh", "path": path, "smooth": true, "material": {} } ] }
+    });
+    let (all, drawn) = (means(&scene, &[]), means(&scene, &["/emittersamples=1"]));
+    let ([a, a_error], [b, b_error]) = (all[all.len() - 1], drawn[drawn.len() - 1]);
+    assert!((a - b).abs() < 3.0 * a_error.hypot(b_error) + 1e-5 * a, "{a} {b} {b_error}");
+    assert!(a > 0.01 && b_error < 0.005 * b, "{a} {b} {b_error}");
 }
 
 /// Lights of negative colour take light away. Some have only one channel below 0.
