@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::tests::{everything, load_value};
 use super::*;
 use crate::error::Result;
-use crate::world::{ContentHashes, fingerprint};
 
 /// Loads a text with a folder that does not exist.
 fn load_bytes(bytes: &[u8]) -> Result<Loaded> {
@@ -22,31 +21,6 @@ fn one_long_line_is_parsed_in_linear_time() {
     let start = std::time::Instant::now();
     assert!(Document::parse("s", list.as_bytes()).is_ok());
     assert!(start.elapsed().as_secs() < 5);
-}
-
-/// Processor time of this thread in seconds, which other programs do not lengthen. Always 0 where
-/// the system does not tell it.
-fn processor_s() -> f64 {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let nanoseconds = told.split(' ').next().and_then(|text| text.parse::<f64>().ok());
-    nanoseconds.unwrap_or(0.0) / 1e9
-}
-
-#[test]
-fn many_named_materials_are_checked_in_linear_time() {
-    let mut scene = everything();
-    let named = |i: u32| format!("a material with a long name {i:06}");
-    let material = |i: u32| (named(i), json!({ "kd": 0.5 }));
-    scene["scene"]["materials"] =
-        (0..20_000).map(material).collect::<serde_json::Map<_, _>>().into();
-    // The other half is unused.
-    let ball = |i: u32| json!({ "type": "sphere", "center": [i, 9, 0], "radius": 0.1, "material": named(2 * i) });
-    scene["scene"]["shapes"] = (0..10_000).map(ball).collect();
-    let start = processor_s();
-    let loaded = load_value(&scene, &[]).unwrap();
-    let hash = fingerprint(&loaded, false, &mut ContentHashes::default()).unwrap();
-    assert!(processor_s() - start < 8.0);
-    assert!(loaded.warnings.len() >= 10_000 && hash.is_some());
 }
 
 proptest! {

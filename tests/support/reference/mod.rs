@@ -5,4 +5,5 @@ pub mod assets;
 pub mod compare;
 pub mod program;
 
+#[allow(unused_imports)] // each test program uses its own part of this crate
 pub use lightpath_reference::{Density, Picture, render, scene};
