@@ -282,7 +282,7 @@ fn measure_hits(
         let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
         if scale <= f64::from(f32::MAX) {
-            counts.worst_relative = worse(counts.worst_relative, relative);
+            counts.measure_point(relative);
         }
         if geometry.mesh(exact.geom).is_some() {
             let error = worse((surfaces.u[i] - exact.u).abs(), (surfaces.v[i] - exact.v).abs());

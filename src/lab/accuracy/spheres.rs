@@ -193,7 +193,7 @@ fn judge(
                 let way = (ray.direction * exact).length();
                 let scale = point.abs().max_element().max(way);
                 let relative = (refined - point).abs().max_element() / scale;
-                counts.worst_relative = counts.worst_relative.max(relative);
+                counts.measure_point(relative);
             }
             (Some(exact), true) => {
                 let off = (ray.tfar - exact).abs() * ray.direction.length();

@@ -8,7 +8,7 @@ use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind, worse};
 use super::judge::{AimedPacket, Expect, judge_packet};
-use super::meshes::{corners, icosphere, inside, scene};
+use super::meshes::{corners, geometry, icosphere, inside, scene};
 use super::{AccuracySettings, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
@@ -95,6 +95,33 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     assert_eq!(many.unwrap(), "1000 of 1000000 hits have t more than 2 ulp off");
     let weight = says(CaseCounts { worst_weight: worse(0.0, f64::NAN), ..none() });
     assert!(weight.unwrap().starts_with("a weight is off by inf"));
+}
+
+/// t is right, and the reported place lies on the quad's other half: refinement ends at its diagonal.
+#[test]
+fn a_refined_point_off_the_hit_does_not_meet_a_mark() {
+    let quad = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0f32]];
+    let geometry = geometry(vec![], vec![quad], vec![]);
+    let monitor = Monitor::default();
+    let tested = [TestedBackend::new("brute", Backend::Brute)];
+    let within = oracle(&geometry, &monitor).unwrap();
+    for (fault, passes) in [(BackendFault::None, true), (BackendFault::OtherHalf, false)] {
+        let faulty: Box<dyn Accelerator> = Box::new(Faulty(&within, fault));
+        let (tested, oracle) = (&tested[..], oracle(&geometry, &monitor).unwrap());
+        let built =
+            CaseBackends { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
+        let mut random = Random::new(1, 0);
+        let aimed = AimedPacket::each(Expect::Oracle, |aimed, i| {
+            let goal = DVec3::new(random.within(0.0, 4.0), random.within(0.0, 4.0), 0.0);
+            aimed.through(i, goal + DVec3::new(1.0, 0.5, 3.0), goal);
+        });
+        let counts = &judge_packet(&built, &aimed, 0, true, true)[0];
+        assert_eq!((counts.failed(), counts.beyond_2), (0, 0));
+        for criterion in [PassCriterion::Exact, PassCriterion::Coarse(0.01, "why")] {
+            let missed = criterion.missed(counts);
+            assert_eq!(missed.is_none(), passes, "{missed:?}");
+        }
+    }
 }
 
 #[test]
