@@ -523,6 +523,12 @@ fn parts_have_the_layers_that_one_part_has() {
     let meanings = layers.iter().map(|layer| layer["meaning"].as_str().unwrap());
     assert_eq!(meanings.collect::<Vec<_>>(), ["ids", "data", "data"]);
     assert!(layers.iter().all(|layer| metric(layer, "differ") == 0.0), "{report}");
+    // The picture itself has the name of its part.
+    for name in ["rgba", "rgb", "beauty"] {
+        let done = scratch.run(&["compare", "parts.exr", "one.exr", "--json", "--layer", name]);
+        let layers = &json(&done.good())["layers"];
+        assert_eq!((&layers[0]["name"], layers.as_array().unwrap().len()), (&"beauty".into(), 1));
+    }
 }
 
 #[test]
