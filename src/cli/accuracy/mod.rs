@@ -87,7 +87,7 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> 
     let mut tested_backends = TestedBackend::distinct("--backend", parsed)?;
     if tested_backends.is_empty() {
         let (available, without) = backend::available(TestedBackend::all(), monitor)?;
-        without.iter().for_each(|line| print::note(line));
+        without.iter().for_each(|line| args.messages.note(line));
         tested_backends = available;
     }
     let times = if args.full { FULL } else { args.times.unwrap_or(1) };

@@ -26,6 +26,7 @@ use crate::scene::{Backend, Overrides, Source};
 use crate::simd::Isa;
 use crate::{memory, studio};
 
+use super::flags::MessageArgs;
 use super::load::{self, SceneRequest};
 use super::{machine, overrides, print, signals};
 
@@ -141,7 +142,7 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     let parsed = names.map(|name| TestedBackend::parse("--backends", name, isa));
     let mut tested_backends = TestedBackend::distinct("--backends", parsed)?;
     if tested_backends.is_empty() {
-        tested_backends = ours_against_embree(isa, monitor)?;
+        tested_backends = ours_against_embree(isa, &args.messages, monitor)?;
     }
     let mut classes = Vec::new();
     for name in &args.classes {
@@ -184,11 +185,15 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
 }
 
 /// Returns the default backends: `embree` and `bvh`, or `bvh` alone where Embree is missing.
-fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>> {
+fn ours_against_embree(
+    isa: Isa,
+    messages: &MessageArgs,
+    monitor: &Monitor,
+) -> Result<Vec<TestedBackend>> {
     let both = ["embree", "bvh"].map(|name| TestedBackend::parse("--backends", name, isa));
     let both = both.into_iter().collect::<Result<_>>()?;
     let (available, without) = backend::available(both, monitor)?;
-    without.iter().for_each(|line| print::note(line));
+    without.iter().for_each(|line| messages.note(line));
     Ok(available)
 }
 
