@@ -66,16 +66,17 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
         run,
         scenes: Vec::with_capacity(args.inputs.len()),
     };
+    let mut shown = print::Report::new(!outputs.is_empty());
     for input in &args.inputs {
         let scene = measure_scene(args, input, &settings, &monitor)?;
-        print::text(&table::scene(&scene))?;
+        shown.text(&table::scene(&scene))?;
         report.scenes.push(scene);
     }
-    print::text(&table::growth_text(&report))?;
+    shown.text(&table::growth_text(&report))?;
     let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
     let since = then.map(|then| BaselineComparison::new(&report, &name, &then));
     if let Some(since) = &since {
-        print::text(&table::since(since))?;
+        shown.text(&table::since(since))?;
     }
     let all = JsonReport {
         report: &report,
@@ -85,6 +86,7 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     outputs.write_json("--json", &all)?;
     outputs.write_json("--save-baseline", &report)?;
     outputs.write("--html", || page::page(&report, since.as_ref()).html())?;
+    shown.end()?;
     print::paths(&outputs.written())?;
     check_answers(&report, &settings)
 }
