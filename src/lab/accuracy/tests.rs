@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind, worse};
-use super::judge::{AimedPacket, Expect, judge_packet};
+use super::judge::{AimedPacket, Expect, judge_packet, query};
 use super::meshes::{corners, geometry, icosphere, inside, scene};
 use super::{AccuracySettings, catalogue};
 use crate::accel::Accelerator;
@@ -15,7 +15,7 @@ use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{BackendFault, Faulty};
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
-use crate::ray::LANES;
+use crate::ray::{Coherence, LANES};
 use crate::scene::Backend;
 use crate::simd::Isa;
 
@@ -139,6 +139,21 @@ fn marks_allow_as_many_failures_as_documented() {
     assert_eq!(PassCriterion::Coarse(0.005, "why").missed(&coarse), None);
     let heavy = CaseCounts { rays: 1, worst_weight: 2e-6, ..CaseCounts::default() };
     assert!(PassCriterion::Exact.missed(&heavy).is_some());
+}
+
+#[test]
+fn every_backend_gets_all_queries_and_coherences() {
+    for stride in 1..=400 {
+        let queries: Vec<_> = (0..60).map(|k| query(k * stride)).collect();
+        for shadow in [false, true] {
+            for coherence in [Coherence::Coherent, Coherence::Unordered] {
+                let count = queries.iter().filter(|q| **q == (shadow, coherence)).count();
+                assert!(count > 0, "every {stride}th packet: {shadow} {coherence:?}");
+            }
+        }
+    }
+    let shadows = (0..1000).filter(|&index| query(index).0).count();
+    assert!((220..=280).contains(&shadows), "{shadows}");
 }
 
 #[test]
