@@ -71,6 +71,11 @@ pub struct TextOutputs {
 }
 
 impl TextOutputs {
+    /// Returns whether no file waits.
+    pub fn is_empty(&self) -> bool {
+        self.files.is_empty()
+    }
+
     /// Writes the file that `flag` names. Does nothing if the user did not give the flag.
     ///
     /// # Errors

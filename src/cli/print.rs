@@ -50,6 +50,40 @@ pub fn text(text: &str) -> Result<()> {
     bytes(printable_lines(text).as_bytes())
 }
 
+/// A result that is printed piece by piece, beside files that hold it, too.
+#[derive(Debug)]
+pub struct Report {
+    waits: bool,
+    printed: Result<()>,
+}
+
+impl Report {
+    /// Begins a report. If there are files to write, a stdout that fails does not end the work: the
+    /// error waits for [`Report::end`].
+    pub fn new(has_files: bool) -> Self {
+        Self { waits: has_files, printed: Ok(()) }
+    }
+
+    /// Prints a piece as [`text`] does.
+    ///
+    /// # Errors
+    /// A stdout that fails, if no error may wait.
+    pub fn text(&mut self, piece: &str) -> Result<()> {
+        if self.waits && self.printed.is_ok() {
+            self.printed = text(piece);
+        }
+        if self.waits { Ok(()) } else { text(piece) }
+    }
+
+    /// Ends the report, after all files are written.
+    ///
+    /// # Errors
+    /// The first error that waits.
+    pub fn end(self) -> Result<()> {
+        self.printed
+    }
+}
+
 /// Writes a JSON value and a line break to stdout.
 pub fn json(value: &impl serde::Serialize) -> Result<()> {
     let text = serde_json::to_string(value).unwrap_or_default();

@@ -145,7 +145,9 @@ impl PixelSamples {
         let color = finite(r + g + b);
         let relative = if color > 0.0 { color / level } else { 0.0 };
         let error = relative.max(finite(alpha));
-        ((error / goal.noise.powi(2)) as f32).min(MAX_ERROR)
+        // The square of the noise may underflow to 0.
+        let share = if error > 0.0 { error / goal.noise.powi(2) } else { 0.0 };
+        (share as f32).min(MAX_ERROR)
     }
 }
 
@@ -198,6 +200,7 @@ mod tests {
         assert_eq!(one.error(&dark), MAX_ERROR, "no probe has met light");
         let tiny = Goal { noise: 1e-300, ..plain };
         assert_eq!(one.error(&tiny), MAX_ERROR);
+        assert_eq!(tally(0.0, 0.0).error(&tiny), 0.0, "nothing to refine");
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub enum BackendFault {
     OtherPrimitive,
     /// Lane 5 reports primitive 0 of the geometry that it hits.
     FirstPrimitiveInLane5,
+    /// Reports the mirrored place on every quad, which lies on the quad's other half.
+    OtherHalf,
     /// Every t is multiplied by this factor.
     ScalesT(f64),
     /// Writes to lane 7, even if it is not active.
@@ -43,6 +45,7 @@ impl Faulty<'_> {
         match fault {
             BackendFault::OtherPrimitive if hit.geom == 0 => hit.prim = 1 - hit.prim,
             BackendFault::ScalesT(factor) => hit.t *= factor,
+            BackendFault::OtherHalf => (hit.u, hit.v) = (1.0 - hit.u, 1.0 - hit.v),
             _ => {}
         }
         Some(hit)

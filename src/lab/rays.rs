@@ -15,7 +15,7 @@ use crate::geometry::{Geometry, Nearby, Surfaces, refine};
 use crate::integrate::{Pattern, RenderContext, TILE, TileKernel};
 use crate::lab::named::named;
 use crate::monitor::Monitor;
-use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays};
+use crate::ray::{Coherence, LANES, Mask, RayKind, RayPacket, Rays};
 use crate::sampler::{Sampler, disk};
 use crate::shading::{Emitter, lane};
 use crate::simd::{self, Isa};
@@ -110,13 +110,14 @@ pub fn record(
         Emitter::Point(q) => Some(*q),
         Emitter::Area(_) => None,
     });
-    let recorder = Recorder {
+    let tape = Tape {
         inner: accelerator,
         geometry: &world.geometry,
         points: points.collect(),
         sampler: Sampler::new(seed),
         state: Mutex::new(state),
     };
+    let recorder = Recorder(RayKind::ALL.map(|kind| KindRecorder { tape: &tape, kind }));
     let isa = Isa::detect();
     for window in windows {
         monitor.check()?;
@@ -127,7 +128,7 @@ pub fn record(
         simd::dispatch(isa, TileKernel::beauty(context, window, &mut rows));
     }
     monitor.check()?;
-    let state = recorder.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let state = tape.state.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(state.recording)
 }
 
@@ -163,11 +164,11 @@ fn windows(world: &World, packets: usize) -> (Vec<Window>, usize) {
     (windows, count as usize)
 }
 
-/// An accelerator that records every query.
+/// What the accelerators of a recording share.
 ///
 /// Only camera rays get an answer. Rays that start from hits of other rays are not recorded, so
 /// these hits are not needed.
-struct Recorder<'a> {
+struct Tape<'a> {
     inner: &'a dyn Accelerator,
     geometry: &'a Geometry,
     /// Positions of the point lights.
@@ -209,7 +210,7 @@ impl State {
     }
 }
 
-impl Recorder<'_> {
+impl Tape<'_> {
     fn with(&self, note: impl FnOnce(&mut State)) {
         note(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner));
     }
@@ -242,35 +243,80 @@ impl Recorder<'_> {
     }
 }
 
-impl Accelerator for Recorder<'_> {
+/// An accelerator that records every query of one kind of rays.
+///
+/// The query does not tell the kind: shadow rays near an inner edge are traced by
+/// [`Accelerator::closest`].
+struct KindRecorder<'a> {
+    tape: &'a Tape<'a>,
+    kind: RayKind,
+}
+
+impl KindRecorder<'_> {
+    /// Records shadow rays or mirrored rays.
+    fn secondary(&self, active: &Mask, rays: &Rays) {
+        let class = match self.kind {
+            RayKind::Shadow if self.tape.towards_a_point(active, rays) => RayClass::ShadowPoint,
+            RayKind::Shadow => RayClass::ShadowArea,
+            RayKind::Camera | RayKind::Reflection => RayClass::Mirror,
+        };
+        self.tape.with(|state| state.push(class, active, rays));
+    }
+}
+
+impl Accelerator for KindRecorder<'_> {
     fn info(&self) -> BuildInfo {
-        self.inner.info()
+        self.tape.inner.info()
     }
 
     fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
-        // Only mirrored rays leave a primitive; camera rays do not.
-        if (0..LANES).any(|i| active.0[i] != 0 && packet.rays.leaving[i] != NONE) {
-            return self.with(|state| state.push(RayClass::Mirror, active, &packet.rays));
+        if self.kind != RayKind::Camera {
+            return self.secondary(active, &packet.rays);
         }
-        self.with(|state| {
+        self.tape.with(|state| {
             state.next();
             state.push(RayClass::Primary, active, &packet.rays);
         });
-        self.inner.closest(active, packet, coherence);
-        self.with(|state| self.diffuse(state, &packet.hit(active), packet));
+        self.tape.inner.closest(active, packet, coherence);
+        self.tape.with(|state| self.tape.diffuse(state, &packet.hit(active), packet));
     }
 
     fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
-        self.inner.near(geometry, nearby, found);
+        self.tape.inner.near(geometry, nearby, found);
     }
 
     fn occluded(&self, active: &Mask, rays: &mut Rays, _: Coherence) {
-        self.with(|state| {
-            let class = match self.towards_a_point(active, rays) {
-                true => RayClass::ShadowPoint,
-                false => RayClass::ShadowArea,
-            };
-            state.push(class, active, rays);
-        });
+        self.secondary(active, rays);
+    }
+}
+
+/// The accelerator that the renderer gets: one recorder for each [`RayKind`].
+struct Recorder<'a>([KindRecorder<'a>; RayKind::ALL.len()]);
+
+impl Recorder<'_> {
+    fn of(&self, kind: RayKind) -> &dyn Accelerator {
+        &self.0[kind as usize]
+    }
+}
+
+impl Accelerator for Recorder<'_> {
+    fn info(&self) -> BuildInfo {
+        self.of(RayKind::Camera).info()
+    }
+
+    fn only(&self, kind: RayKind) -> Option<&dyn Accelerator> {
+        Some(self.of(kind))
+    }
+
+    fn closest(&self, active: &Mask, packet: &mut RayPacket, coherence: Coherence) {
+        self.of(RayKind::Camera).closest(active, packet, coherence);
+    }
+
+    fn near(&self, geometry: &Geometry, nearby: &Nearby, found: &mut dyn FnMut(u32)) {
+        self.of(RayKind::Camera).near(geometry, nearby, found);
+    }
+
+    fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
+        self.of(RayKind::Shadow).occluded(active, rays, coherence);
     }
 }

@@ -560,6 +560,7 @@ fn flags_are_checked() {
         (&["--samples", "0..8", "--of", "0"], &["--of"]),
         (&["--tile", "1/2", "--png-layer", "all", "--aov", "Z"], &["--png-layer", "merge"]),
         (&["--samples", "0..8", "--noise", "0.1"], &["--samples", "--tile"]),
+        (&["--samples", "0..24", "--noise", "0.1"], &["--samples", "--tile"]),
         (&["--tile", "1/2", "--time", "1"], &["--time", "--noise"]),
         (&["--part", "--crop", "0", "0", "9", "9", "--time", "1"], &["--time"]),
         (&["--tile", "1/2", "--overscan", "8"], &["--overscan"]),

@@ -35,8 +35,9 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
     let settings = settings(args, &monitor)?;
     signals::watch(&monitor)?;
     let mut outputs = outputs.create()?;
+    let mut shown = print::Report::new(!outputs.is_empty());
     let mut report = args.workers.pool()?.install(|| {
-        print::text(&table::heading(&settings))?;
+        shown.text(&table::heading(&settings))?;
         let count = cases.len();
         let begun = |index: usize, case: &Case| {
             if settings.times > 1 {
@@ -47,14 +48,15 @@ pub fn run(args: &AccuracyArgs) -> Result<()> {
         let mut group = String::new();
         accuracy::run(&cases, &settings, &monitor, &begun, &mut |row| {
             let first = std::mem::replace(&mut group, row.group.clone()) != row.group;
-            print::text(&table::line(&settings, row, first))
+            shown.text(&table::line(&settings, row, first))
         })
     })?;
     report.machine = Some(machine::describe(Isa::detect()));
-    print::text(&table::summary(&report))?;
+    shown.text(&table::summary(&report))?;
     outputs.write_json("--json", &report)?;
     outputs.write("--html", || page::page(&report).html())?;
     outputs.write("--markdown", || markdown::page(&report))?;
+    shown.end()?;
     print::paths(&outputs.written())?;
     Error::failed("accuracy", report.failures())
 }
@@ -87,7 +89,7 @@ fn settings(args: &AccuracyArgs, monitor: &Monitor) -> Result<AccuracySettings> 
     let mut tested_backends = TestedBackend::distinct("--backend", parsed)?;
     if tested_backends.is_empty() {
         let (available, without) = backend::available(TestedBackend::all(), monitor)?;
-        without.iter().for_each(|line| print::note(line));
+        without.iter().for_each(|line| args.messages.note(line));
         tested_backends = available;
     }
     let times = if args.full { FULL } else { args.times.unwrap_or(1) };

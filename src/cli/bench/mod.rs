@@ -26,6 +26,7 @@ use crate::scene::{Backend, Overrides, Source};
 use crate::simd::Isa;
 use crate::{memory, studio};
 
+use super::flags::MessageArgs;
 use super::load::{self, SceneRequest};
 use super::{machine, overrides, print, signals};
 
@@ -65,16 +66,17 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
         run,
         scenes: Vec::with_capacity(args.inputs.len()),
     };
+    let mut shown = print::Report::new(!outputs.is_empty());
     for input in &args.inputs {
         let scene = measure_scene(args, input, &settings, &monitor)?;
-        print::text(&table::scene(&scene))?;
+        shown.text(&table::scene(&scene))?;
         report.scenes.push(scene);
     }
-    print::text(&table::growth_text(&report))?;
+    shown.text(&table::growth_text(&report))?;
     let name = args.baseline.as_deref().unwrap_or(Path::new("")).display().to_string();
     let since = then.map(|then| BaselineComparison::new(&report, &name, &then));
     if let Some(since) = &since {
-        print::text(&table::since(since))?;
+        shown.text(&table::since(since))?;
     }
     let all = JsonReport {
         report: &report,
@@ -84,6 +86,7 @@ pub fn run(args: &BenchArgs, words: &[OsString]) -> Result<()> {
     outputs.write_json("--json", &all)?;
     outputs.write_json("--save-baseline", &report)?;
     outputs.write("--html", || page::page(&report, since.as_ref()).html())?;
+    shown.end()?;
     print::paths(&outputs.written())?;
     check_answers(&report, &settings)
 }
@@ -141,7 +144,7 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
     let parsed = names.map(|name| TestedBackend::parse("--backends", name, isa));
     let mut tested_backends = TestedBackend::distinct("--backends", parsed)?;
     if tested_backends.is_empty() {
-        tested_backends = ours_against_embree(isa, monitor)?;
+        tested_backends = ours_against_embree(isa, &args.messages, monitor)?;
     }
     let mut classes = Vec::new();
     for name in &args.classes {
@@ -184,11 +187,15 @@ fn settings(args: &BenchArgs, monitor: &Monitor) -> Result<BenchSettings> {
 }
 
 /// Returns the default backends: `embree` and `bvh`, or `bvh` alone where Embree is missing.
-fn ours_against_embree(isa: Isa, monitor: &Monitor) -> Result<Vec<TestedBackend>> {
+fn ours_against_embree(
+    isa: Isa,
+    messages: &MessageArgs,
+    monitor: &Monitor,
+) -> Result<Vec<TestedBackend>> {
     let both = ["embree", "bvh"].map(|name| TestedBackend::parse("--backends", name, isa));
     let both = both.into_iter().collect::<Result<_>>()?;
     let (available, without) = backend::available(both, monitor)?;
-    without.iter().for_each(|line| print::note(line));
+    without.iter().for_each(|line| messages.note(line));
     Ok(available)
 }
 

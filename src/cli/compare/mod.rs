@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Failures, Result};
 use crate::lab::compare::file::Picture;
-use crate::lab::compare::{self, CompareSettings, Compared, Comparison, map};
+use crate::lab::compare::{self, CompareSettings, Comparison, map};
 use crate::lab::metrics::Metric;
 use crate::output::atomic::PartFile;
 use crate::scene::{did_you_mean, list};
@@ -133,18 +133,19 @@ fn failed(args: &CompareArgs, found: &Comparison, limits: &[Limit]) -> Result<Ve
     for layer in &found.layers {
         failed.extend(layer.non_finite.map(|_| text::non_finite(args, layer)));
     }
+    // A layer that is not finite has no metrics, and fails anyhow.
+    let lacks = |metric: Metric| found.layers.iter().all(|l| l.values.get(metric).is_none());
+    let unknown = limits.iter().find(|limit| failed.is_empty() && lacks(limit.metric));
+    if let Some(Limit { metric, .. }) = unknown {
+        let message = format!("no layer that was compared has a `{}`", metric.name());
+        let help =
+            "flip, psnr and ssim (11 x 11 pixels) need layers of light, hdrflip needs two EXRs";
+        return Err(Error::invalid("--fail-above, --fail-below", message).help(help));
+    }
     for Limit { metric, value } in limits {
         let name = metric.name();
-        let of = |layer: &Compared| layer.values.get(*metric);
-        let unknown = found.layers.iter().all(|layer| of(layer).is_none());
-        if unknown && failed.is_empty() {
-            let message = format!("no layer that was compared has a `{name}`");
-            let help =
-                "flip, psnr and ssim (11 x 11 pixels) need layers of light, hdrflip needs two EXRs";
-            return Err(Error::invalid("--fail-above, --fail-below", message).help(help));
-        }
         for layer in &found.layers {
-            let Some(measured) = of(layer) else { continue };
+            let Some(measured) = layer.values.get(*metric) else { continue };
             let counted = *metric == Metric::Differ;
             if let Some(alone) = text::differing_misses(args, layer).filter(|_| !counted) {
                 let reason = format!("{}: {alone}; only `differ` counts them", layer.test.shown());

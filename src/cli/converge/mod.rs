@@ -91,10 +91,12 @@ pub fn run(args: &ConvergeArgs) -> Result<()> {
         reference: file.zip(given.map(|layer| layer.half)),
     };
     let found = report(&study, subject, limits, started.elapsed().as_secs_f64());
-    print::text(&text::text(&found))?;
+    let mut shown = print::Report::new(!outputs.is_empty());
+    shown.text(&text::text(&found))?;
     outputs.write_json("--json", &found)?;
     outputs.write("--csv", || text::csv(&found))?;
     outputs.write("--html", || page::page(&found, &study).html())?;
+    shown.end()?;
     print::paths(&outputs.written())
 }
 

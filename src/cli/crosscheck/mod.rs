@@ -193,16 +193,16 @@ fn check(
         report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
+    if let Some(text) = saved {
+        let scene = serde_json::from_str(&text).unwrap_or_default();
+        outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })?;
+    }
     if args.json {
         let mut value = json!(report);
         value["failures"] = report.failures().into();
         print::json(&value)?;
     } else {
         print::text(&text::report(&report))?;
-    }
-    if let Some(text) = saved {
-        let scene = serde_json::from_str(&text).unwrap_or_default();
-        outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })?;
     }
     if !args.json {
         print::paths(&outputs.written())?;

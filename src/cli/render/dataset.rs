@@ -7,9 +7,11 @@ use clap::{Args, ValueHint};
 
 use crate::error::{Error, Result};
 use crate::film::{Film, Window};
+use crate::integrate::TILE;
 use crate::layers::{FaceCounts, LayerPlan};
 use crate::output::atomic::PartFile;
 use crate::output::png;
+use crate::render::Adaptive;
 use crate::scene::{Layer, Scene};
 use crate::world::World;
 use crate::{memory, paths};
@@ -31,19 +33,21 @@ pub struct DatasetArgs {
 const ID_ENDINGS: [&str; 2] = [".instance.png", ".semantic.png"];
 
 impl DatasetArgs {
-    /// Returns the bytes that the counts of faces need.
+    /// Returns the bytes that the counts of faces need. With adaptive sampling each of `threads`
+    /// keeps the primitives of all samples of a tile until the tile is finished.
     ///
     /// # Errors
     /// Headers that cannot be read.
-    pub fn bytes(&self, scene: &Scene) -> Result<u64> {
-        let pixel = Window { x0: 0, y0: 0, x1: 1, y1: 1 };
-        match self.visible_faces {
-            Some(_) => {
-                let primitives = memory::predict(scene, pixel)?.primitives;
-                Ok(primitives.saturating_mul(FaceCounts::BYTES))
-            }
-            None => Ok(0),
+    pub fn bytes(&self, scene: &Scene, adaptive: Option<&Adaptive>, threads: usize) -> Result<u64> {
+        if self.visible_faces.is_none() {
+            return Ok(0);
         }
+        let pixel = Window { x0: 0, y0: 0, x1: 1, y1: 1 };
+        let primitives = memory::predict(scene, pixel)?.primitives;
+        let tile = u64::from(TILE * TILE) * size_of::<u32>() as u64;
+        let held = adaptive.map_or(0, |adaptive| u64::from(adaptive.most) * tile);
+        let held = held.saturating_mul(threads as u64);
+        Ok(primitives.saturating_mul(FaceCounts::BYTES).saturating_add(held))
     }
 
     /// Returns the files that the flags name, for a picture `prefix`.

@@ -30,13 +30,13 @@ const WEIGHT: f64 = 1e-6;
 /// [`crate::lab::backend::TestedBackend::must_be_right`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PassCriterion {
-    /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, weights
-    /// within 1e-6.
+    /// No wrong answer. t within 2 ulp for 99.99% of the hits and within 8 ulp for all, refined
+    /// points within 2^-23 of their scale for 99.99%, weights within 1e-6.
     Exact,
-    /// No wrong answer. The text says why t has no bound. Weights have none either.
+    /// No wrong answer. The text says why t has no bound. Points and weights have none either.
     Zero(&'static str),
     /// No wrong answer, weights within 1e-6. The values are the largest share of hits with t off by
-    /// more than 2 ulp, and the reason.
+    /// more than 2 ulp, and with points off by more than 2^-23 of their scale, and the reason.
     Coarse(f64, &'static str),
 }
 
@@ -72,6 +72,12 @@ impl PassCriterion {
         }
         if coarse as f64 > share * hits as f64 {
             return Some(format!("{coarse} of {hits} hits have t more than 2 ulp off"));
+        }
+        let off = counts.points_off;
+        if off as f64 > share * hits as f64 {
+            return Some(format!(
+                "{off} of {hits} hits have a point more than 2^-23 off, relative"
+            ));
         }
         let weight = counts.worst_weight;
         (weight > WEIGHT).then(|| format!("a weight is off by {weight:.1e}, expected 1e-6"))

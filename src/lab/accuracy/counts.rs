@@ -12,6 +12,12 @@ use crate::units::counted;
 /// Largest number of failures whose places are kept for the pictures.
 const PLACES: usize = 400;
 
+/// Largest relative error of a right point: 2^-23.
+///
+/// Rounding to f32 moves a coordinate by at most 2^-24 of itself. The other half is room for the
+/// errors of f64 and of the oracle's t (2^-40), which are far smaller.
+const POINT: f64 = 1.0 / (1u64 << 23) as f64;
+
 /// Returns the worse of two errors. NaN is worse than all.
 pub fn worse(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::INFINITY } else { a.max(b) }
@@ -99,6 +105,8 @@ pub struct CaseCounts {
     /// The scale is the largest of the point's coordinates, the primitive's coordinates (not for
     /// the group `spheres`), and the distance between point and ray origin.
     pub worst_relative: f64,
+    /// Number of refined points with a relative error above [`POINT`].
+    pub points_off: u64,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: f64,
     /// Nanoseconds spent in the backend, summed over threads.
@@ -132,6 +140,12 @@ impl CaseCounts {
         self.worst_ulp = worse(self.worst_ulp, ulp);
     }
 
+    /// Counts the relative error of a refined point. NaN counts as off.
+    pub fn measure_point(&mut self, relative: f64) {
+        self.points_off += u64::from(!(relative <= POINT));
+        self.worst_relative = worse(self.worst_relative, relative);
+    }
+
     /// Number of wrong answers of all kinds.
     pub fn failed(&self) -> u64 {
         self.failures.values().sum()
@@ -149,6 +163,7 @@ impl CaseCounts {
         self.measured += other.measured;
         self.beyond_2 += other.beyond_2;
         self.beyond_8 += other.beyond_8;
+        self.points_off += other.points_off;
         self.worst_ulp = self.worst_ulp.max(other.worst_ulp);
         self.worst_relative = self.worst_relative.max(other.worst_relative);
         self.worst_weight = self.worst_weight.max(other.worst_weight);
@@ -189,5 +204,10 @@ mod tests {
         assert_eq!((two.worst_ulp, two.places.len()), (9.0, 2));
         two.measure(f64::NAN);
         assert_eq!(two.beyond_8, 2);
+        for (relative, off) in [(6e-8, 0), (2e-7, 1), (f64::NAN, 2)] {
+            two.measure_point(relative);
+            assert_eq!(two.points_off, off, "{relative}");
+        }
+        assert_eq!(two.worst_relative, f64::INFINITY);
     }
 }

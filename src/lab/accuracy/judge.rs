@@ -12,6 +12,7 @@ use crate::geometry::{Geometry, GeometryKind, Surfaces, refine};
 use crate::lab::answer::Answer;
 use crate::lab::backend::{BuiltBackend, MAX_ERROR_FACTOR};
 use crate::lab::query::trace;
+use crate::lab::random::Random;
 use crate::lab::verdict::{MAX_NEAR, Verdict, judge};
 use crate::ray::{Coherence, LANES, Mask, NONE, RayPacket, Rays, lane};
 
@@ -74,6 +75,17 @@ impl AimedPacket {
     }
 }
 
+/// Returns whether packet `index` is an occlusion query, as one packet in four is, and the coherence
+/// of the packet.
+///
+/// Slow backends trace every n-th packet. A remainder of the index could give these one query alone.
+pub fn query(index: u64) -> (bool, Coherence) {
+    let mut random = Random::new(0, index);
+    let shadow = random.below(4) == 3;
+    let coherence = [Coherence::Coherent, Coherence::Unordered][random.below(2) as usize];
+    (shadow, coherence)
+}
+
 /// Traces and judges one packet. Returns the counts of each backend.
 ///
 /// The oracle answers each packet, but those of [`Expect::Closed`] only if `known`. If `slow`, slow
@@ -91,9 +103,8 @@ pub fn judge_packet(
     for i in lanes(&active).filter(|_| exact) {
         truths[i] = built.oracle.closest_hit(&LaneRay::of(&aimed.rays, i));
     }
-    let packets = if index % 2 == 0 { Coherence::Coherent } else { Coherence::Unordered };
-    // One packet in four is an occlusion query. Crossings are closest hits, always.
-    let shadow = index % 4 == 3;
+    // Crossings are closest hits, always.
+    let (shadow, packets) = query(index);
     built.counts(slow, |backend, counts| {
         let test = PacketTest { aimed, active, truths: exact.then_some(&truths), built, backend };
         if matches!(aimed.expect, Expect::Crossings) {
@@ -282,7 +293,7 @@ fn measure_hits(
         let scale = point.abs().max_element().max(way.length()).max(size(geometry, &exact));
         let relative = (refined - point).abs().max_element() / scale;
         if scale <= f64::from(f32::MAX) {
-            counts.worst_relative = worse(counts.worst_relative, relative);
+            counts.measure_point(relative);
         }
         if geometry.mesh(exact.geom).is_some() {
             let error = worse((surfaces.u[i] - exact.u).abs(), (surfaces.v[i] - exact.v).abs());

@@ -8,13 +8,15 @@ use num_bigint::BigInt;
 use super::backends::CaseBackends;
 use super::case::{Case, PassCriterion};
 use super::counts::{CaseCounts, WrongKind, ulp};
+use super::judge::query;
 use super::meshes::geometry;
 use crate::accel::brute::Fraction;
 use crate::accel::lane::LaneRay;
 use crate::geometry::{Geometry, NONE, Sphere, Surfaces, refine};
+use crate::lab::answer::Answer;
 use crate::lab::query::trace;
 use crate::lab::random::Random;
-use crate::ray::{Coherence, LANES, Mask, RayPacket, Rays};
+use crate::ray::{LANES, Mask, RayPacket, Rays};
 
 const GROUP: &str = "spheres";
 
@@ -154,14 +156,36 @@ fn trace_packet(
         };
     }
     let active = Mask::ALL;
+    let (shadow, packets) = query(index);
     built.counts(index % SLOW == 0, |backend, counts| {
-        for way in backend.tested.coherences(Coherence::Unordered) {
+        for way in backend.tested.coherences(packets) {
             let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
-            let time = trace(backend.accelerator, &active, &mut packet, false, way);
+            let time = trace(backend.accelerator, &active, &mut packet, shadow, way);
             counts.nanoseconds += time.as_nanos() as u64;
-            judge(built.geometry, setup, &packet, &truths, counts);
+            match shadow {
+                true => judge_occlusion(setup, &packet.rays, &truths, counts),
+                false => judge(built.geometry, setup, &packet, &truths, counts),
+            }
         }
     })
+}
+
+/// Judges the answers of an occlusion query.
+fn judge_occlusion(
+    setup: &Setup,
+    rays: &Rays,
+    truths: &[(Option<f64>, bool); LANES],
+    counts: &mut CaseCounts,
+) {
+    for (i, (truth, unsure)) in truths.iter().enumerate() {
+        counts.rays += 1;
+        match (truth.is_some(), Answer::occluded(rays, i).is_hit()) {
+            (expected, found) if expected == found => {}
+            _ if *unsure => counts.within_bound += 1,
+            (true, _) => counts.fail(WrongKind::Leak, setup.sphere.center),
+            (false, _) => counts.fail(WrongKind::FalseHit, setup.sphere.center),
+        }
+    }
 }
 
 fn judge(
@@ -193,7 +217,7 @@ fn judge(
                 let way = (ray.direction * exact).length();
                 let scale = point.abs().max_element().max(way);
                 let relative = (refined - point).abs().max_element() / scale;
-                counts.worst_relative = counts.worst_relative.max(relative);
+                counts.measure_point(relative);
             }
             (Some(exact), true) => {
                 let off = (ray.tfar - exact).abs() * ray.direction.length();

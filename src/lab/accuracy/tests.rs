@@ -7,15 +7,15 @@ use glam::DVec3;
 use super::backends::CaseBackends;
 use super::case::{PassCriterion, forbidden, oracle};
 use super::counts::{CaseCounts, WrongKind, worse};
-use super::judge::{AimedPacket, Expect, judge_packet};
-use super::meshes::{corners, icosphere, inside, scene};
+use super::judge::{AimedPacket, Expect, judge_packet, query};
+use super::meshes::{corners, geometry, icosphere, inside, scene};
 use super::{AccuracySettings, catalogue};
 use crate::accel::Accelerator;
 use crate::lab::backend::TestedBackend;
 use crate::lab::faulty::{BackendFault, Faulty};
 use crate::lab::random::Random;
 use crate::monitor::Monitor;
-use crate::ray::LANES;
+use crate::ray::{Coherence, LANES};
 use crate::scene::Backend;
 use crate::simd::Isa;
 
@@ -97,6 +97,33 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     assert!(weight.unwrap().starts_with("a weight is off by inf"));
 }
 
+/// t is right, and the reported place lies on the quad's other half: refinement ends at its diagonal.
+#[test]
+fn a_refined_point_off_the_hit_does_not_meet_a_mark() {
+    let quad = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0f32]];
+    let geometry = geometry(vec![], vec![quad], vec![]);
+    let monitor = Monitor::default();
+    let tested = [TestedBackend::new("brute", Backend::Brute)];
+    let within = oracle(&geometry, &monitor).unwrap();
+    for (fault, passes) in [(BackendFault::None, true), (BackendFault::OtherHalf, false)] {
+        let faulty: Box<dyn Accelerator> = Box::new(Faulty(&within, fault));
+        let (tested, oracle) = (&tested[..], oracle(&geometry, &monitor).unwrap());
+        let built =
+            CaseBackends { geometry: &geometry, tested, accelerators: vec![faulty], oracle };
+        let mut random = Random::new(1, 0);
+        let aimed = AimedPacket::each(Expect::Oracle, |aimed, i| {
+            let goal = DVec3::new(random.within(0.0, 4.0), random.within(0.0, 4.0), 0.0);
+            aimed.through(i, goal + DVec3::new(1.0, 0.5, 3.0), goal);
+        });
+        let counts = &judge_packet(&built, &aimed, 0, true, true)[0];
+        assert_eq!((counts.failed(), counts.beyond_2), (0, 0));
+        for criterion in [PassCriterion::Exact, PassCriterion::Coarse(0.01, "why")] {
+            let missed = criterion.missed(counts);
+            assert_eq!(missed.is_none(), passes, "{missed:?}");
+        }
+    }
+}
+
 #[test]
 fn marks_allow_as_many_failures_as_documented() {
     let mut counts = CaseCounts { rays: 1_000_000, ..CaseCounts::default() };
@@ -112,6 +139,21 @@ fn marks_allow_as_many_failures_as_documented() {
     assert_eq!(PassCriterion::Coarse(0.005, "why").missed(&coarse), None);
     let heavy = CaseCounts { rays: 1, worst_weight: 2e-6, ..CaseCounts::default() };
     assert!(PassCriterion::Exact.missed(&heavy).is_some());
+}
+
+#[test]
+fn every_backend_gets_all_queries_and_coherences() {
+    for stride in 1..=400 {
+        let queries: Vec<_> = (0..60).map(|k| query(k * stride)).collect();
+        for shadow in [false, true] {
+            for coherence in [Coherence::Coherent, Coherence::Unordered] {
+                let count = queries.iter().filter(|q| **q == (shadow, coherence)).count();
+                assert!(count > 0, "every {stride}th packet: {shadow} {coherence:?}");
+            }
+        }
+    }
+    let shadows = (0..1000).filter(|&index| query(index).0).count();
+    assert!((220..=280).contains(&shadows), "{shadows}");
 }
 
 #[test]

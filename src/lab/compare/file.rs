@@ -29,7 +29,7 @@ use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::output::exr::text::decode;
 use crate::output::exr_check::{self, exr_error};
 
-use super::layer::{Meaning, PictureLayer, fits};
+use super::layer::{Meaning, PictureLayer, fits, is_beauty};
 use super::mattes::{Names, read_names};
 use super::png;
 
@@ -122,11 +122,6 @@ fn exr_layers(path: &Path, mattes: &mut Names) -> Result<Vec<PictureLayer>> {
         return Err(Error::invalid(path.display().to_string(), "found no channel"));
     }
     Ok(layers.into_values().collect())
-}
-
-/// Returns whether a part or layer of this name is the picture itself.
-fn is_beauty(name: &str) -> bool {
-    ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
 }
 
 /// Names and values of the text attributes of a part.

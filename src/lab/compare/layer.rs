@@ -27,6 +27,11 @@ named! {
     }
 }
 
+/// Returns whether a part or layer of this name is the picture itself.
+pub fn is_beauty(name: &str) -> bool {
+    ["", "rgb", "rgba", "beauty"].iter().any(|known| name.eq_ignore_ascii_case(known))
+}
+
 /// Channels of a picture that are compared together.
 #[derive(Debug, Clone)]
 pub struct PictureLayer {
@@ -53,8 +58,10 @@ impl PictureLayer {
     }
 
     /// Returns whether `name` is the name of these channels or of the layer that they belong to.
+    /// The picture itself has several names, as in files.
     pub fn is_called(&self, name: &str) -> bool {
-        [self.shown(), layer_of(self.shown())].contains(&name)
+        let is_itself = self.name.is_empty() && is_beauty(name);
+        is_itself || [self.shown(), layer_of(self.shown())].contains(&name)
     }
 
     /// Number of values of a pixel: 3 of light, also of grey light.

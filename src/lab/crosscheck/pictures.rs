@@ -136,8 +136,10 @@ pub fn compare_pictures(
     Ok(reports)
 }
 
+/// Returns whether two pixels count as the same. NaN is the same as NaN, and infinity as itself.
 fn same(a: &[f32; 4], b: &[f32; 4]) -> bool {
-    a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= SAME * a.abs().max(b.abs()))
+    let near = |a: f32, b: f32| (a - b).is_finite() && (a - b).abs() <= SAME * a.abs().max(b.abs());
+    a.iter().zip(b).all(|(&a, &b)| a == b || a.is_nan() && b.is_nan() || near(a, b))
 }
 
 /// Reasons why a pixel differs. The default value means that nothing explains it.
@@ -218,5 +220,21 @@ impl Accelerator for Witness<'_> {
     fn occluded(&self, active: &Mask, rays: &mut Rays, coherence: Coherence) {
         self.compare(active, rays, true, coherence);
         self.built_backends[0].accelerator.occluded(active, rays, coherence);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nan_is_the_same_as_nan_alone() {
+        let nan = [f32::NAN, 1.0, f32::INFINITY, 1.0];
+        assert!(same(&nan, &nan));
+        assert!(!same(&nan, &[0.0, 1.0, f32::INFINITY, 1.0]));
+        for other in [f32::NEG_INFINITY, 1.0] {
+            assert!(!same(&nan, &[f32::NAN, 1.0, other, 1.0]), "{other}");
+        }
+        assert!(same(&[1.0; 4], &[1.0 + 5e-6; 4]) && !same(&[1.0; 4], &[1.0 + 5e-5; 4]));
     }
 }

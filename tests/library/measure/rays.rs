@@ -20,6 +20,10 @@ fn world(width: u32, height: u32, spp: u32, lights: &str) -> World {
             {{"type": "plane", "v0": [-9, 0, -9], "v1": [9, 0, -9], "v2": [9, 0, 9], "v3": [-9, 0, 9],
                 "material": {{"kd": 0.8}}}}]}}}}"#
     );
+    loaded(&text)
+}
+
+fn loaded(text: &str) -> World {
     let folder = std::path::Path::new(".");
     let source = scene::Source::Text { name: "test", text: text.as_bytes(), folder };
     let scene = scene::load(source, &[]).unwrap().scene;
@@ -79,6 +83,26 @@ on_both! {
                 assert_eq!(rays.count(RayClass::Mirror), 0);
             }
         }
+    }
+}
+
+// Near the corner of wall and ceiling, shadow rays to a light in the ceiling run along it, and are
+// traced one by one for their closest hits.
+on_both! {
+    fn shadow_rays_in_a_corner_are_not_mirrored_rays(backend: Backend) {
+        let world = loaded(
+            r#"{"nbounces": 0, "camera": {"type": "pinhole", "width": 8, "height": 8, "fov": 1e-4,
+                "position": [0, 1, 0], "target": [-1, 2, 0], "up": [0, 1, 0]},
+            "scene": {"lightsources": [{"type": "arealight", "v0": [-0.3, 2, -0.3],
+                "v1": [0.3, 2, -0.3], "v2": [-0.3, 2, 0.3], "id": [1, 1, 1], "samples": 4}],
+            "shapes": [{"type": "plane", "v0": [-1, 2, -1], "v1": [1, 2, -1], "v2": [1, 2, 1],
+                "v3": [-1, 2, 1], "material": {"kd": 1}},
+            {"type": "plane", "v0": [-1, 0, -1], "v1": [-1, 0, 1], "v2": [-1, 2, 1],
+                "v3": [-1, 2, -1], "material": {"kd": 1}}]}}"#,
+        );
+        let rays = recorded(backend, &world, usize::MAX >> 8, 1);
+        assert_eq!(rays.count(RayClass::Mirror), 0);
+        assert!(rays.count(RayClass::ShadowArea) > 0);
     }
 }
 

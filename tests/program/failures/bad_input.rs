@@ -375,6 +375,11 @@ mod embree {
             let said = run(args).good().stderr();
             assert!(said.contains("without `embree`"), "{args}: {said}");
         }
+        for args in
+            ["bench p.ply --quick --classes primary --quiet", "accuracy --case nearly --quiet"]
+        {
+            assert_eq!(run(args).good().stderr(), "", "{args}");
+        }
         let version = run("--version --verbose").good().stdout();
         assert!(version.contains("embree: not available"), "{version}");
         let asked = run("render s.json --backend embree -o lib/x");

@@ -119,6 +119,19 @@ fn a_threshold_decides_the_exit_code() {
     assert!(done.stderr().contains("beauty: relmse is "), "{}", done.stderr());
 }
 
+/// A metric that no layer has is bad use, whatever other thresholds say.
+#[test]
+fn the_order_of_thresholds_does_not_matter() {
+    let (a, b) = (format!("{DATA}/noise-test.png"), format!("{DATA}/noise-reference.png"));
+    for limits in [["relmse=0", "hdrflip=1"], ["hdrflip=1", "relmse=0"]] {
+        let [first, second] = limits;
+        let flags = ["--fail-above", first, "--fail-above", second];
+        let done = program::lightpath(&[&["compare", &a, &b], &flags[..]].concat());
+        assert_eq!(done.code(), 2, "{limits:?}: {}", done.stderr());
+        assert!(done.stderr().contains("has a `hdrflip`"), "{}", done.stderr());
+    }
+}
+
 #[test]
 fn pixels_that_are_not_finite_fail() {
     let scratch = Scratch::new();
@@ -510,6 +523,12 @@ fn parts_have_the_layers_that_one_part_has() {
     let meanings = layers.iter().map(|layer| layer["meaning"].as_str().unwrap());
     assert_eq!(meanings.collect::<Vec<_>>(), ["ids", "data", "data"]);
     assert!(layers.iter().all(|layer| metric(layer, "differ") == 0.0), "{report}");
+    // The picture itself has the name of its part.
+    for name in ["rgba", "rgb", "beauty"] {
+        let done = scratch.run(&["compare", "parts.exr", "one.exr", "--json", "--layer", name]);
+        let layers = &json(&done.good())["layers"];
+        assert_eq!((&layers[0]["name"], layers.as_array().unwrap().len()), (&"beauty".into(), 1));
+    }
 }
 
 #[test]

@@ -419,3 +419,23 @@ fn bad_input_is_refused_before_anything_is_rendered() {
     assert_eq!(done.code(), 0, "{}", done.stderr());
     assert!(done.stdout().contains("bvh, sobol, 4 spp "), "{}", done.stdout());
 }
+
+/// Files are written although the table cannot be printed.
+#[test]
+fn results_are_kept_if_stdout_fails() {
+    let scratch = scratch();
+    for args in [
+        "converge s.json --spp 1 --light-samples 1 --repeats 2 --budget 1",
+        "bench s.json --quick --classes primary --backend bvh",
+        "accuracy --case nearly --backend bvh:portable",
+    ] {
+        let line = format!("\"$0\" {args} --quiet --json r.json > /dev/full");
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", &line, env!("CARGO_BIN_EXE_lightpath")]);
+        let done = Done::of(shell.current_dir(scratch.path("")));
+        assert_eq!(done.code(), 3, "{args}: {}", done.stderr());
+        assert!(done.stderr().contains("<stdout>: cannot write"), "{args}: {}", done.stderr());
+        assert!(json(&scratch, "r.json").is_object(), "{args}");
+        std::fs::remove_file(scratch.path("r.json")).unwrap();
+    }
+}

@@ -197,3 +197,20 @@ fn contradictions_are_refused() {
         refused(&["--set", &set], &["/scene/shapes/0/semantic", "65535"]);
     }
 }
+
+/// With adaptive sampling a thread keeps the primitives of all samples of a tile.
+#[test]
+fn primitives_of_adaptive_samples_count_against_the_memory_limit() {
+    let scratch = Scratch::with(SCENE);
+    let run = |most: &str, flags: &[&str]| {
+        let noise = ["--noise", "1", "--max-spp", most, "--threads", "4", "--max-memory", "600M"];
+        scratch.run(&[&["render", "s.json", "--quiet", "-o", "o"], &noise[..], flags].concat())
+    };
+    let faces = ["--visible-faces", "f.npy"];
+    run("65536", &[]).good();
+    run("1024", &faces).good();
+    // 4 threads * 1024 pixels * 65,536 samples * 4 bytes are 1 GiB.
+    let refused = run("65536", &faces);
+    assert_eq!(refused.code(), 2, "{}", refused.stderr());
+    assert!(refused.stderr().contains("--max-memory"), "{}", refused.stderr());
+}
