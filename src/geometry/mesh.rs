@@ -85,7 +85,8 @@ impl TriangleMesh {
             let corners = (block * BLOCK..end).flat_map(|prim| self.corners(prim as u32));
             corners.fold(NOTHING, |all, corner| union(all, [corner; 2]))
         };
-        // Not in parallel: a thread that waits for others may begin a task that waits for this value.
+        // Not in parallel: a thread that waits for others may begin a task that waits for this
+        // value.
         self.blocks
             .get_or_init(|| (0..self.triangles.len().div_ceil(BLOCK)).map(of_block).collect())
     }

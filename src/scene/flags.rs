@@ -8,6 +8,7 @@ use crate::error::{Error, Problem, Result};
 
 use super::backend::BackendFlags;
 use super::description::{LightDescription, SceneDescription};
+use super::document::Document;
 use super::load_scene::{self, Loaded, Source};
 use super::node::JsonPlace;
 
@@ -136,6 +137,14 @@ impl Overrides {
         let last = std::mem::replace(self, first);
         self.below = self.list.len() + last.below;
         self.append(last);
+    }
+
+    /// Applies all overrides to a document. Those with an error are left out: [`Overrides::load`]
+    /// reports them.
+    pub fn apply(&self, document: &mut Document) {
+        for (_, _, set) in &self.list {
+            let _ = document.apply_set(set);
+        }
     }
 
     /// Loads a scene with all overrides applied. Errors and warnings name the flag in place of its

@@ -44,7 +44,7 @@ pub fn furnish(
     // Colours that the user or the template asks for are shown in place of a texture.
     let wanted = wanted(subject, template, user);
     let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
-    colour(subject, &mesh, template, (&shape, colored), &mut ours)?;
+    colour(subject, &mesh, (template, user), (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
     warnings.extend(texture_notes(subject, &mesh, template, colored)?);
     // The placement below needs the scene with all overrides so far.
@@ -114,7 +114,7 @@ pub fn flags_win(
     user.flags_follow();
     add_looks(looks, &shape, user);
     if let Some(image) = &looks.texture {
-        let pointer = format!("{}/tPath", material(template, &shape)?);
+        let pointer = format!("{}/tPath", material(template, &shape, Some(user))?);
         user.flag("--texture", &pointer, Some(within(template, image)?));
     }
     Ok(())
@@ -183,7 +183,7 @@ fn first_trimesh(template: &Template) -> Result<String> {
 fn colour(
     subject: &Subject,
     mesh: &Mesh,
-    template: &Template,
+    (template, user): (&Template, &Overrides),
     (shape, colored): (&str, bool),
     ours: &mut Overrides,
 ) -> Result<()> {
@@ -191,11 +191,14 @@ fn colour(
     if image.is_none() && !template.builtin {
         return Ok(());
     }
-    let material = material(template, shape)?;
+    let material = material(template, shape, image.map(|_| user))?;
     if let Some(image) = image {
         if mesh.uvs.is_none() {
-            let message =
-                format!("found with {}, which has no texture coordinates", subject.path.display());
+            let what = match mesh.is_cloud() {
+                true => "is shown as points, without a texture",
+                false => "has no texture coordinates",
+            };
+            let message = format!("found with {}, which {what}", subject.path.display());
             return Err(Error::invalid("--texture", message));
         }
         let path = within(template, image)?;
@@ -221,26 +224,33 @@ fn colour(
     Ok(())
 }
 
-/// Returns the JSON pointer of a shape's material, which is inline or named.
+/// Returns the JSON pointer of a shape's material, which is inline or named. `user`: the overrides
+/// that follow if it gets a texture.
 ///
 /// # Errors
 /// A named material that another shape uses, too: a texture would show on both.
-fn material(template: &Template, shape: &str) -> Result<String> {
-    let document = Document::parse(&template.name, &template.text)?;
+fn material(template: &Template, shape: &str, user: Option<&Overrides>) -> Result<String> {
+    let mut document = Document::parse(&template.name, &template.text)?;
     let inline = format!("{shape}/material");
-    let Some(name) = document.get(&inline).and_then(JsonNode::text) else { return Ok(inline) };
+    let name =
+        |document: &Document| document.get(&inline).and_then(JsonNode::text).map(str::to_string);
+    let Some(own) = name(&document) else { return Ok(inline) };
+    if let Some(user) = user {
+        user.apply(&mut document);
+    }
+    let name = name(&document).unwrap_or(own);
     let others = (0..).map(|i| format!("/scene/shapes/{i}"));
     let mut others = others.take_while(|other| document.get(other).is_some());
     let uses = |other: &String| {
         let material = document.get(&format!("{other}/material"));
-        other != shape && material.and_then(JsonNode::text) == Some(name)
+        other != shape && material.and_then(JsonNode::text) == Some(&name)
     };
     if let Some(other) = others.find(uses) {
         let message = format!("found the material {name:?}, which {other} has, too");
-        let help = "give the mesh a material of its own in the template";
+        let help = "give the mesh a material of its own";
         return Err(Error::invalid("--texture", message).help(help));
     }
-    Ok(format!("/scene/materials/{}", escaped(name)))
+    Ok(format!("/scene/materials/{}", escaped(&name)))
 }
 
 /// Returns where the image is that the mesh file names. `None` if `--texture` replaces it, or if

@@ -75,10 +75,11 @@ impl AimedPacket {
     }
 }
 
-/// Returns whether packet `index` is an occlusion query, as one packet in four is, and the coherence
-/// of the packet.
+/// Returns whether packet `index` is an occlusion query, as one packet in four is, and the
+/// coherence of the packet.
 ///
-/// Slow backends trace every n-th packet. A remainder of the index could give these one query alone.
+/// Slow backends trace every n-th packet. A remainder of the index could give these one query
+/// alone.
 pub fn query(index: u64) -> (bool, Coherence) {
     let mut random = Random::new(0, index);
     let shadow = random.below(4) == 3;

@@ -97,7 +97,8 @@ fn an_inaccurate_t_does_not_meet_the_exact_mark() {
     assert!(weight.unwrap().starts_with("a weight is off by inf"));
 }
 
-/// t is right, and the reported place lies on the quad's other half: refinement ends at its diagonal.
+/// t is right, and the reported place lies on the quad's other half: refinement ends at its
+/// diagonal.
 #[test]
 fn a_refined_point_off_the_hit_does_not_meet_a_mark() {
     let quad = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0f32]];

@@ -251,3 +251,21 @@ impl<'a, P: VertexPosition> Checker<'a, P> {
         self.positions[vertex as usize].xyz()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texture_numbers_that_no_file_has_are_counted_together() {
+        let mut tally = Tally::default();
+        for number in (-5000..5000).chain([1]) {
+            tally.count_texture(number, 3);
+        }
+        assert_eq!(tally.textures.len(), 5, "-1, 0, 1, 2 and all others");
+        assert_eq!(tally.main_texture(), Some(1));
+        let mut unknown = Tally::default();
+        unknown.count_texture(7, 3);
+        assert_eq!(unknown.main_texture(), Some(OTHER_TEXTURES));
+    }
+}

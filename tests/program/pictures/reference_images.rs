@@ -27,7 +27,8 @@ fn reference_of(name: &str) -> Picture {
     reference::render(&Scene::load(&scene), Density::default())
 }
 
-/// The reference's pictures of scenes with random choices take seconds, and several tests need them.
+/// The reference's pictures of scenes with random choices take seconds, and several tests need
+/// them.
 static AREA_LIGHTS: LazyLock<Picture> = LazyLock::new(|| reference_of("arealights"));
 static LENS: LazyLock<Picture> = LazyLock::new(|| reference_of("lens"));
 

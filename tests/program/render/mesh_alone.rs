@@ -459,6 +459,20 @@ fn a_texture_for_a_shared_material_is_refused() {
     let done = render(&scratch, "a.ply", &["--template", "t.json", "--texture", "i.ppm"]);
     let shared = "--texture: found the material \"clay\", which /scene/shapes/0 has, too";
     assert!(done.code() == 2 && done.stderr().contains(shared), "{}", done.stderr());
+    // The materials are those after the overrides.
+    let refused = |flags: &[&str], expected: &str| {
+        let done = render(&scratch, "a.ply", &[&["--texture", "i.ppm"], flags].concat());
+        assert!(done.code() == 2 && done.stderr().contains(expected), "{}", done.stderr());
+    };
+    let ground = |key: &str| format!("--set=/scene/shapes/1/{key}");
+    refused(
+        &[&ground("material=subject")],
+        "found the material \"subject\", which /scene/shapes/1",
+    );
+    let other = "--set=/scene/shapes/0/material={}";
+    render(&scratch, "a.ply", &["--template", "t.json", "--texture", "i.ppm", other]).good();
+    render(&scratch, "a.ply", &["--texture", "i.ppm", &ground("material={}")]).good();
+    refused(&["--points", "0.1"], "--texture: found with a.ply, which is shown as points");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! What tests need beside the independent ray tracer (`tests/reference/`), which they see here, too.
+//! What tests need beside the independent ray tracer (`tests/reference/`), which they see here,
+//! too.
 
 pub mod analytic;
 pub mod assets;
