@@ -124,7 +124,7 @@ fn refuse_if_input(output: &Path, inputs: &FileSet) -> Result<()> {
     inputs.refuse(output, "choose another folder: -o DIR")
 }
 
-/// Returns the paths of the files of each frame of a task, as [`picture::write`] does. An input
+/// Returns the paths of the files of each frame of a task, as `picture::write` does. An input
 /// that is invalid counts as one without manifests.
 pub fn names(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
     // Only manifests depend on the input.

@@ -105,7 +105,7 @@ struct Split {
 /// Runs in the caller's rayon pool.
 ///
 /// # Errors
-/// `Retry` if there is no memory for the normals; as [`MemoryLimit::check`]. `name` is the mesh's
+/// `Retry` if there is no memory for the normals; as `MemoryLimit::check`. `name` is the mesh's
 /// name for the message.
 ///
 /// # Panics

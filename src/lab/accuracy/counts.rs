@@ -105,7 +105,7 @@ pub struct CaseCounts {
     /// The scale is the largest of the point's coordinates, the primitive's coordinates (not for
     /// the group `spheres`), and the distance between point and ray origin.
     pub worst_relative: f64,
-    /// Number of refined points with a relative error above [`POINT`].
+    /// Number of refined points with a relative error above 2^-23.
     pub points_off: u64,
     /// Largest error of a refined barycentric weight.
     pub worst_weight: f64,
