@@ -261,6 +261,6 @@ impl Ready {
             return Ok(self.loaded.clone());
         };
         let turned = turntable.frame(&self.loaded.description, self.pivot, number);
-        self.loaded.with_description("frame", &turned, &self.folder)
+        self.loaded.with_frame("frame", &turned, &self.folder)
     }
 }

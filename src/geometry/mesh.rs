@@ -78,17 +78,24 @@ impl TriangleMesh {
     }
 
     /// Lowest and highest coordinates of each [`BLOCK`] triangles in order, stitches included. They
-    /// are computed at the first call.
+    /// are computed at the first call, in the current rayon pool if there is one.
     pub fn blocks(&self) -> &[[[f32; 3]; 2]] {
         let of_block = |block: usize| {
             let end = self.triangles.len().min((block + 1) * BLOCK);
             let corners = (block * BLOCK..end).flat_map(|prim| self.corners(prim as u32));
             corners.fold(NOTHING, |all, corner| union(all, [corner; 2]))
         };
-        // Not in parallel: a thread that waits for others may begin a task that waits for this
-        // value.
-        self.blocks
-            .get_or_init(|| (0..self.triangles.len().div_ceil(BLOCK)).map(of_block).collect())
+        if let Some(known) = self.blocks.get() {
+            return known;
+        }
+        // Outside of the cell: a thread that waits for others may begin a task that needs it, too.
+        let count = self.triangles.len().div_ceil(BLOCK);
+        let all = match rayon::current_thread_index() {
+            Some(_) => parallel::values(count, of_block),
+            // Outside of any pool, parallel code would start rayon's global one.
+            None => (0..count).map(of_block).collect(),
+        };
+        self.blocks.get_or_init(|| all)
     }
 
     /// Memory of all arrays but the small one of the blocks, in bytes.

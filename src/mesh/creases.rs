@@ -301,7 +301,13 @@ impl Around {
         for edge in self.edges.chunk_by(|a, b| a.0 == b.0) {
             for (i, &(_, a)) in edge.iter().enumerate() {
                 for &(_, b) in edge[i + 1..].iter().take(MAX_COMPARED_AT_EDGE) {
-                    if squared_distance(self.normals[a], self.normals[b]) <= max_distance {
+                    let normals = [self.normals[a], self.normals[b]];
+                    // A face without area has no direction. It counts as perpendicular to others.
+                    let distance = match normals.into_iter().any(is_zero) {
+                        true => 2.0,
+                        false => squared_distance(normals[0], normals[1]),
+                    };
+                    if distance <= max_distance {
                         let (a, b) = (first(&mut self.group, a), first(&mut self.group, b));
                         self.group[a.max(b)] = a.min(b);
                     }
@@ -407,6 +413,21 @@ mod tests {
         let tips: Vec<_> = (0..24).map(|k| of(&normals, &triangles, k)[0]).collect();
         assert!((0..24).all(|k| tips[k] != tips[(k + 1) % 24] && tips[k][2] < 0.6));
         assert!(normals.bytes() > 25 * 12 + 24 * 12);
+    }
+
+    #[test]
+    fn a_face_without_area_joins_no_fold() {
+        // A fold of 80 degrees, with a collapsed face along its edge.
+        let [y, x] = [1.9696, 0.3473];
+        let positions =
+            [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.0; 3], [-2.0, 0.0, 0.0], [x, y, 0.0f32]];
+        let triangles = [[0, 3, 1], [0, 1, 2], [0, 2, 4], [2, 1, 4]];
+        for (degrees, folded) in [(75.0, true), (89.0, true), (90.0, false)] {
+            let normals =
+                creased_normals(&positions, &triangles, &[], [degrees; 2], ("", None)).unwrap();
+            let at = |k| of(&normals, &triangles, k)[0];
+            assert_eq!(at(0) != at(2), folded, "{degrees}");
+        }
     }
 
     /// The cosine of 0.08 degrees is 1 but for a millionth.

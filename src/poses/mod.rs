@@ -122,15 +122,8 @@ impl Poses {
 /// Problems after which a list is not checked further.
 const MAX_PROBLEMS: usize = 20;
 
-/// Endings of pictures, in lower case. Other text behind a dot is part of a name: `frame.0001`.
-const ENDINGS: [&str; 27] = [
-    "arw", "avif", "bmp", "cr2", "cr3", "dng", "exr", "gif", "hdr", "heic", "heif", "jfif", "jp2",
-    "jpeg", "jpg", "jxl", "nef", "orf", "pgm", "png", "pnm", "ppm", "raw", "tga", "tif", "tiff",
-    "webp",
-];
-
-/// Returns the name of a picture without its ending, with `/` between folders. `None` if it leads
-/// out of a folder or is empty.
+/// Returns the name of a picture without its ending, with `/` between folders. Digits are no ending,
+/// as in `frame.0001`. `None` if it leads out of a folder or is empty.
 fn picture_name(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let path = Path::new(&name);
@@ -138,7 +131,7 @@ fn picture_name(name: &str) -> Option<String> {
     let parts: Vec<Component> = path.components().filter(plain).collect();
     let good = parts.iter().all(|part| matches!(part, Component::Normal(_)));
     let file = path.file_name()?.to_str()?;
-    let is_ending = |end: &str| ENDINGS.iter().any(|known| known.eq_ignore_ascii_case(end));
+    let is_ending = |end: &str| end.is_empty() || !end.bytes().all(|byte| byte.is_ascii_digit());
     let stem = match file.rsplit_once('.') {
         Some((stem, end)) if !stem.is_empty() && is_ending(end) => stem.to_string(),
         _ => file.to_string(),
@@ -191,6 +184,7 @@ mod tests {
         assert_eq!(name("r_0").unwrap(), "r_0");
         assert_eq!(name("./im/frame.0001").unwrap(), "im/frame.0001");
         assert_eq!(name("im/frame.0001.JPG").unwrap(), "im/frame.0001");
+        assert_eq!(name("DSCF0001.RAF").unwrap(), "DSCF0001");
         assert_eq!(name("im.d/.png").unwrap(), "im.d/.png");
         assert_eq!(name("a\\b.png").unwrap(), "a/b");
         for bad in ["", "..", "../a.png", "/a.png", "a/../b.png", "a\n.png"] {

@@ -56,7 +56,7 @@ pub struct Loaded {
 /// text order, then every problem of the overrides.
 pub fn load(source: Source, overrides: &[String]) -> Result<Loaded> {
     let (document, folder) = document(source)?;
-    check_document(document, folder, overrides)
+    check_document(document, (folder, false), overrides)
 }
 
 /// Parses the text of a scene. Also returns the folder to which its paths are relative.
@@ -84,7 +84,13 @@ pub fn from_description(
     folder: &Path,
     overrides: &[String],
 ) -> Result<Loaded> {
-    check_document(Document::from_value(name, &description.to_json()), folder, overrides)
+    let document = Document::from_value(name, &description.to_json());
+    check_document(document, (folder, false), overrides)
+}
+
+/// Loads a scene made by code whose files are those of a scene that was loaded before.
+fn with_known_files(name: &str, description: &SceneDescription, folder: &Path) -> Result<Loaded> {
+    check_document(Document::from_value(name, &description.to_json()), (folder, true), &[])
 }
 
 impl Loaded {
@@ -100,7 +106,7 @@ impl Loaded {
         folder: &Path,
     ) -> Result<Self> {
         let description = SceneDescription { camera: camera.clone(), ..self.description.clone() };
-        let found = from_description(name, &description, folder, &[])?;
+        let found = with_known_files(name, &description, folder)?;
         // The description has neither the paths as the user gave them, nor the order of the
         // materials, which the shapes count.
         let scene = Scene { camera: found.scene.camera, ..self.scene.clone() };
@@ -120,6 +126,22 @@ impl Loaded {
         folder: &Path,
     ) -> Result<Self> {
         let mut found = from_description(name, description, folder, &[])?;
+        found.scene.backend = self.scene.backend;
+        Ok(found)
+    }
+
+    /// [`Loaded::with_description`] for another frame, with the files of this scene, which are not
+    /// looked for again.
+    ///
+    /// # Errors
+    /// Every problem of the description.
+    pub fn with_frame(
+        &self,
+        name: &str,
+        description: &SceneDescription,
+        folder: &Path,
+    ) -> Result<Self> {
+        let mut found = with_known_files(name, description, folder)?;
         found.scene.backend = self.scene.backend;
         Ok(found)
     }
@@ -150,7 +172,12 @@ pub fn check_camera(name: &str, camera: &CameraDescription) -> Result<()> {
     Error::check(ErrorKind::Invalid, problems.finish().0)
 }
 
-fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -> Result<Loaded> {
+/// Checks a document with overrides. `files`: the folder of its files, and whether they are known.
+fn check_document(
+    mut document: Document,
+    files: (&Path, bool),
+    overrides: &[String],
+) -> Result<Loaded> {
     if document.get("/inputs").is_some() && document.get("/scene").is_none() {
         let message = "found a job file of `lightpath batch`, expected a scene";
         let help = format!("run it by itself: lightpath batch {}", document.name);
@@ -160,7 +187,7 @@ fn check_document(mut document: Document, folder: &Path, overrides: &[String]) -
     let bad_overrides: Vec<Problem> = set.collect();
     let mut problems = problems::Problems::new(&document);
     let broken = structure::check(schema(), &mut problems);
-    let checked = check::check(&mut problems, broken, folder);
+    let checked = check::check(&mut problems, broken, files);
     let kind = if bad_overrides.is_empty() { problems.kind() } else { ErrorKind::Invalid };
     let (mut errors, warnings) = problems.finish();
     errors.extend(bad_overrides);

@@ -83,6 +83,18 @@ fn json_and_text_round_trip() {
     }
 }
 
+/// A batch renders the frames of files that have left the disk since they were read.
+#[test]
+fn another_frame_does_not_look_for_the_files_again() {
+    let loaded = load_value(&everything(), &[]).unwrap();
+    let nowhere = Path::new("/nowhere");
+    let frame = loaded.with_frame("frame", &loaded.description, nowhere).unwrap();
+    assert_eq!(frame.hash, loaded.hash);
+    loaded.with_camera("camera", &loaded.description.camera, nowhere).unwrap();
+    let error = loaded.with_description("scene", &loaded.description, nowhere).unwrap_err();
+    assert!(error.to_string().contains("there is no file /nowhere"), "{error}");
+}
+
 #[test]
 fn errors_of_scenes_made_by_code_have_no_line() {
     let mut description = load_value(&minimal(), &[]).unwrap().description;

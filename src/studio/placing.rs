@@ -120,6 +120,10 @@ fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: 
     }
 }
 
+/// Largest difference of the heights of a level plane's corners, relative to its size. Exported
+/// planes are rounded.
+const LEVEL: f64 = 1e-4;
+
 /// Returns the height of the plane named `ground`. `None` if there is none, or if its corners do
 /// not agree: then the camera's `up` is not the direction in which things stand on the plane.
 fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
@@ -128,7 +132,10 @@ fn ground(loaded: &Loaded, vertical: usize) -> Option<f64> {
     planes.find_map(|shape| match &shape.kind {
         ShapeKind::Plane { corners } => {
             let height = corners[0][vertical];
-            corners.iter().all(|corner| corner[vertical] == height).then_some(height)
+            let size = corners.iter().map(|c| (*c - corners[0]).abs().max_element());
+            let size = size.fold(0.0, f64::max);
+            let is_level = |c: &DVec3| (c[vertical] - height).abs() <= LEVEL * size;
+            corners.iter().all(is_level).then_some(height)
         }
         _ => None,
     })

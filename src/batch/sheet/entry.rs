@@ -82,8 +82,12 @@ impl SheetEntry {
             let tells_files = matches!(record, JournalRecord::Mesh(_) | JournalRecord::Frame(_));
             let by_path = paths.get(path).filter(|_| identity.is_none() || tells_files);
             for &number in own.or(by_path.map(Vec::as_slice)).unwrap_or_default() {
-                if is_about(job, number, record) {
-                    all[number].add(record, &run);
+                match record {
+                    // Its failure was of the same other frame.
+                    JournalRecord::Frame(frame) if !is_about(job, number, record) => {
+                        all[number].failures.remove(&frame.frame);
+                    }
+                    _ => all[number].add(record, &run),
                 }
             }
         }

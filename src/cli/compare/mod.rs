@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Failures, Result};
 use crate::lab::compare::file::Picture;
+use crate::lab::compare::layer::is_beauty;
 use crate::lab::compare::{self, CompareSettings, Comparison, map};
 use crate::lab::metrics::Metric;
 use crate::output::atomic::PartFile;
@@ -101,7 +102,13 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
     }
     let layers = || files.into_iter().flat_map(|file| &file.layers);
     let known = || layers().map(|layer| layer.shown());
-    for name in &args.layer {
+    // The picture itself has several names, as in files, but for those that layers have.
+    let named = |name: &String| match !name.is_empty() && is_beauty(name) {
+        true if !layers().any(|layer| layer.is_called(name)) => "beauty".to_string(),
+        _ => name.clone(),
+    };
+    let chosen: Vec<String> = args.layer.iter().map(named).collect();
+    for name in &chosen {
         if !layers().any(|layer| layer.is_called(name)) {
             let mut all: Vec<&str> = known().collect();
             all.sort_unstable();
@@ -119,8 +126,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
             }
         }
     }
-    let layers = args.layer.clone();
-    Ok(CompareSettings { layers, tonemap: args.tonemap, exposure: args.exposure })
+    Ok(CompareSettings { layers: chosen, tonemap: args.tonemap, exposure: args.exposure })
 }
 
 /// Returns the reasons why the check fails: pixels that are not finite, exceeded thresholds, and

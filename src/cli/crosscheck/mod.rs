@@ -193,10 +193,11 @@ fn check(
         report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
-    if let Some(text) = saved {
+    // Before the report, which stdout may not take. If it fails, the report is printed all the same.
+    let written = saved.map(|text| {
         let scene = serde_json::from_str(&text).unwrap_or_default();
-        outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })?;
-    }
+        outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })
+    });
     if args.json {
         let mut value = json!(report);
         value["failures"] = report.failures().into();
@@ -204,6 +205,7 @@ fn check(
     } else {
         print::text(&text::report(&report))?;
     }
+    written.transpose()?;
     if !args.json {
         print::paths(&outputs.written())?;
     }

@@ -34,19 +34,26 @@ const ID_ENDINGS: [&str; 2] = [".instance.png", ".semantic.png"];
 
 impl DatasetArgs {
     /// Returns the bytes that the counts of faces need. With adaptive sampling each of `threads`
-    /// keeps the primitives of all samples of a tile until the tile is finished.
+    /// keeps the primitives of all samples of a tile of the window until the tile is finished.
     ///
     /// # Errors
     /// Headers that cannot be read.
-    pub fn bytes(&self, scene: &Scene, adaptive: Option<&Adaptive>, threads: usize) -> Result<u64> {
+    pub fn bytes(
+        &self,
+        scene: &Scene,
+        window: Window,
+        adaptive: Option<&Adaptive>,
+        threads: usize,
+    ) -> Result<u64> {
         if self.visible_faces.is_none() {
             return Ok(0);
         }
         let pixel = Window { x0: 0, y0: 0, x1: 1, y1: 1 };
         let primitives = memory::predict(scene, pixel)?.primitives;
-        let tile = u64::from(TILE * TILE) * size_of::<u32>() as u64;
-        let held = adaptive.map_or(0, |adaptive| u64::from(adaptive.most) * tile);
-        let held = held.saturating_mul(threads as u64);
+        let pixels = u64::from(window.width()) * u64::from(window.height());
+        let pixels = pixels.min(u64::from(TILE * TILE).saturating_mul(threads as u64));
+        let samples = adaptive.map_or(0, |adaptive| pixels * u64::from(adaptive.most));
+        let held = samples.saturating_mul(size_of::<u32>() as u64);
         Ok(primitives.saturating_mul(FaceCounts::BYTES).saturating_add(held))
     }
 

@@ -91,7 +91,7 @@ impl<'a> RenderOptions<'a> {
             let deep_png_bytes = memory::deeper_png_bytes(window, storage.depth);
             let plate = args.files.plate.bytes(window)?;
             let other_bytes = sums.saturating_add(deep_png_bytes).saturating_add(plate);
-            let faces = args.files.dataset.bytes(scene, adaptive.as_ref(), threads)?;
+            let faces = args.files.dataset.bytes(scene, window, adaptive.as_ref(), threads)?;
             let other_bytes = other_bytes.saturating_add(faces);
             Budget::check(limit, scene, (window, part.channels().len(), other_bytes), threads)
         });

@@ -58,10 +58,8 @@ impl PictureLayer {
     }
 
     /// Returns whether `name` is the name of these channels or of the layer that they belong to.
-    /// The picture itself has several names, as in files.
     pub fn is_called(&self, name: &str) -> bool {
-        let is_itself = self.name.is_empty() && is_beauty(name);
-        is_itself || [self.shown(), layer_of(self.shown())].contains(&name)
+        [self.shown(), layer_of(self.shown())].contains(&name)
     }
 
     /// Number of values of a pixel: 3 of light, also of grey light.

@@ -22,6 +22,9 @@ pub struct Check<'d, 'p> {
     pub broken: BTreeSet<String>,
     /// The folder that paths are relative to.
     pub folder: &'p Path,
+    /// Whether the files are those of a scene that was checked before. They are not looked for: a
+    /// batch renders the frames of a mesh that has left the disk.
+    pub are_files_known: bool,
 }
 
 impl Check<'_, '_> {

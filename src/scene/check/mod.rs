@@ -30,17 +30,19 @@ use super::description::{LightDescription, SceneDescription, Transfer};
 use super::problems::Problems;
 
 /// Checks the meaning of `problems.document`. `broken` holds the pointers with structural errors.
-/// Paths are relative to `folder`. Returns `None` if there is any error.
+/// Paths are relative to `folder`. Files that are known are not looked for. Returns `None` if there
+/// is any error.
 pub fn check(
     problems: &mut Problems,
     broken: Vec<String>,
-    folder: &Path,
+    (folder, are_files_known): (&Path, bool),
 ) -> Option<(SceneDescription, Scene)> {
     let mut check = Check {
         document: problems.document,
         problems,
         broken: broken.into_iter().collect(),
         folder,
+        are_files_known,
     };
     let camera = check.camera();
     let lights = check.lights();
@@ -107,5 +109,6 @@ fn tonemap(description: &SceneDescription) -> Tonemap {
 /// Checks the meaning of `/camera` alone.
 pub fn check_camera(problems: &mut Problems, broken: Vec<String>) {
     let (document, broken) = (problems.document, broken.into_iter().collect());
-    Check { document, problems, broken, folder: Path::new("") }.camera();
+    let folder = Path::new("");
+    Check { document, problems, broken, folder, are_files_known: false }.camera();
 }

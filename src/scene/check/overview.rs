@@ -132,15 +132,14 @@ impl Check<'_, '_> {
 
 /// Returns why adaptive shadows cannot skip a ray, and what helps.
 fn why_none_is_skipped(scene: &Scene) -> (String, &'static str) {
-    let lights = scene.lights.iter().map(|light| &light.kind);
-    let is_many = |kind: &&LightKind| kind.has_extent() && kind.samples() > FIRST_SHADOW_POINTS;
-    let many: Vec<&LightKind> = lights.filter(is_many).collect();
-    if many.is_empty() {
-        let reason = format!("no area light has more than {FIRST_SHADOW_POINTS} `samples`");
-        (reason, "give lights more `samples`, or leave it out")
-    } else if many.into_iter().any(|kind| scene.has_one_point(kind)) {
+    let lights = || scene.lights.iter().map(|light| &light.kind).filter(|kind| kind.has_extent());
+    let mut many = lights().filter(|kind| kind.samples() > FIRST_SHADOW_POINTS);
+    if lights().any(|kind| scene.has_one_point(kind)) {
         let reason = "`emittersamples` takes one point of each area light that it draws";
         (reason.into(), "leave out one of the two")
+    } else if many.next().is_none() {
+        let reason = format!("no area light has more than {FIRST_SHADOW_POINTS} `samples`");
+        (reason, "give lights more `samples`, or leave it out")
     } else {
         let reason = "only lights with an `image` have more than";
         let help = "it does not apply to images: leave it out";
