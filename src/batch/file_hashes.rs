@@ -12,10 +12,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::error::{Error, Result};
 
-use super::job::Job;
 use super::journal::{self, JournalRecord};
-use super::outputs;
-use super::tasks::Task;
 
 /// Number of bytes per read.
 const CHUNK: usize = 1 << 18;
@@ -43,12 +40,9 @@ pub struct FileHashes {
 }
 
 impl FileHashes {
-    /// Reads all journals of the job's folder, and keeps what is about the frames of `tasks`: a
-    /// task of a farm has few of the frames in the journals.
-    pub fn read(job: &Job, tasks: &[Task]) -> Self {
-        let folder = &job.folder;
-        let frames = tasks.iter().flat_map(|task| task.frames.clone().map(|n| (task.input, n)));
-        let files = frames.flat_map(|(input, frame)| outputs::frame_files(job, input, frame));
+    /// Reads all journals of a folder, and keeps what is about `files`, those of a run: a task of a
+    /// farm has few of the files in the journals.
+    pub fn read(folder: &Path, files: impl Iterator<Item = PathBuf>) -> Self {
         let own = files.map(|path| (journal::seen_from(&path, folder).to_owned(), Vec::new()));
         let mut known: HashMap<PathBuf, Vec<String>> = own.collect();
         journal::each(folder, |record| {
@@ -59,7 +53,7 @@ impl FileHashes {
                 }
             }
         });
-        Self { folder: folder.clone(), known }
+        Self { folder: folder.to_owned(), known }
     }
 
     /// Returns the reason why a file may have changed since it was written, or `None` if its hash

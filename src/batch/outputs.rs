@@ -141,8 +141,14 @@ pub fn names(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
     names.collect()
 }
 
+/// Returns the paths of every file that the frames of a run may have.
+pub fn run_files<'a>(job: &'a Job, tasks: &'a [Task]) -> impl Iterator<Item = PathBuf> + 'a {
+    let frames = tasks.iter().flat_map(|task| task.frames.clone().map(|n| (task.input, n)));
+    frames.flat_map(|(input, frame)| frame_files(job, input, frame))
+}
+
 /// Returns the paths of every file that a frame may have.
-pub fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
+fn frame_files(job: &Job, input: usize, frame: u32) -> impl Iterator<Item = PathBuf> {
     let prefix = job.prefix(input, frame);
     let kinds = if job.storage.crypto_sidecar { &picture::MANIFESTS[..] } else { &[] };
     let manifests: Vec<PathBuf> =

@@ -147,7 +147,8 @@ pub fn run(
         pool: threads::pool(options.threads)?,
         loading,
         inputs,
-        hashes: (options.resume && options.verify).then(|| FileHashes::read(job, tasks)),
+        hashes: (options.resume && options.verify)
+            .then(|| FileHashes::read(&job.folder, outputs::run_files(job, tasks))),
         permits: RenderPermits::new(jobs),
         jobs,
         memory: MemoryGate::new(limit),
