@@ -31,7 +31,7 @@ fn pages() -> Scratch {
         (&["compare", "a.exr", "b.exr", "--html", "compare.html"], 0),
         (&["bench", "s.json", "--quick", "--backend", "bvh,coursework", "--html", "bench.html"], 0),
         (&["accuracy", "--backend", "bvh", "--case", "icosphere", "--html", "accuracy.html"], 0),
-        (&["converge", "s.json", "--budget", "1", "--html", "converge.html"], 0),
+        (&["converge", "s.json", "--budget", "3", "--html", "converge.html"], 0),
         (
             &[
                 "batch",
