@@ -122,8 +122,8 @@ impl Poses {
 /// Problems after which a list is not checked further.
 const MAX_PROBLEMS: usize = 20;
 
-/// Returns the name of a picture without its ending, with `/` between folders. Digits are no ending,
-/// as in `frame.0001`. `None` if it leads out of a folder or is empty.
+/// Returns the name of a picture without its ending, with `/` between folders. Digits are no
+/// ending, as in `frame.0001`. `None` if it leads out of a folder or is empty.
 fn picture_name(name: &str) -> Option<String> {
     let name = name.replace('\\', "/");
     let path = Path::new(&name);

@@ -193,7 +193,8 @@ fn check(
         report.pictures = compare_pictures(&check, isa, monitor)?;
     }
     drop(progress);
-    // Before the report, which stdout may not take. If it fails, the report is printed all the same.
+    // Before the report, which stdout may not take. If it fails, the report is printed all the
+    // same.
     let written = saved.map(|text| {
         let scene = serde_json::from_str(&text).unwrap_or_default();
         outputs.write_json("--save", &Saved { scene, findings: report.findings.clone() })

@@ -207,10 +207,14 @@ fn primitives_of_adaptive_samples_count_against_the_memory_limit() {
         scratch.run(&[&["render", "s.json", "--quiet", "-o", "o"], &noise[..], flags].concat())
     };
     let faces = ["--visible-faces", "f.npy"];
-    run("65536", &[]).good();
-    run("1024", &faces).good();
+    let small = [&faces[..], &["--size", "16x16"]].concat();
+    let large = [&faces[..], &["--size", "64x64"]].concat();
+    run("65536", &large[2..]).good();
+    run("1024", &large).good();
     // 4 threads * 1024 pixels * 65,536 samples * 4 bytes are 1 GiB.
-    let refused = run("65536", &faces);
+    let refused = run("65536", &large);
     assert_eq!(refused.code(), 2, "{}", refused.stderr());
     assert!(refused.stderr().contains("--max-memory"), "{}", refused.stderr());
+    // A picture of 256 pixels has no whole tile.
+    run("65536", &small).good();
 }
