@@ -265,7 +265,7 @@ impl Run<'_> {
     }
 
     fn frame(&self, built: &Built, frame: &Frame, film: &mut Option<Film>) -> Result<()> {
-        // While another frame is traced.
+        // Made again here, while another frame is traced.
         let scene = &built.input.ready.frame(self.job, frame.number)?.scene;
         let plan = LayerPlan::new(scene);
         let world = built.world.frame_of(scene);

@@ -31,7 +31,9 @@ pub use description::{Input as WrittenInput, JobFile, LimitKeys, TurntableKeys};
 pub use flags::Flags;
 pub use job::{Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
-pub use outputs::{names, refuse_files, refuse_foreign_sheet, refuse_photographs, refuse_sheet};
+pub use outputs::{
+    refuse_files, refuse_foreign_sheet, refuse_photographs, refuse_sheet, task_files,
+};
 pub use places::Places;
 pub use scene::{check_settings, predict};
 pub use status::{Event, Status};

@@ -126,7 +126,7 @@ fn refuse_if_input(output: &Path, inputs: &FileSet) -> Result<()> {
 
 /// Returns the paths of the files of each frame of a task, as `picture::write` does. An input
 /// that is invalid counts as one without manifests.
-pub fn names(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
+pub fn task_files(job: &Job, task: &Task) -> Vec<Vec<PathBuf>> {
     // Only manifests depend on the input.
     let scene = job.storage.crypto_sidecar.then(|| {
         let scene = scene::with_default_placement(job, &job.inputs[task.input]);

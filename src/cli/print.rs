@@ -69,10 +69,13 @@ impl Report {
     /// # Errors
     /// A stdout that fails, if no error may wait.
     pub fn text(&mut self, piece: &str) -> Result<()> {
-        if self.waits && self.printed.is_ok() {
+        if !self.waits {
+            return text(piece);
+        }
+        if self.printed.is_ok() {
             self.printed = text(piece);
         }
-        if self.waits { Ok(()) } else { text(piece) }
+        Ok(())
     }
 
     /// Ends the report, after all files are written.

@@ -6,8 +6,8 @@ use crate::parallel;
 
 use super::placement::Placement;
 
-/// Number of triangles in a [block](TriangleMesh::blocks).
-pub const BLOCK: usize = 256;
+/// Number of triangles in a [run](TriangleMesh::runs).
+pub const RUN: usize = 256;
 
 /// Triangles over shared vertices; f32, relative to [`Geometry::origin`](super::Geometry::origin).
 #[derive(Debug, Default)]
@@ -23,8 +23,8 @@ pub struct TriangleMesh {
     pub loop_only: bool,
     /// Lowest and highest finite coordinates of all vertices.
     bounds: [[f32; 3]; 2],
-    /// See [`TriangleMesh::blocks`]; made at the first use.
-    pub(super) blocks: OnceLock<Vec<[[f32; 3]; 2]>>,
+    /// See [`TriangleMesh::runs`]; made at the first use.
+    pub(super) runs: OnceLock<Vec<[[f32; 3]; 2]>>,
 }
 
 impl TriangleMesh {
@@ -35,8 +35,8 @@ impl TriangleMesh {
         let bounds = bounds_of(&vertices);
         vertices.reserve_exact(1);
         vertices.push([0.0; 3]);
-        let (stitches, blocks) = (Vec::new(), OnceLock::new());
-        Self { vertices, triangles, stitches, loop_only, bounds, blocks }
+        let (stitches, runs) = (Vec::new(), OnceLock::new());
+        Self { vertices, triangles, stitches, loop_only, bounds, runs }
     }
 
     /// Returns a copy of the mesh in the scene.
@@ -77,28 +77,28 @@ impl TriangleMesh {
         self.bounds
     }
 
-    /// Lowest and highest coordinates of each [`BLOCK`] triangles in order, stitches included. They
+    /// Lowest and highest coordinates of each [`RUN`] triangles in order, stitches included. They
     /// are computed at the first call, in the current rayon pool if there is one.
-    pub fn blocks(&self) -> &[[[f32; 3]; 2]] {
-        let of_block = |block: usize| {
-            let end = self.triangles.len().min((block + 1) * BLOCK);
-            let corners = (block * BLOCK..end).flat_map(|prim| self.corners(prim as u32));
+    pub fn runs(&self) -> &[[[f32; 3]; 2]] {
+        let of_run = |run: usize| {
+            let end = self.triangles.len().min((run + 1) * RUN);
+            let corners = (run * RUN..end).flat_map(|prim| self.corners(prim as u32));
             corners.fold(NOTHING, |all, corner| union(all, [corner; 2]))
         };
-        if let Some(known) = self.blocks.get() {
+        if let Some(known) = self.runs.get() {
             return known;
         }
         // Outside of the cell: a thread that waits for others may begin a task that needs it, too.
-        let count = self.triangles.len().div_ceil(BLOCK);
+        let count = self.triangles.len().div_ceil(RUN);
         let all = match rayon::current_thread_index() {
-            Some(_) => parallel::values(count, of_block),
+            Some(_) => parallel::values(count, of_run),
             // Outside of any pool, parallel code would start rayon's global one.
-            None => (0..count).map(of_block).collect(),
+            None => (0..count).map(of_run).collect(),
         };
-        self.blocks.get_or_init(|| all)
+        self.runs.get_or_init(|| all)
     }
 
-    /// Memory of all arrays but the small one of the blocks, in bytes.
+    /// Memory of all arrays but the small one of the runs, in bytes.
     pub fn bytes(&self) -> u64 {
         let indices = size_of_val(&self.triangles[..]) + size_of_val(&self.stitches[..]);
         (size_of_val(&self.vertices[..]) + indices) as u64
@@ -137,18 +137,18 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_around_their_triangles() {
+    fn runs_are_around_their_triangles() {
         let at = |i: usize| [i as f32, -(i as f32), 0.5];
-        let vertices = (0..3 * BLOCK).map(at).collect();
-        let triangles = (0..BLOCK as u32 + 2).map(|i| [i, i + 1, i + 2]).collect();
+        let vertices = (0..3 * RUN).map(at).collect();
+        let triangles = (0..RUN as u32 + 2).map(|i| [i, i + 1, i + 2]).collect();
         let mesh = TriangleMesh::new(vertices, triangles, false);
-        let last = BLOCK as f32;
+        let last = RUN as f32;
         let around = |low: f32, high: f32| [[low, -high, 0.5], [high, -low, 0.5]];
-        assert_eq!(mesh.blocks(), [around(0.0, last + 1.0), around(last, last + 3.0)]);
-        // A stitch comes into the last block.
+        assert_eq!(mesh.runs(), [around(0.0, last + 1.0), around(last, last + 3.0)]);
+        // A stitch comes into the last run.
         let mesh = mesh.with_stitches(&[[0, 2, 1]]);
-        assert_eq!(mesh.blocks()[mesh.blocks().len() - 1][0][0], 0.0);
-        assert!(TriangleMesh::default().blocks().is_empty());
+        assert_eq!(mesh.runs()[mesh.runs().len() - 1][0][0], 0.0);
+        assert!(TriangleMesh::default().runs().is_empty());
     }
 
     #[test]

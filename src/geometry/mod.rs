@@ -30,7 +30,7 @@ pub use crevice::{Crevice, WallHit, hides, is_near};
 pub use doubles::doubles;
 pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};
-pub use mesh::{BLOCK, TriangleMesh};
+pub use mesh::{RUN, TriangleMesh};
 pub use nearby::Nearby;
 pub use passing::{Passing, passing};
 pub use placement::{Instance, Placement};

@@ -58,7 +58,7 @@ impl Placement {
     }
 
     /// Returns a normal in the scene, of unit length. It stays on its side of the surface, also if
-    /// the map mirrors. Zero stays zero.
+    /// the map mirrors. Zero stays zero. A normal that is not finite becomes NaN.
     pub fn normal(&self, normal: [f32; 3]) -> [f32; 3] {
         let turned = self.normals * doubles(normal);
         turned.normalize_or(turned * 0.0).as_vec3().to_array()

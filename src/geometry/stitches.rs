@@ -28,7 +28,7 @@ impl TriangleMesh {
         self.triangles.reserve_exact(kept.len());
         self.triangles.extend(kept.iter().map(|(stitch, _)| stitch));
         self.stitches = kept.into_iter().map(|(_, beside)| beside).collect();
-        self.blocks.take();
+        self.runs.take();
         self
     }
 

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 
 use super::light::{Area, Distant};
 use super::points::{ShadowPoints, lane};
-use crate::geometry::{BLOCK, Box3, Geometry, GeometryKind, TriangleMesh, doubles};
+use crate::geometry::{Box3, Geometry, GeometryKind, RUN, TriangleMesh, doubles};
 use crate::parallel;
 use crate::ray::{LANES, Mask, Rays};
 
@@ -26,8 +26,8 @@ const GRAZING: f64 = 1.0 - 1.0 / 256.0;
 /// the plane.
 const ALONG: f64 = 1e-4;
 
-/// Blocks of triangles that one task compares with a light.
-const BLOCKS_OF_TASK: usize = (1 << 14) / BLOCK;
+/// Runs of triangles that one task compares with a light.
+const RUNS_OF_TASK: usize = (1 << 14) / RUN;
 
 /// The box of a light.
 struct LightBox {
@@ -150,25 +150,25 @@ impl Area {
                     .then(|| self.coplanar_distance(geometry, geometry.primitive(geom, prim)));
                 gap.flatten().unwrap_or(f64::NEG_INFINITY)
             };
-            let gap_of_block = |block: &usize| {
-                let end = mesh.triangles().len().min((block + 1) * BLOCK);
-                (block * BLOCK..end).map(|prim| gap_of(prim as u32)).fold(f64::NEG_INFINITY, most)
+            let gap_of_run = |run: &usize| {
+                let end = mesh.triangles().len().min((run + 1) * RUN);
+                (run * RUN..end).map(|prim| gap_of(prim as u32)).fold(f64::NEG_INFINITY, most)
             };
             let is_near = |bounds: &[[f32; 3]; 2]| {
                 let bounds = bounds.map(doubles);
                 near.reaches(&placement.map_or(bounds, |placement| placement.bounds(bounds)))
             };
-            let blocks = mesh.blocks().iter().enumerate();
-            let found: Vec<usize> = blocks.filter(|(_, b)| is_near(b)).map(|(i, _)| i).collect();
-            let of_blocks = |found: &[usize]| found.iter().map(gap_of_block).fold(gap, most);
+            let runs = mesh.runs().iter().enumerate();
+            let found: Vec<usize> = runs.filter(|(_, b)| is_near(b)).map(|(i, _)| i).collect();
+            let of_runs = |found: &[usize]| found.iter().map(gap_of_run).fold(gap, most);
             // Frames of a batch are prepared outside of any pool. Parallel code would start rayon's
             // global pool there.
-            gap = match rayon::current_thread_index().filter(|_| found.len() > BLOCKS_OF_TASK) {
+            gap = match rayon::current_thread_index().filter(|_| found.len() > RUNS_OF_TASK) {
                 Some(_) => {
-                    let gaps = parallel::map(found.chunks(BLOCKS_OF_TASK), of_blocks);
+                    let gaps = parallel::map(found.chunks(RUNS_OF_TASK), of_runs);
                     gaps.into_iter().fold(gap, most)
                 }
-                None => of_blocks(&found),
+                None => of_runs(&found),
             };
         }
         let quads = (0..geometry.quads.len() as u32)
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_search_by_blocks_finds_what_a_search_of_all_triangles_finds() {
+    fn the_search_by_runs_finds_what_a_search_of_all_triangles_finds() {
         let turn = DMat3::from_rotation_x(0.3) * DMat3::from_rotation_y(0.2);
         let mesh = |turn| Geometry::new(DVec3::ZERO, vec![ceiling(turn)], vec![], vec![]).unwrap();
         let own = mesh(turn);

@@ -46,8 +46,7 @@ fn is_whole(job: &Job, input: usize, frame: u32, record: Option<&FrameRecord>) -
 
 /// Returns true if a record is about what the job has now under its input and frame. In another
 /// batch of the same folder, or before a list of cameras changed, the number was another frame's.
-fn is_about(job: &Job, input: usize, record: &JournalRecord) -> bool {
-    let JournalRecord::Frame(record) = record else { return true };
+fn is_about(job: &Job, input: usize, record: &FrameRecord) -> bool {
     let [exr, _] = Outputs::names(&job.prefix(input, record.frame));
     record.outputs.iter().any(|output| output == seen_from(&exr, &job.folder))
 }
@@ -84,7 +83,7 @@ impl SheetEntry {
             for &number in own.or(by_path.map(Vec::as_slice)).unwrap_or_default() {
                 match record {
                     // Its failure was of the same other frame.
-                    JournalRecord::Frame(frame) if !is_about(job, number, record) => {
+                    JournalRecord::Frame(frame) if !is_about(job, number, frame) => {
                         all[number].failures.remove(&frame.frame);
                     }
                     _ => all[number].add(record, &run),

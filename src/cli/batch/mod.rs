@@ -375,8 +375,8 @@ fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
     batch::refuse_photographs(job, &tasks)?;
     for task in tasks {
-        let names = batch::names(job, &task);
-        for (frame, outputs) in task.frames.zip(names) {
+        let files = batch::task_files(job, &task);
+        for (frame, outputs) in task.frames.zip(files) {
             let line = json!({
                 "index": batch::index(job.frames(), task.input, frame),
                 "input": job.inputs[task.input].path.display().to_string(),

@@ -102,7 +102,7 @@ fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings>
     }
     let layers = || files.into_iter().flat_map(|file| &file.layers);
     let known = || layers().map(|layer| layer.shown());
-    // The picture itself has several names, as in files, but for those that layers have.
+    // As in files, the picture itself has several names, unless a layer has that name.
     let named = |name: &String| match !name.is_empty() && is_beauty(name) {
         true if !layers().any(|layer| layer.is_called(name)) => "beauty".to_string(),
         _ => name.clone(),

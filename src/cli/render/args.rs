@@ -9,7 +9,7 @@ use crate::cli::flags::{
     SceneArgs,
 };
 use crate::cli::progress::ProgressMode;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::integrate::Relative;
 use crate::output::exr::Sequence;
 use crate::output::tonemap::Depth;
@@ -215,6 +215,22 @@ pub struct SplitArgs {
     /// Keep all bits in the EXR, so that merged parts from --crop also give the same PNG
     #[arg(long)]
     pub part: bool,
+}
+
+impl SplitArgs {
+    /// Refuses a range of samples together with adaptive sampling, where each pixel has its own
+    /// number of samples.
+    ///
+    /// # Errors
+    /// `Invalid` for both together.
+    pub fn check_sampling(&self, adaptive: bool) -> Result<()> {
+        if !(adaptive && self.samples.is_some()) {
+            return Ok(());
+        }
+        let message =
+            "found with --noise or --time, where each pixel has its own number of samples";
+        Err(Error::invalid("--samples", message).help("split with --tile"))
+    }
 }
 
 /// Parses `3/8` to [3, 8].

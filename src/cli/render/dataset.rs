@@ -50,8 +50,7 @@ impl DatasetArgs {
         }
         let pixel = Window { x0: 0, y0: 0, x1: 1, y1: 1 };
         let primitives = memory::predict(scene, pixel)?.primitives;
-        let pixels = u64::from(window.width()) * u64::from(window.height());
-        let pixels = pixels.min(u64::from(TILE * TILE).saturating_mul(threads as u64));
+        let pixels = window.pixels().min(u64::from(TILE * TILE).saturating_mul(threads as u64));
         let samples = adaptive.map_or(0, |adaptive| pixels * u64::from(adaptive.most));
         let held = samples.saturating_mul(size_of::<u32>() as u64);
         Ok(primitives.saturating_mul(FaceCounts::BYTES).saturating_add(held))

@@ -84,7 +84,7 @@ impl<'a> RenderOptions<'a> {
         let plan = LayerPlan::new(scene);
         let part = PicturePart::new(args, scene, &plan)?;
         let adaptive = sampling::adaptive(&args.sampling, scene)?;
-        part.check_sampling(adaptive.is_some())?;
+        args.split.check_sampling(adaptive.is_some())?;
         let budget = args.machine.max_memory.map(|limit| {
             let window = part.window;
             let sums = adaptive.map_or(0, |adaptive| sampling::bytes(&adaptive, scene, window));

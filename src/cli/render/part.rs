@@ -27,8 +27,6 @@ pub struct PicturePart {
     /// overscan is the origin of the windows.
     pub overscan: u32,
     samples: Range<u32>,
-    /// True if a range of samples was asked for, even the whole.
-    has_range: bool,
     /// The tile and the number of tiles, if the picture is split into tiles.
     tile: Option<[u32; 2]>,
     /// True if the EXR must keep every bit.
@@ -80,11 +78,9 @@ impl PicturePart {
         let layout = plan.layout.clone();
         let raw = (samples != (0..spp)).then(|| PartialSumsLayout::new(&layout, samples.clone()));
         let is_split = split.tile.is_some() || split.samples.is_some();
-        let has_range = split.samples.is_some();
         let (tile, exact) = (split.tile, split.part || is_split);
         let over = args.files.plate.over.is_some();
-        let piece =
-            Self { whole, window, overscan, samples, has_range, tile, exact, over, layout, raw };
+        let piece = Self { whole, window, overscan, samples, tile, exact, over, layout, raw };
         let frame = Window::full(scene.camera.width, scene.camera.height);
         // A crop alone is a part of the frame. With `--tile` or `--samples` the whole is the crop.
         let piece = if is_split || overscan > 0 { piece } else { Self { whole: frame, ..piece } };
@@ -121,20 +117,6 @@ impl PicturePart {
             return Err(Error::invalid("--visible-faces", message).help("use --noise or --spp"));
         }
         Ok(piece)
-    }
-
-    /// Refuses a range of samples together with adaptive sampling, where each pixel has its own
-    /// number of samples.
-    ///
-    /// # Errors
-    /// `Invalid` for both together.
-    pub fn check_sampling(&self, adaptive: bool) -> Result<()> {
-        if !(adaptive && self.has_range) {
-            return Ok(());
-        }
-        let message =
-            "found with --noise or --time, where each pixel has its own number of samples";
-        Err(Error::invalid("--samples", message).help("split with --tile"))
     }
 
     /// Returns the channels of the film besides R, G, B, A.

@@ -4,7 +4,8 @@
 use crate::support::reference::analytic::{
     LitSphere, facing_mirrors, lonlat_point, lonlat_uv, plane_coordinates, polygon_irradiance,
 };
-use crate::support::reference::{self, Density, Picture, assets, program, scene::Scene};
+use crate::support::reference::{assets, program};
+use lightpath_reference::{self as reference, Density, Picture, scene::Scene};
 use serde_json::{Value, json};
 use std::path::Path;
 

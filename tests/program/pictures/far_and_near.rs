@@ -4,8 +4,9 @@
 
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;
-use crate::support::reference::{self, Density, Picture, compare, scene::Scene};
+use crate::support::reference::{compare, program};
 use lightpath::scene::Backend;
+use lightpath_reference::{self as reference, Density, Picture, scene::Scene};
 use serde_json::{Value, json};
 
 /// Returns the pixels that differ from the reference by more than 1 % of the brighter one, with a
@@ -27,7 +28,7 @@ fn count(backends: &[&'static str], scene: &Value) -> Vec<(&'static str, Vec<Str
     let each = |&backend: &&'static str| {
         let args = ["render", "s.json", "--backend", backend, "-o", backend, "--float"];
         let said = scratch.run(&args).good().stderr();
-        let actual = reference::program::read_exr(&scratch.path(&format!("{backend}.exr")));
+        let actual = program::read_exr(&scratch.path(&format!("{backend}.exr")));
         (backend, wrong(&actual, &expected), said)
     };
     backends.iter().map(each).collect()

@@ -3,9 +3,10 @@
 
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;
-use crate::support::reference::{self, Density, Picture, compare, scene::Scene};
+use crate::support::reference::{compare, program};
 use glam::{DMat3, DVec3};
 use lightpath::scene::Backend;
+use lightpath_reference::{self as reference, Density, Picture, scene::Scene};
 use serde_json::{Value, json};
 
 /// A rotated glossy room from -1 to 1, open towards +z. Its light is 1 x 0.75 at the height `lamp`.
@@ -54,7 +55,7 @@ fn pictures(backend: Backend, scratch: &Scratch, scene: &Value) -> Vec<(&'static
     let each = |&backend: &&'static str| {
         let args = ["render", "s.json", "--backend", backend, "-o", backend, "--float"];
         scratch.run(&args).good();
-        (backend, reference::program::read_exr(&scratch.path(&format!("{backend}.exr"))))
+        (backend, program::read_exr(&scratch.path(&format!("{backend}.exr"))))
     };
     backends.iter().map(each).collect()
 }

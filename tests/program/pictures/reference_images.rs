@@ -6,8 +6,9 @@
 //! implies. `compare.rs` states and justifies every tolerance.
 
 use crate::support::backends::on_both;
-use crate::support::reference::{self, Density, Picture, assets, compare, program, scene::Scene};
+use crate::support::reference::{assets, compare, program};
 use lightpath::scene::Backend;
+use lightpath_reference::{self as reference, Density, Picture, scene::Scene};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 

@@ -1,6 +1,6 @@
 //! Compares the renderer's picture with the reference's, and shows where they differ.
 
-use super::Picture;
+use lightpath_reference::Picture;
 use std::fmt::Write;
 use std::path::Path;
 

@@ -1,10 +1,6 @@
-//! What tests need beside the independent ray tracer (`tests/reference/`), which they see here,
-//! too.
+//! What tests need beside the independent ray tracer, which is a crate (`tests/reference/`).
 
 pub mod analytic;
 pub mod assets;
 pub mod compare;
 pub mod program;
-
-#[allow(unused_imports)] // each test program uses its own part of this crate
-pub use lightpath_reference::{Density, Picture, render, scene};

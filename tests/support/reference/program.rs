@@ -1,7 +1,7 @@
 //! Runs the renderer as a user would, and reads the EXR that it writes.
 
-use super::Picture;
 use exr::prelude::{ReadChannels, ReadLayers};
+use lightpath_reference::Picture;
 use std::path::Path;
 use std::process::Command;
 
