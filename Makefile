@@ -40,7 +40,7 @@ test: setup python ## all tests, Python's included
 	failed=0; \
 	export RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))}; \
 	RUSTC_WRAPPER='$(CURDIR)/scripts/rustc_of_tests.sh' \
-	    cargo test $(FLAGS) --lib --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
+	    cargo test $(FLAGS) --lib --test '*' --no-fail-fast $(ARGS) || failed=1; \
 	cargo test $(FLAGS) --doc $(ARGS) || failed=1; \
 	exit $$failed
 

@@ -18,7 +18,6 @@ qemu=$(command -v qemu-aarch64-static || command -v qemu-aarch64) ||
 . scripts/zig.sh
 triple=aarch64-unknown-linux-musl
 emulated=$(realpath -m "${CARGO_TARGET_DIR:-target}")/emulated
-rustup target add "$triple"
 
 # Prints the output of a test run. Fails if a filter matched no test.
 some_ran() {
@@ -28,6 +27,7 @@ some_ran() {
 
 case ${1:-} in
 tests | kernels)
+    rustup target add "$triple"
     tests=(--test alone)
     [ "$1" = tests ] || tests+=(--lib)
     CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER=$qemu cargo-zigbuild test --locked --release --no-default-features \

@@ -8,8 +8,8 @@
 #       a folder that runs anywhere, with Embree if that is in vendor/
 #
 # With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made
-# with `make install`. The same commit gives the same bytes: scripts/reproducible.sh. Needs dpkg-deb
-# and xz.
+# with `make install`. The same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0
+# (fast) to 9. Needs dpkg-deb and xz.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -75,7 +75,7 @@ CONTROL
 sed -i '/^$/d' "$deb/DEBIAN/control"
 same_times "$deb"
 package=$dist/lightpath_${version}_$architecture.deb
-dpkg-deb --root-owner-group -Zxz --build "$deb" "$package" >/dev/null
+dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
 
 # --------------------------------------------------------------------------------------------------
