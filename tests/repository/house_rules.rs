@@ -67,6 +67,18 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let tree = String::from_utf8(output.stdout).expect("text");
     let table = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a table");
+    let texts = fs::read_to_string(format!("{root}/THIRD_PARTY_LICENSES.txt")).expect("texts");
+    let texts: BTreeSet<&str> = texts.lines().flat_map(|line| line.split(", ")).collect();
+    let without_text: Vec<String> = tree
+        .lines()
+        .filter_map(|line| line.split('|').next()?.split_once(" v"))
+        .map(|(name, rest)| format!("{name} {}", rest.split(' ').next().unwrap_or_default()))
+        .filter(|crate_| !crate_.starts_with("lightpath ") && !texts.contains(crate_.as_str()))
+        .collect();
+    assert!(
+        without_text.is_empty(),
+        "not in THIRD_PARTY_LICENSES.txt: {without_text:?}: run scripts/licences.py"
+    );
     let missing: Vec<String> = tree
         .lines()
         .filter_map(name_and_licence)
