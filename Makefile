@@ -40,7 +40,7 @@ test: setup python ## all tests, Python's included
 	failed=0; \
 	export RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))}; \
 	RUSTC_WRAPPER='$(CURDIR)/scripts/rustc_of_tests.sh' \
-	    cargo test $(FLAGS) --lib --test '*' --examples --no-fail-fast $(ARGS) || failed=1; \
+	    cargo test $(FLAGS) --lib --test '*' --no-fail-fast $(ARGS) || failed=1; \
 	cargo test $(FLAGS) --doc $(ARGS) || failed=1; \
 	exit $$failed
 
@@ -63,16 +63,19 @@ lint: ## format, clippy, the library without Embree, shell scripts: no warnings;
 	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
 	done
 	cargo fmt --all --check
+	@for folder in fuzz python benches/ply_readers benches/tinybvh; do \
+	    cargo fmt --check --manifest-path $$folder/Cargo.toml || exit 1; \
+	done
 	cargo clippy $(FLAGS) --workspace --all-targets -- -D warnings
 	@# The fuzz targets use the library without Embree. Clippy would check both a second time.
-	cargo check $(FLAGS) --manifest-path fuzz/Cargo.toml --target-dir $(CARGO_TARGET_DIR) 2>&1 | \
+	CARGO_TERM_COLOR=never cargo check $(FLAGS) --manifest-path fuzz/Cargo.toml --target-dir $(CARGO_TARGET_DIR) 2>&1 | \
 	    awk '{ print } /^(warning|error)/ { bad = 1 } /^ *Finished/ { done = 1 } END { exit bad || !done }'
 	shellcheck scripts/*.sh farm/*.sh .ci/run
 
 docs: setup ## the API documentation, no warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
 
-# Not `install: build`: `sudo make install` must not compile as root.
+# Not `install: build`, and no rule that builds: `sudo make install` must not compile as root.
 install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
 	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
 
@@ -83,7 +86,7 @@ portable: build ## static programs for x86-64 and aarch64, one for glibc 2.28, t
 	scripts/portable.sh
 
 $(BINARY):
-	$(MAKE) build
+	@echo 'found no $@: run `make build` first, or set BINARY=PROGRAM' >&2; exit 2
 
 clean: ## remove compiled and rendered files (not vendor/)
 	cargo clean

@@ -155,8 +155,8 @@ fn embree(root: &Path) {
         // same bytes wherever they are built, as all have with SOURCE_DATE_EPOCH
         // (reproducible-builds.org).
         println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
-        let inside = Path::new(&variable("OUT_DIR")).starts_with(root);
-        if !inside && env::var_os("SOURCE_DATE_EPOCH").is_none() {
+        let reached = relative_entries_reach(root, Path::new(&variable("OUT_DIR")));
+        if !reached && env::var_os("SOURCE_DATE_EPOCH").is_none() {
             folders.push(vendor);
         }
         let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
@@ -165,6 +165,17 @@ fn embree(root: &Path) {
             println!("cargo::rustc-link-arg={argument}");
         }
     }
+}
+
+/// Returns whether `$ORIGIN/../..` and the two entries after it lead from the program and from the
+/// tests, a folder deeper, to the checkout. The loader takes `$ORIGIN` with symbolic links resolved.
+pub fn relative_entries_reach(root: &Path, out_dir: &Path) -> bool {
+    let (Ok(root), Ok(out_dir)) = (root.canonicalize(), out_dir.canonicalize()) else {
+        return false;
+    };
+    // OUT_DIR is build/lightpath-HASH/out in the folder of the program.
+    let program = out_dir.ancestors().nth(3).and_then(|folder| folder.strip_prefix(root).ok());
+    program.is_some_and(|folder| matches!(folder.components().count(), 2 | 3))
 }
 
 /// Sets `LIGHTPATH_EMBREE_HEADERS`, the include folder (or empty), for the test that compares

@@ -8,8 +8,8 @@ faces with three to eight corners (N as 70k or 10M).
 
 Each reader is its own process, which reads the file on request and times itself. Readers take turns, forwards and
 backwards (A B C C B A), so that other load on the machine affects all of them. The output has median and minimum,
-the ratio of each median to lightpath's, MB/s, and the peak memory of the process after its first read, without
-mapped files. Readers that are not installed are left out and named.
+the ratio of each median to lightpath's, MB/s, and the peak memory of the process in its first read, without mapped
+files, sampled every millisecond. Readers that are not installed are left out and named.
   lightpath          src/mesh/ply, with a mapped file: also checks, drops and counts (docs/guide/meshes.md)
   lightpath-no-mmap  the same through a window
   floor              mapped records copied into typed arrays by all threads; binary triangles only
@@ -23,6 +23,7 @@ import platform
 import statistics
 import subprocess
 import sys
+import threading
 import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -84,9 +85,26 @@ class Worker:
             return None
         return (float(line[0]), int(line[1])) if line else None
 
-    def peak(self, field='VmHWM'):
+    def first_read(self):
+        """Like `read`. Keeps the most memory meanwhile, without mapped files: VmHWM would count their pages."""
+        self.memory, done = 0, threading.Event()
+
+        def watch():
+            while not done.wait(0.001):
+                self.memory = max(self.memory, self.anonymous())
+
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        try:
+            return self.read()
+        finally:
+            done.set()
+            watcher.join()
+
+    def anonymous(self):
+        """Returns the process's memory without mapped files; 0 after its end."""
         with open(f'/proc/{self.process.pid}/status') as status:
-            return next(int(l.split()[1]) * 1024 for l in status if l.startswith(field))
+            return next((int(l.split()[1]) * 1024 for l in status if l.startswith('RssAnon')), 0)
 
     def end(self):
         """Ends the process. Returns the last line that it wrote to stderr."""
@@ -100,12 +118,11 @@ def measure(path, names, rounds, program):
     workers, left_out = [], {}
     for name in names:
         worker = Worker(name, path, program)
-        first = worker.read()
+        first = worker.first_read()
         if first is None:
             left_out[name] = worker.end()
         else:
             worker.triangles, worker.samples = first[1], []
-            worker.memory = worker.peak() - worker.peak('RssFile')
             workers.append(worker)
     for _ in range(rounds):
         for worker in workers + workers[::-1]:

@@ -5,9 +5,11 @@ check_cameras.py target/release/lightpath
 
 Renders a mesh from random cameras of every model. OpenCV, or COLMAP for files that pycolmap wrote, projects the points of
 the layer P; each must fall on the centre of its pixel. Then OpenCV projects the mesh's vertices; the layer P must show
-each visible vertex where it falls. Prints the largest errors. Exit code 1 if one exceeds 1e-3 pixel.
+each visible vertex where it falls. Prints the largest errors. Exit code 1 if one exceeds 1e-3 pixel, or if a picture is
+missing.
 """
 import json
+import math
 import os
 import subprocess
 import sys
@@ -25,10 +27,10 @@ worst = 0.0
 random = np.random.default_rng(5)
 
 
-def batch(folder, cameras, *flags):
-    """Renders the mesh from a list of cameras. Returns the points of each picture, by name."""
+def batch(folder, cameras, names):
+    """Renders the mesh from a list of cameras of these names. Returns the points of each picture, by name."""
     command = [LIGHTPATH, "batch", MESH, "--cameras", cameras, "--aov", "P,primid", "--spp", "1", "--no-sheet", "--quiet"]
-    subprocess.run([*command, "--name", "{image}", "-o", folder, *flags], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([*command, "--name", "{image}", "-o", folder], check=True, stdout=subprocess.DEVNULL)
     found = {}
     for file in sorted(os.listdir(folder)):
         if file.endswith(".exr"):
@@ -36,6 +38,8 @@ def batch(folder, cameras, *flags):
             pixels = {name: channel.pixels for name, channel in part.channels.items()}
             points = np.stack([pixels["P." + axis].astype(np.float64) for axis in "XYZ"], -1)
             found[file[:-4]] = points, pixels["primid.id"] > 0
+    if found.keys() != set(names):
+        sys.exit(f"{folder} has pictures of {sorted(found)}, expected {sorted(names)}")
     return found
 
 
@@ -45,7 +49,8 @@ def judge(what, points, hit, project):
     rows, columns = np.nonzero(hit)
     seen = project(points[hit])
     error = np.abs(seen - np.stack([columns, rows], -1)).max()
-    worst = max(worst, error)
+    # `max` would pass over a NaN.
+    worst = max(worst, math.inf if math.isnan(error) else error)
     print(f"{what}: {hit.sum()} points, off by {error:.1e} pixel at most")
 
 
@@ -112,7 +117,7 @@ def opencv(folder):
     path = os.path.join(folder, "list.json")
     with open(path, "w") as file:
         json.dump({"cameras": cameras}, file)
-    for name, (points, hit) in batch(os.path.join(folder, "opencv"), path).items():
+    for name, (points, hit) in batch(os.path.join(folder, "opencv"), path, projections).items():
         judge(f"cv2 {name}", points, hit, projections[name])
         vertices(f"cv2 {name}", points, hit, projections[name], 500.0)
 
@@ -143,7 +148,7 @@ def colmap(folder):
         written = os.path.join(folder, kind)
         os.mkdir(written)
         getattr(model, "write_" + kind)(written)
-        for name, (points, hit) in batch(os.path.join(folder, "from-" + kind), written).items():
+        for name, (points, hit) in batch(os.path.join(folder, "from-" + kind), written, views).items():
             camera, rotation, translation = views[name]
 
             def project(points):

@@ -258,8 +258,8 @@ def sudden_death():
     child.wait()
     child.stderr.close()
     print(f"killed while writing: exit {child.returncode}, left {os.listdir('out')}")
-    if child.returncode == -signal.SIGKILL:
-        expect(all(name.endswith(".part") for name in os.listdir("out")), f"left {os.listdir('out')}")
+    expect(child.returncode == -signal.SIGKILL, "it was not killed while it wrote: no progress of the phase `write`?")
+    expect(all(name.endswith(".part") for name in os.listdir("out")), f"left {os.listdir('out')}")
 
 
 with tempfile.TemporaryDirectory() as folder:

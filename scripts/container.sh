@@ -26,7 +26,7 @@ image() { buildah --root "$scratch/store" --runroot "$scratch/run" --storage-dri
 # A context of only the files that the Containerfile names.
 context=$scratch/context
 install -D -t "$context/target/${static%/*}" "$target/$static"
-cp LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md "$context"
+cp LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt "$context"
 image build --quiet --isolation chroot --file Containerfile --tag lightpath "$context" >/dev/null
 say "$(image images --format '{{.Size}}' lightpath)"
 container=$(image from lightpath)

@@ -7,8 +7,9 @@
 #   lightpath-VERSION-ARCH-linux.tar.xz
 #       a folder that runs anywhere, with Embree if that is in vendor/
 #
-# With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. Both are made
-# with `make install`. The same commit gives the same bytes: scripts/reproducible.sh. Needs dpkg-deb
+# With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. With EMBREE_DIR,
+# EMBREE must say whose Embree they contain: EMBREE=$EMBREE_DIR/lib. Both are made with `make install`. The
+# same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0 (fast) to 9. Needs dpkg-deb
 # and xz.
 set -eu
 cd "$(dirname "$0")/.."
@@ -20,6 +21,11 @@ architecture=$(dpkg --print-architecture)
 dist=${CARGO_TARGET_DIR:-target}/dist
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
 export SOURCE_DATE_EPOCH
+if [ -n "${EMBREE_DIR:-}" ] && [ -z "${EMBREE:-}" ]; then
+    printf 'dist: %s\n' "EMBREE_DIR is $EMBREE_DIR, a folder of this machine: a package must carry that Embree or need none." \
+        "Run \`EMBREE=FOLDER make dist\` with the folder of its libraries, or unset EMBREE_DIR." >&2
+    exit 2
+fi
 stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT
 umask 022
@@ -53,7 +59,7 @@ doc=$deb/usr/share/doc/lightpath
     printf 'Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\n'
     printf 'Upstream-Name: lightpath\n\nFiles: *\nCopyright: the lightpath authors\n'
     printf 'License: MIT or Apache-2.0\n The texts are LICENSE-MIT and LICENSE-APACHE in this folder.\n'
-    printf 'Comment: What the package contains of others, with licences, is in THIRD_PARTY.md.\n'
+    printf 'Comment: What the package contains of others is in THIRD_PARTY.md and THIRD_PARTY_LICENSES.txt.\n'
 } >"$doc/copyright"
 gzip -9n <CHANGELOG.md >"$doc/changelog.gz"
 gzip -9n "$deb/usr/share/man/man1/lightpath.1"
@@ -75,7 +81,7 @@ CONTROL
 sed -i '/^$/d' "$deb/DEBIAN/control"
 same_times "$deb"
 package=$dist/lightpath_${version}_$architecture.deb
-dpkg-deb --root-owner-group -Zxz --build "$deb" "$package" >/dev/null
+dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
 
 # --------------------------------------------------------------------------------------------------

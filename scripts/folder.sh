@@ -1,6 +1,7 @@
 #!/bin/bash
 # Packs a relocatable folder with `make install`: folder.sh DIST NAME EMBREE. The environment may set
-# BINARY and SPEAKER of the Makefile. The same program gives the same bytes. Needs xz.
+# BINARY and SPEAKER of the Makefile, and XZ_LEVEL, from 0 (fast) to 9. The same program gives the same
+# bytes. Needs xz.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -17,7 +18,7 @@ umask 022
 mkdir -p "$dist"
 make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
 tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -cf - "$name" |
-    xz -6 -T2 --block-size=16MiB >"$part"
+    xz "-${XZ_LEVEL:-6}" -T2 --block-size=16MiB >"$part"
 mv "$part" "$dist/$name.tar.xz"
 
 # The newest version of the C library that a symbol of the program needs; a static one needs none.

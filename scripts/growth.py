@@ -71,8 +71,10 @@ def summary(runs, triangles):
 
 
 def exponent(points):
-    """Returns e of n^e by least squares of logarithms, over meshes of at least a million triangles."""
+    """Returns e of n^e by least squares of logarithms, over meshes of at least a million triangles; None without two."""
     logs = [(math.log(n), math.log(value)) for n, value in points if n >= 1_000_000]
+    if len({n for n, _ in logs}) < 2:
+        return None
     x, y = statistics.mean(p[0] for p in logs), statistics.mean(p[1] for p in logs)
     return sum((a - x) * (b - y) for a, b in logs) / sum((a - x) ** 2 for a, _ in logs)
 
@@ -86,9 +88,11 @@ def table(rows):
             print(f"| {triangles:,} | {backend} | {seconds} | {row['held']:.1f} | {row['build peak']:.1f} "
                   f"| {row['peak'] / 2**30:.2f} |")
     for backend in ("bvh", "embree"):
-        fits = [f"{phase} n^{exponent([(n, r[backend][phase]) for n, r in rows if backend in r]):.2f}"
+        fits = [(phase, exponent([(n, r[backend][phase]) for n, r in rows if backend in r]))
                 for phase in ("load", "build", "total")]
-        print(f"\n{backend}, from a million triangles on: {', '.join(fits)}.")
+        if all(fit is not None for _, fit in fits):
+            shown = ", ".join(f"{phase} n^{fit:.2f}" for phase, fit in fits)
+            print(f"\n{backend}, from a million triangles on: {shown}.")
 
 
 def charts(rows, folder):

@@ -26,6 +26,12 @@ put() { # MODE FILE FOLDER
 mkdir "$scratch/bin"
 # shellcheck disable=SC2016
 LC_ALL=C sed 's|:\($ORIGIN/\.\./\.\./vendor/embree\)|\x00\1|' "$BINARY" >"$scratch/bin/lightpath"
+# A package is for other machines: the run path begins there, too, without the folder of EMBREE_DIR. Zero
+# bytes behind it keep the length.
+# shellcheck disable=SC2016
+[ -z "${DESTDIR:-}" ] ||
+    LC_ALL=C sed -i -e ':a' -e 's|\x00[^\x00]\([^\x00]*$ORIGIN/\.\./lib/lightpath\)\x00|\x00\1\x00\x00|' -e ta \
+        "$scratch/bin/lightpath"
 
 # The loader asks for libraries by their sonames, which end after the first number.
 libraries=()
@@ -48,7 +54,7 @@ for library in "${libraries[@]}"; do
 done
 
 put 755 "$scratch/bin/lightpath" bin
-for file in LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md; do
+for file in LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt; do
     put 644 "$file" share/doc/lightpath
 done
 put 644 farm/openjd-template.yaml share/lightpath/farm

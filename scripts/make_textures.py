@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the textures of assets/ and the die's mesh, the same bytes on every run and machine.
+"""Makes the textures of assets/ and the die's mesh, the same pixels on every run and machine. The bytes of
+compressed pixels may differ between versions of zlib.
 
     scripts/make_textures.py [FOLDER]
 

@@ -21,13 +21,15 @@ export SOURCE_DATE_EPOCH
 # shellcheck source=scripts/zig.sh
 . scripts/zig.sh
 
-# The programs must not contain paths of this machine.
+# The programs must not contain paths of this machine. These may have spaces: the C flags are quoted, and Rust's
+# are separated by the byte 31.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
 sysroot=$(rustc --print sysroot)
-maps="-ffile-prefix-map=$PWD=. -ffile-prefix-map=$registry=registry -ffile-prefix-map=$target=target"
-export CFLAGS="$maps"
-export RUSTFLAGS="--remap-path-prefix=$PWD=. --remap-path-prefix=$registry=registry --remap-path-prefix=$target=target \
---remap-path-prefix=$sysroot=rust"
+maps=("$PWD=." "$registry=registry" "$target=target")
+export CC_SHELL_ESCAPED_FLAGS=1
+CFLAGS=$(printf "'-ffile-prefix-map=%s' " "${maps[@]}")
+CARGO_ENCODED_RUSTFLAGS=$(printf -- '--remap-path-prefix=%s\x1f' "${maps[@]}")--remap-path-prefix=$sysroot=rust
+export CFLAGS CARGO_ENCODED_RUSTFLAGS
 
 # build TARGET NAME EMBREE FLAG...
 build() {
@@ -41,7 +43,7 @@ build x86_64-unknown-linux-gnu.2.28 x86_64-linux-glibc2.28 vendor/embree
 build x86_64-unknown-linux-musl x86_64-linux-static none --no-default-features
 build aarch64-unknown-linux-musl aarch64-linux-static none --no-default-features
 
-unset RUSTFLAGS CFLAGS
+unset CARGO_ENCODED_RUSTFLAGS CFLAGS
 [ -x "$tools/bin/cargo-cyclonedx" ] || {
     echo "portable: installing cargo-cyclonedx from crates.io into $tools"
     cargo install --quiet --locked --root "$tools" cargo-cyclonedx@0.5.7

@@ -8,12 +8,13 @@ scripts/setup.sh python
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 python=${PYTHON:-python3}
 
-# Makes a virtual environment with pip, and installs packages in it.
+# Makes a virtual environment with pip, unless the folder has one that works, and installs packages in it.
+# Its scripts name its folder, which may have been another one: pip and pytest are run as modules.
 environment() {
     local folder=$1
     shift
-    [ -x "$folder/bin/pip" ] || "$python" -m venv --clear "$folder"
-    "$folder/bin/pip" install --quiet --disable-pip-version-check "$@"
+    "$folder/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv --clear "$folder"
+    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
 }
 
 run_tests() {

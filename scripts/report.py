@@ -189,10 +189,20 @@ def table(lines):
 
 
 def machine():
-    report = load(f'converge-{next(iter(STUDIES))}.json')
+    """The one machine and program of all reports."""
+    reports = {name: load(name) for name in sorted(os.listdir(OUT)) if name.endswith('.json')}
+    if not reports:
+        sys.exit('report: found no reports in docs/reports/: run `make report`')
+    first, report = next(iter(reports.items()))
+    for name, other in reports.items():
+        if other['machine'] != report['machine']:
+            sys.exit(f"report: {name} is of another machine or program than {first}, and the tables name one:\n"
+                     f"{first}: {report['machine']}\n{name}: {other['machine']}\nMeasure all of them: `make report`.")
     m = report['machine']
     versions = ', '.join(f'{name} {version}' for name, version in m['versions'].items())
-    return f"{m['cpu']}, {report['threads']} threads, {m['isa']} kernels; {versions}; {date()}"
+    threads = [row['threads'] for scene in load_or('bench.json', {'scenes': []})['scenes'] for row in scene['rows']]
+    threads += [other['threads'] for other in reports.values() if 'threads' in other]
+    return f"{m['cpu']}, {max(threads, default=m['cores'])} threads, {m['isa']} kernels; {versions}; {date()}"
 
 
 def date():
@@ -203,6 +213,7 @@ def date():
 
 
 def write():
+    measured_on = machine()
     # Studies that have not been measured are left out.
     there = [name for name in STUDIES if os.path.exists(os.path.join(OUT, f'converge-{name}.json'))]
     studies = {name: converge_lines(name) for name in there}
@@ -212,7 +223,7 @@ def write():
     index = ['# Reports', '', '`make report` writes this page, the data and the HTML pages into docs/reports/ '
              '(`make report REPORT_SECONDS=300` for longer, calmer numbers). Each HTML page is one file that needs no other. '
              'The repository keeps this page and the JSON data.', '',
-             f'Machine: {machine()}.', '', '| page | what | data |', '|---|---|---|']
+             f'Machine: {measured_on}.', '', '| page | what | data |', '|---|---|---|']
     for name, what in pages:
         table_too = ', csv' if name.startswith('converge-') else ''
         index.append(f"| {name}.html | {what} | [json]({name}.json){table_too} |")
@@ -223,7 +234,7 @@ def write():
         index += ['', f'## {title}', '', table(lines).rstrip()]
     with open(os.path.join(OUT, 'README.md'), 'w') as file:
         file.write('\n'.join(index) + '\n')
-    replace(os.path.join(ROOT, 'README.md'), f'{comparison()}\nMeasured by `make report` on: {machine()}.\n')
+    replace(os.path.join(ROOT, 'README.md'), f'{comparison()}\nMeasured by `make report` on: {measured_on}.\n')
 
 
 def replace(path, text):

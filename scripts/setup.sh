@@ -57,11 +57,9 @@ can_be_root() {
 as_root() {
     if [ "$(id -u)" = 0 ]; then
         "$@"
-    elif have sudo; then
+    else
         # sudo drops the environment, including DEBIAN_FRONTEND.
         sudo DEBIAN_FRONTEND=noninteractive "$@"
-    else
-        die "this needs root, and there is no sudo. As root, run:" "    $*" "and then run this again."
     fi
 }
 
@@ -80,6 +78,8 @@ apt_install() {
     shift
     have apt-get || die "missing: $* ($reason)." \
         "This system has no apt-get: install that with its own package manager, and run this again."
+    can_be_root || die "missing: $* ($reason). This needs root, and there is no sudo. As root, run:" \
+        "    apt-get update && apt-get install --no-install-recommends $*" "and then run this again."
     refresh_package_lists
     say "installing from apt: $* ($reason)"
     as_root apt-get install -y -qq --no-install-recommends "$@" >&2 ||
@@ -145,7 +145,7 @@ set_up_rust() {
         else
             die "rustc $version is too old: lightpath needs $rust_needed or later." "Run: rustup update stable"
         fi
-    elif have apt-get; then
+    elif have apt-get && can_be_root; then
         apt_candidate rustc
         if [ -n "$candidate" ] && at_least "$candidate" "$rust_needed"; then
             apt_install "the Rust compiler" cargo rustc
@@ -237,8 +237,7 @@ embree_from_wheel() {
         Linux-x86_64) ;;
         *) embree_by_hand "there is no ready-made Embree 4 for $(uname -s) on $(uname -m)." ;;
     esac
-    say "taking Embree 4.4.0 from the Python wheel $wheel (15 MB, PyPI) into vendor/embree/:" \
-        "this system's own packages have ${1:-no Embree}, and lightpath needs $embree_needed." \
+    say "taking Embree 4.4.0 from the Python wheel $wheel (15 MB, PyPI) into vendor/embree/: $1." \
         "Nothing outside this folder changes."
     if ! python3 -m pip --version >/dev/null 2>&1; then
         apt_install "downloads the wheel" python3 python3-pip
@@ -272,10 +271,14 @@ PYTHON
 set_up_embree() {
     embree_is_here && return
     apt_candidate libembree-dev
-    if [ -n "$candidate" ] && at_least "$candidate" "$embree_needed"; then
+    if [ -z "$candidate" ] || ! at_least "$candidate" "$embree_needed"; then
+        [ -z "$candidate" ] || candidate="Embree $candidate"
+        embree_from_wheel \
+            "this system's own packages have ${candidate:-no Embree}, and lightpath needs $embree_needed"
+    elif can_be_root; then
         apt_install "Intel Embree 4, which traces rays" libembree-dev
     else
-        embree_from_wheel "${candidate:+Embree $candidate}"
+        embree_from_wheel "this system's own package needs root, and there is no sudo"
     fi
     embree_is_here || embree_by_hand "Embree 4 is still not found."
     # Rebuild: tests compiled without Embree would stay ignored.

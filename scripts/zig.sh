@@ -7,7 +7,7 @@ command -v rustup >/dev/null ||
 scripts/setup.sh python
 [ -x "$tools/bin/cargo-zigbuild" ] || {
     echo "installing Zig 0.17.1 and cargo-zigbuild 0.24.1 from PyPI into $tools"
-    python3 -m venv "$tools"
-    "$tools/bin/pip" install --quiet --disable-pip-version-check ziglang==0.17.1 cargo-zigbuild==0.24.1
+    python3 -m venv --clear "$tools"
+    "$tools/bin/python" -m pip install --quiet --disable-pip-version-check ziglang==0.17.1 cargo-zigbuild==0.24.1
 }
 PATH=$tools/bin:$PATH

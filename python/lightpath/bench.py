@@ -11,6 +11,7 @@ float64 arrays.
 """
 
 import argparse
+import importlib
 import json
 import os
 import time
@@ -65,6 +66,7 @@ class Ours:
     """This package."""
 
     name = "lightpath"
+    modules = ()
 
     def __init__(self, vertices, faces, threads):
         self.scene = RayScene(vertices, faces, threads=threads)
@@ -87,9 +89,9 @@ class Trimesh:
     """trimesh with embreex."""
 
     name = "trimesh + embreex"
+    modules = ("embreex", "trimesh")
 
     def __init__(self, vertices, faces, threads):
-        import embreex  # noqa: F401
         import trimesh
 
         mesh = trimesh.Trimesh(vertices, faces, process=False)
@@ -119,6 +121,7 @@ class Open3D:
     """Open3D's RaycastingScene."""
 
     name = "Open3D"
+    modules = ("open3d",)
 
     def __init__(self, vertices, faces, threads):
         import open3d
@@ -127,6 +130,8 @@ class Open3D:
         self.scene = open3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(self.tensor(vertices.astype(np.float32)),
                                  self.tensor(faces.astype(np.uint32)))
+        # The first query builds the tree.
+        self.scene.test_occlusions(self.tensor(np.ones((1, 6), np.float32)), nthreads=threads)
 
     def closest(self, rays):
         hits = self.scene.cast_rays(self.tensor(rays.single), nthreads=self.threads)
@@ -199,6 +204,8 @@ def build(vertices, faces, threads, log):
     contestants = {}
     for kind in (Ours, Trimesh, Open3D):
         try:
+            for module in kind.modules:
+                importlib.import_module(module)
             began = time.perf_counter()
             contestants[kind.name] = kind(vertices, faces, threads)
             log[kind.name] = time.perf_counter() - began

@@ -1,5 +1,6 @@
 //! Rules for the package itself: oldest compiler, lock file, licence texts, width of comments.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -66,6 +67,18 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let tree = String::from_utf8(output.stdout).expect("text");
     let table = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a table");
+    let texts = fs::read_to_string(format!("{root}/THIRD_PARTY_LICENSES.txt")).expect("texts");
+    let texts: BTreeSet<&str> = texts.lines().flat_map(|line| line.split(", ")).collect();
+    let without_text: Vec<String> = tree
+        .lines()
+        .filter_map(|line| line.split('|').next()?.split_once(" v"))
+        .map(|(name, rest)| format!("{name} {}", rest.split(' ').next().unwrap_or_default()))
+        .filter(|crate_| !crate_.starts_with("lightpath ") && !texts.contains(crate_.as_str()))
+        .collect();
+    assert!(
+        without_text.is_empty(),
+        "not in THIRD_PARTY_LICENSES.txt: {without_text:?}: run scripts/licences.py"
+    );
     let missing: Vec<String> = tree
         .lines()
         .filter_map(name_and_licence)
@@ -78,6 +91,43 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
         .map(|(name, licence)| format!("{name}: {licence}"))
         .collect();
     assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
+}
+
+/// `make test` and `make lint` compile these packages into one target folder. Another version or
+/// profile would compile crates twice.
+#[test]
+fn packages_that_share_a_target_folder_share_crates() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |file: &str| fs::read_to_string(root.join(file)).expect("a file");
+    let versions = |file: &str| -> BTreeSet<(String, String)> {
+        let value = |line: Option<&str>| line?.split('"').nth(1).map(str::to_owned);
+        let lock = read(file);
+        let packages = lock.split("[[package]]\n").skip(1);
+        packages
+            .filter_map(|package| {
+                let mut lines = package.lines();
+                Some((value(lines.next())?, value(lines.next())?))
+            })
+            .collect()
+    };
+    let profile = |file: &str| {
+        let manifest = read(file);
+        let (_, rest) = manifest.split_once("[profile.release.package]\n").expect("a profile");
+        rest.split("\n\n").next().map(str::to_owned)
+    };
+    let ours = versions("Cargo.lock");
+    for folder in ["python", "fuzz"] {
+        let others: Vec<(String, String)> = versions(&format!("{folder}/Cargo.lock"))
+            .into_iter()
+            .filter(|(name, _)| ours.iter().any(|(other, _)| other == name))
+            .filter(|package| !ours.contains(package))
+            .collect();
+        assert!(
+            others.is_empty(),
+            "{folder}/Cargo.lock: not the versions of Cargo.lock: {others:?}"
+        );
+        assert_eq!(profile(&format!("{folder}/Cargo.toml")), profile("Cargo.toml"), "{folder}");
+    }
 }
 
 /// Splits a line such as `glob v0.3.4|MIT OR Apache-2.0 (*)`. Old crates write `/` for `OR`.

@@ -5,6 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+mod build_script;
 #[cfg(feature = "embree")]
 mod embree_layout;
 mod house_rules;
