@@ -62,6 +62,20 @@ def test_a_ray_in_the_plane_of_a_small_mesh_of_doubles():
         assert beyond.max() < 1e-6 and apart.max() < 1e-6
 
 
+# Similar rays are traced together, a ray alone by other code.
+@pytest.mark.parametrize("corners, origin, direction", [
+    ([[-1.7, 0.8, -1.9], [-1.6, 1.1, -0.8], [1.9, 0.3, 1.2]], [2.2, 1.2, 4.5], [-2.42, -0.48, -4.72]),
+    ([[1.3, 1.2, 1.6], [1, -1.5, 1.4], [-0.5, 1, -1.2]], [-0.8, -1.7, -1.4], [0.96, 2.24, 1.28]),
+])
+def test_equal_rays_in_the_plane_of_a_face_have_the_hit_of_one(corners, origin, direction):
+    scene = lightpath.RayScene(corners, [[0, 1, 2]])
+    alone, rays = scene.closest([origin], [direction]), ([origin] * 16, [direction] * 16)
+    hits = scene.closest(*rays)
+    assert np.allclose(hits.t, alone.t, rtol=1e-5)
+    assert np.allclose(hits.barycentrics, alone.barycentrics, atol=1e-5)
+    assert (scene.closest(*rays, tnear=hits.t).primitive == -1).all()
+
+
 @pytest.mark.parametrize("length", [5e-324, 1e-310, 1e-308])
 def test_short_directions_from_far_away(length):
     scene = lightpath.RayScene(*TETRAHEDRON)

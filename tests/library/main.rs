@@ -94,6 +94,7 @@ mod ply {
 mod rays {
     mod closing;
     mod limits;
+    mod packets;
     mod queries;
     mod stitches;
 }

@@ -98,8 +98,10 @@ fn squared_gap(low: f32, high: f32, x: f32, slack: f32) -> f32 {
     if gap > 0.0 { gap * gap } else { 0.0 }
 }
 
-/// Reduces a sum of three squares by 8u of it (u = 2^-24): more than its rounding error, 6u.
+/// Reduces a sum of three squares by 8u of it (u = 2^-24): more than its rounding error, 6u. The
+/// smallest normal number is subtracted because squares may underflow, that of the smallest
+/// distance so far, too.
 #[inline(always)]
 fn rounded_down(sum: f32) -> f32 {
-    sum * (1.0 - 4.0 * f32::EPSILON)
+    sum * (1.0 - 4.0 * f32::EPSILON) - f32::MIN_POSITIVE
 }

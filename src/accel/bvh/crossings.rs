@@ -12,7 +12,7 @@
 //!   it (no hit) or passes through both sides (two hits at the same t).
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
-use super::exact::{ShearedTriangle, TrianglePlane};
+use super::exact::{ShearedTriangle, TrianglePlane, weights_of};
 use super::interleaved::{Interleaved, LeafVisitor};
 use super::node::{Block, Child, ChildKind, WIDTH};
 use super::query::{Lane, Query};
@@ -176,8 +176,7 @@ impl<T: Tier> Single<'_, T> {
             if counts(&seen, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;
                 let primitive = self.tree.indices().of(block, slot);
-                let [u, v, w] = seen.edges;
-                let weights = [v, w].map(|edge| (edge / (u + v + w)) as f32);
+                let weights = weights_of(seen.edges);
                 found.push(Crossing { t, weights, primitive, lane });
             }
         }

@@ -5,6 +5,13 @@ use crate::ray::{LANES, Mask};
 use super::bounds::Bounds3;
 use super::query::{Lane, Query, max, min};
 
+/// Largest magnitude of a side plane's slope. That of a ray is at most 1, before rounding.
+const STEEPEST: f32 = 1.5;
+
+/// How far the planes of a frustum are moved outwards, in units of [`Query::box_slack`]: see
+/// [`Frustum`].
+const SLACKS: f32 = 2.5;
+
 /// Computes minima of 16 lanes. No lane may be NaN.
 pub trait HorizontalMin: Copy {
     /// Returns the minimum of 16 lanes.
@@ -28,7 +35,7 @@ pub trait HorizontalMin: Copy {
 pub struct Side {
     /// x at z = 0.
     pub a: f32,
-    /// Slope, of magnitude 1.5 at most.
+    /// Slope, of magnitude [`STEEPEST`] at most.
     pub b: f32,
     /// Row of [`super::node::Node::planes`] with the z at which the plane lies outermost: the lower
     /// or the upper end of a box along z.
@@ -43,12 +50,16 @@ pub struct Side {
 /// below its chord. Therefore four planes through the chords bound the rays. They are tight if the
 /// rays share an origin or an end point.
 ///
-/// The planes are moved outwards by 1.5 times the largest [`Query::box_slack`], which is 99u
-/// max|v - o| + 6u|o| (u = 2^-24):
+/// The planes are moved outwards by [`SLACKS`] times the largest [`Query::box_slack`], which is
+/// 165u R + 10u|o| (u = 2^-24), where R is the largest |v - o| of the scene's box and a ray's
+/// origin. So no plane leaves out a triangle that a ray hits, for 45u R + 10u|o| suffice:
 ///
-/// - A hit may lie 64u max|v - o| outside its box.
-/// - 13u are for rounding: of the ends (8u max|v - o| + u|o|), of `a` (3u(max|v - o| + |o|)), and
-///   of `a + b z` where it is used.
+/// - Where the ray's line passes through the sheared triangle of [`super::exact`], it is within
+///   6u R of the triangle. Its depth is rounded by u R, which is 1.5u R along the slope `b`.
+/// - Coordinates are below |o| + R, and `b` is at most [`STEEPEST`]. The roundings are u|o| + 4u R
+///   of the ends; 1.5u of `b z` and 2.5u of each difference for `a`, times |o| + R; 1.5u (|o| + R)
+///   of `b z` and u|o| + 4u R of the sum where `a + b z` is used. Together: 10u|o| + 16u R.
+/// - The |o| of two rays differ by at most 2R, which is 20u R.
 ///
 /// `b` need not be exact: whatever it is, `a` is chosen so that the plane is outside all rays at
 /// both ends.
@@ -103,7 +114,7 @@ impl Frustum {
             starts[i] = forward * query.origin[2][i];
             box_slacks[i] = -query.box_slack[i];
         }
-        let slack = -1.5 * tier.horizontal_min(&select(active, &box_slacks));
+        let slack = -SLACKS * tier.horizontal_min(&select(active, &box_slacks));
         let start = tier.horizontal_min(&select(active, &starts)) - slack;
         let mut frustum =
             Self::without_sides(axes, lane.octant, forward, [start, scene_end + slack, slack]);
@@ -203,10 +214,10 @@ impl Frustum {
     }
 }
 
-/// Returns the slope, or 0 if rounding made it larger than 1.5 or NaN.
+/// Returns the slope, or 0 if rounding made it larger than [`STEEPEST`] or NaN.
 #[inline(always)]
 fn slope(b: f32) -> f32 {
-    if b.abs() <= 1.5 { b } else { 0.0 }
+    if b.abs() <= STEEPEST { b } else { 0.0 }
 }
 
 /// Returns the values of the active lanes, and infinity in the others.

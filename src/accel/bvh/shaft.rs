@@ -288,9 +288,9 @@ impl Frustum {
         if !(max(reach, size) < MAX_EXTENT) {
             return None;
         }
-        // At least the slack of `Frustum::new`, 99u of the reach and 6u of the coordinates (u =
-        // 2^-24), another 2u of the reach for the inverse, and 6u for the light's rounded points.
-        // Lines that leave the scene round by u of `size` at each of three steps.
+        // At least what `Frustum` needs, 45u of the reach and 10u of the coordinates (u = 2^-24),
+        // another 2u of the reach for the inverse, and 6u for the light's rounded points. Lines
+        // that leave the scene round by u of `size` at each of three steps.
         let slack = (64.0 * reach + 16.0 * size) * f32::EPSILON + 8.0 * f32::MIN_POSITIVE;
         let (forward, scene_end, start, light) = match backward {
             true => (-1.0, -lower[k], -high[k], -near[k]),

@@ -1,7 +1,7 @@
 //! Traversal of the tree by one ray.
 
 use super::build::Tree;
-use super::exact::{Ray64, ShearedTriangle, depth_range};
+use super::exact::{Ray64, ShearedTriangle, depth_range, weights_of};
 use super::hits::ClosestHits;
 use super::local_rays::LocalRays;
 use super::node::{Block, Child, ChildKind, Indices, WIDTH};
@@ -44,13 +44,8 @@ impl ClosestHit {
     /// Writes the hit to a lane of a packet's closest hits.
     #[inline(always)]
     pub fn store(&self, found: &mut ClosestHits, i: usize) {
-        // Converted to f32 only after normalisation: edge functions of large coordinates may exceed
-        // the range of f32.
-        let [u, v, w] = self.edges;
-        let sum = 1.0 / (u + v + w);
         (found.t[i], found.primitive[i]) = (self.t, self.primitive);
-        found.weights[0][i] = (v * sum) as f32;
-        found.weights[1][i] = (w * sum) as f32;
+        [found.weights[0][i], found.weights[1][i]] = weights_of(self.edges);
         found.weights[2][i] = 1.0;
         found.second_half[i] = -i32::from(self.second_half);
     }

@@ -12,6 +12,9 @@ pub const ALL: Mask = Mask::ALL;
 /// Every mode of a query.
 const WAYS: [Coherence; 3] = [Coherence::Single, Coherence::Unordered, Coherence::Coherent];
 
+/// How far apart the weights of two modes may be: each is off by 1.5 / 1024.
+const APART: f32 = 1.0 / 256.0;
+
 /// The closest hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
@@ -66,17 +69,25 @@ impl<'g> Tiers<'g> {
     /// Returns the hits of the active rays.
     ///
     /// # Panics
-    /// If two instruction sets or modes differ in the primitive or in a bit of t, if a ray is
-    /// occluded without a closest hit or the other way round, or if an inactive lane is written to.
+    /// If two instruction sets or modes differ in the primitive or in a bit of t, or by more than
+    /// [`APART`] in the weights, if a ray is occluded without a closest hit or the other way round,
+    /// or if an inactive lane is written to.
     pub fn trace(&self, active: &Mask, rays: &Rays) -> [Option<Hit>; LANES] {
         let mut agreed = None;
         for (tree, bvh) in &self.trees {
             for way in WAYS {
-                let hits = self.closest(bvh, active, rays, way);
-                let expected = *agreed.get_or_insert(hits);
+                let (hits, weights) = self.closest(bvh, active, rays, way);
+                let (expected, places) = *agreed.get_or_insert((hits, weights));
                 for i in 0..LANES {
                     let (found, expected) = (hits[i], expected[i]);
                     assert_eq!(found, expected, "{tree} {way:?} lane {i}: {}", ray(rays, i));
+                    let ([u, v], place) = (weights[i], places[i]);
+                    let is_near = (u - place[0]).abs().max((v - place[1]).abs()) <= APART;
+                    assert!(
+                        is_near,
+                        "{tree} {way:?} lane {i}: {u} {v} {place:?}: {}",
+                        ray(rays, i)
+                    );
                 }
                 let mut after = rays.clone();
                 bvh.occluded(active, &mut after, way);
@@ -93,19 +104,20 @@ impl<'g> Tiers<'g> {
                 }
             }
         }
-        agreed.expect("one tier at least")
+        agreed.expect("one tier at least").0
     }
 
+    /// Returns the hits of the active rays and their weights.
     fn closest(
         &self,
         bvh: &Bvh,
         active: &Mask,
         rays: &Rays,
         way: Coherence,
-    ) -> [Option<Hit>; LANES] {
+    ) -> ([Option<Hit>; LANES], [[f32; 2]; LANES]) {
         let mut packet = RayPacket { rays: rays.clone(), ..RayPacket::EMPTY };
         bvh.closest(active, &mut packet, way);
-        std::array::from_fn(|i| {
+        let hits = std::array::from_fn(|i| {
             let (geom, prim) = (packet.hits.geom[i], packet.hits.prim[i]);
             if active.0[i] == 0 || geom == NONE {
                 assert_eq!((geom, prim), (NONE, NONE), "lane {i}");
@@ -117,7 +129,8 @@ impl<'g> Tiers<'g> {
             }
             let primitive = self.geometry.primitive(geom, prim);
             Some(Hit { primitive, t: packet.rays.tfar[i] })
-        })
+        });
+        (hits, std::array::from_fn(|i| [packet.hits.u[i], packet.hits.v[i]]))
     }
 }
 

@@ -285,6 +285,20 @@ fn a_stopped_monitor_ends_queries_and_what_they_prepare() {
     assert_eq!(scene.contains(&points, &monitor), Ok(vec![true]));
 }
 
+/// Squares of these distances are below the smallest number of f32.
+#[test]
+fn the_nearest_of_faces_at_tiny_distances_is_found() {
+    let far = [[5.9, 0.0, 0.0], [6.0, 0.1, 0.0], [6.0, 0.0, 0.1]];
+    let near = [[3.0, 3.0, 3.0], [3.1, 3.0, 3.1], [3.0, 3.1, 3.1]];
+    for faces in [[far, near], [near, far]] {
+        let corners = faces.as_flattened().iter().map(|corner| corner.map(|x| x * 1e-23));
+        let positions = Positions::F64(corners.collect());
+        let scene = scene(Mesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).expect("a mesh"));
+        let found = scene.closest_point(&[[0.0; 3]], &Monitor::default()).expect("a point");
+        assert_eq!(found.point[0], [3.0 * 1e-23; 3], "{found:?}");
+    }
+}
+
 /// Solid angle of a triangle (van Oosterom and Strackee 1983), in units of the sphere's.
 fn winding_of(corners: [DVec3; 3], point: [f64; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - DVec3::from(point));

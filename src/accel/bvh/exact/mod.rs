@@ -140,6 +140,17 @@ pub struct ShearedTriangle {
     depths: [f32; 3],
 }
 
+/// Returns the barycentric weights of the second and third corner, from the edge functions of a
+/// triangle that is hit.
+///
+/// They are converted to f32 only after normalisation: edge functions of large coordinates may
+/// exceed the range of f32.
+#[inline(always)]
+pub fn weights_of([u, v, w]: [f64; 3]) -> [f32; 2] {
+    let inverse = 1.0 / (u + v + w);
+    [(v * inverse) as f32, (w * inverse) as f32]
+}
+
 #[inline(always)]
 fn min3<T: PartialOrd>(a: T, b: T, c: T) -> T {
     let m = if a < b { a } else { b };

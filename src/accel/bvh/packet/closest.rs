@@ -169,7 +169,10 @@ impl<T: Tier> Packet<'_, T> {
         let entering = lanes_from_bits(entering);
         for slot in Bits(triangles) {
             let primitive = indices.of(block, slot);
-            let Some(edges) = self.edges(block, (slot, primitive), &entering) else { continue };
+            let Some(mut edges) = self.edges(block, (slot, primitive), &entering) else { continue };
+            for i in 0..LANES {
+                edges.unsure[i] |= edges.maybe[i] & edges.blurred[i];
+            }
             let test = self.test(block, slot, edges);
             let second_half = -i32::from(block.is_second_half(slot));
             for i in 0..LANES {

@@ -1,13 +1,23 @@
 //! Tests a triangle of a leaf against a packet: the test of [`exact`](crate::accel::bvh::exact) for
-//! 16 lanes at once. Hits and t are the same; the weights come from edge functions in f32.
+//! 16 lanes at once. Hits and t are the same. The weights come from edge functions in f32 where
+//! these tell them to 1.5e-3, else from the exact ones.
 
 use super::Packet;
-use crate::accel::bvh::exact::{DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane};
+use crate::accel::bvh::exact::{
+    DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane, weights_of,
+};
 use crate::accel::bvh::node::Block;
 use crate::accel::bvh::query::{max, min};
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
 use crate::geometry::NEAR_START;
 use crate::ray::LANES;
+
+/// The sum of the edge functions, in units of their slack, from which f32 tells the weights. Each
+/// edge function is off by at most 3/8 of the slack, so a weight by 1.5 / 1024.
+///
+/// Below are triangles that the ray sees almost edge-on, and those that it sees as slivers: less
+/// than 5e-4 of the square of their size.
+const CLEAR: f32 = 1024.0;
 
 /// The edge functions of a triangle for the lines of 16 rays, in f32.
 pub struct Edges {
@@ -23,6 +33,8 @@ pub struct Edges {
     /// Barycentric weights of a hit as two edge functions and the sum of all three, as in
     /// [`ClosestHits::weights`](crate::accel::bvh::hits::ClosestHits::weights).
     pub weights: [[f32; LANES]; 3],
+    /// All bits set in lanes whose weights f32 cannot tell: see [`CLEAR`].
+    pub blurred: [i32; LANES],
 }
 
 /// The hits of 16 rays with a triangle.
@@ -62,7 +74,7 @@ impl<T: Tier> Packet<'_, T> {
         let (p, q, r) = (corner(0), corner(1), corner(2));
         let query = self.query;
         let mut weights = [[0.0f32; LANES]; 3];
-        let mut unsure = [0i32; LANES];
+        let (mut unsure, mut blurred) = ([0i32; LANES], [0i32; LANES]);
         let (mut first, mut last) = ([0.0f32; LANES], [0.0f32; LANES]);
         let backward = self.frustum.forward < 0.0;
         for i in 0..LANES {
@@ -78,9 +90,12 @@ impl<T: Tier> Packet<'_, T> {
             // Not fused, because these become the weights. They must be equal in every instruction
             // set.
             let (u, v, w) = (cx * by - q0, ax * cy - q1, bx * ay - q2);
-            (weights[0][i], weights[1][i], weights[2][i]) = (v, w, u + v + w);
+            let sum = u + v + w;
+            (weights[0][i], weights[1][i], weights[2][i]) = (v, w, sum);
             let largest = T::larger(T::larger(q0.abs(), q1.abs()), q2.abs());
             let slack = largest * EDGE_SLACK + EDGE_FLOOR;
+            // True for NaN.
+            blurred[i] = -i32::from(!(sum.abs() >= CLEAR * slack));
             let (lowest, highest) = (T::lesser(T::lesser(u, v), w), T::larger(T::larger(u, v), w));
             let misses = (lowest < -slack) & (highest > slack);
             let sure = (lowest > slack) | (highest < -slack);
@@ -99,15 +114,15 @@ impl<T: Tier> Packet<'_, T> {
             unsure[i] &= maybe[i];
             any |= maybe[i];
         }
-        (any != 0).then_some(Edges { maybe, unsure, first, last, weights })
+        (any != 0).then_some(Edges { maybe, unsure, first, last, weights, blurred })
     }
 
     /// Intersects the rays of `edges` with the triangle. Decides the unsure ones exactly.
     #[inline(always)]
     pub fn test(&self, block: &Block, slot: usize, edges: Edges) -> Test {
-        let Edges { mut maybe, mut unsure, first, last, weights } = edges;
+        let Edges { maybe, mut unsure, first, last, mut weights, .. } = edges;
         let plane = TrianglePlane::new(block.triangle(slot));
-        let (mut t, towards) = self.distances(&plane);
+        let (t, towards) = self.distances(&plane);
         let normal_l1 = plane.normal_l1();
         // All in one loop. Between two loops the values would be stored as halves of a register,
         // and to read them as a whole register would wait for both stores.
@@ -136,13 +151,18 @@ impl<T: Tier> Packet<'_, T> {
                 doubt |= unsure[i];
             }
         }
-        if doubt != 0 {
-            // Copies: a value whose address is passed to a call cannot stay in a register.
-            let (unsure, mut hit, mut at) = (unsure, maybe, t);
-            self.decide(block, slot, &unsure, &mut hit, &mut at);
-            (maybe, t) = (hit, at);
+        if doubt == 0 {
+            return Test { hit: maybe, t, weights };
         }
-        Test { hit: maybe, t, weights }
+        // Copies: a value whose address is passed to a call cannot stay in a register.
+        let (unsure, mut decided) = (unsure, Test { hit: maybe, t, weights: [[0.0; LANES]; 3] });
+        self.decide(block, slot, &unsure, &mut decided);
+        for (weights, exact) in weights.iter_mut().zip(&decided.weights) {
+            for i in 0..LANES {
+                weights[i] = if unsure[i] != 0 { exact[i] } else { weights[i] };
+            }
+        }
+        Test { hit: decided.hit, t: decided.t, weights }
     }
 
     /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
@@ -201,14 +221,8 @@ impl<T: Tier> Packet<'_, T> {
 
     /// Decides the unsure lanes one by one.
     #[inline(never)]
-    fn decide(
-        &self,
-        block: &Block,
-        slot: usize,
-        unsure: &[i32; LANES],
-        hit: &mut [i32; LANES],
-        t: &mut [f64; LANES],
-    ) {
+    fn decide(&self, block: &Block, slot: usize, unsure: &[i32; LANES], test: &mut Test) {
+        let Test { hit, t, weights } = test;
         for i in (0..LANES).filter(|&i| unsure[i] != 0) {
             let lane = self.query.lane(i);
             let seen = ShearedTriangle::new(&lane, block, slot);
@@ -217,6 +231,8 @@ impl<T: Tier> Packet<'_, T> {
                 t[i] = seen.t(&ray, block.triangle(slot));
                 let after_start = t[i] > 0.0 && ray.hit_is_after_start(t[i], block.triangle(slot));
                 hit[i] = -i32::from(after_start);
+                [weights[0][i], weights[1][i]] = weights_of(seen.edges);
+                weights[2][i] = 1.0;
             } else {
                 hit[i] = 0;
             }

@@ -339,7 +339,7 @@ impl Tier for Avx512 {
     fn triangles_in_frustum(self, block: &Block, frustum: &Frustum, end: f32) -> u32 {
         let ([kx, ky, kz], [low_x, low_y], [high_x, high_y]) =
             (frustum.axes, frustum.low(), frustum.high());
-        // SAFETY: `self` proves AVX-512; axes are below 3; reads rows of 16 aligned bytes.
+        // SAFETY: `self` proves AVX-512; axes are below 3.
         unsafe {
             let (x, y) = (coordinate(block, kx), coordinate(block, ky));
             let z = coordinate(block, kz);
@@ -382,7 +382,7 @@ impl Tier for Avx512 {
     #[inline(always)]
     fn candidates(self, block: &Block, lane: &Lane, tfar: f32) -> Candidates {
         let q = lane.query;
-        // SAFETY: `self` proves AVX-512; axes are below 3; rows hold 16 aligned f32 or bytes.
+        // SAFETY: `self` proves AVX-512; axes are below 3.
         unsafe {
             let depth = _mm512_sub_ps(coordinate(block, lane.axes[2]), all(lane, &q.origin[2]));
             let corners = corners(block);
