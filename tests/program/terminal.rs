@@ -15,8 +15,8 @@ const SCENE: &str = r#"{
   }
 }"#;
 
-/// Returns everything that a command writes to a terminal.
-fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> String {
+/// Returns everything that a command writes to a terminal, and its exit code.
+fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> (String, i32) {
     let line = format!("stty cols 100 rows 40; '{}' {args}", env!("CARGO_BIN_EXE_lightpath"));
     let mut command = Command::new("script");
     command.args(["-qefc", &line, "/dev/null"]).current_dir(scratch.path(""));
@@ -27,7 +27,8 @@ fn on_terminal(scratch: &Scratch, args: &str, environment: &[(&str, &str)]) -> S
     }
     command.envs(environment.iter().copied());
     let output = command.stdin(Stdio::null()).output().expect("script is a part of util-linux");
-    String::from_utf8(output.stdout).unwrap()
+    // `-e`: the exit code is that of the command.
+    (String::from_utf8(output.stdout).unwrap(), output.status.code().unwrap())
 }
 
 /// Returns the lines that remain on the screen, without colours.
@@ -87,24 +88,27 @@ fn the_bar_is_gone_before_anything_else_is_printed() {
     std::fs::copy(scratch.path("sheet.ply"), scratch.path("scans/sheet.ply")).unwrap();
     let part = "render s.json --quiet --samples";
     for (name, samples) in [("p", "0..8"), ("q", "8..16")] {
-        on_terminal(&scratch, &format!("{part} {samples} --of 16 -o {name}"), &[]);
+        let (text, code) =
+            on_terminal(&scratch, &format!("{part} {samples} --of 16 -o {name}"), &[]);
+        assert_eq!(code, 0, "{text}");
     }
     let commands = [
-        ("render s.json -o out --size 1200x800 --spp 32", "out.exr"),
-        ("merge p.exr q.exr -o merged", "merged.exr"),
-        ("crosscheck s.json --backend bvh,brute --size 60x40", ""),
-        ("batch scans -o many --turntable 2 --backend bvh --spp 4", "many/index.html"),
+        ("render s.json -o out --size 1200x800 --spp 8", "out.exr", "render"),
+        ("merge p.exr q.exr -o merged", "merged.exr", ""),
+        ("crosscheck s.json --backend bvh,brute --size 60x40", "the tree of bvh is valid", "check"),
+        ("batch scans -o many --turntable 2 --backend bvh --spp 4", "many/index.html", "frames"),
     ];
-    for (command, file) in commands {
-        let text = on_terminal(&scratch, command, &[]);
+    for (command, last, bar) in commands {
+        let (text, code) = on_terminal(&scratch, command, &[]);
+        assert_eq!(code, 0, "{command}: {text}");
         let lines = screen(&text);
-        for phase in ["load", "build", "render", "write", "check"] {
+        for phase in ["load", "build", "render", "write", "check", "frames"] {
             let left = lines.iter().find(|line| line.starts_with(phase) && line.contains('%'));
             assert_eq!(left, None, "{command}: {lines:#?}\n{text:?}");
         }
-        assert!(lines.iter().any(|line| line == file), "{command}: {lines:#?}");
-        // A render of this length shows a bar.
-        assert!(!command.starts_with("render") || text.contains('%'), "{text:?}");
+        assert!(lines.iter().any(|line| line.starts_with(last)), "{command}: {lines:#?}");
+        // A merge is too short for a bar.
+        assert!(bar.is_empty() || (text.contains(bar) && text.contains('%')), "{text:?}");
     }
 }
 
@@ -113,7 +117,7 @@ fn the_bar_is_gone_before_anything_else_is_printed() {
 fn errors_are_coloured_like_usage_errors() {
     let scratch = scratch();
     let first = |args: &str, environment: &[(&str, &str)]| {
-        let text = on_terminal(&scratch, args, environment);
+        let (text, _) = on_terminal(&scratch, args, environment);
         let (start, _) = text.split_once(" ").expect(&text);
         start.to_string()
     };
@@ -134,6 +138,6 @@ fn errors_are_coloured_like_usage_errors() {
     // No colours in files and pipes.
     assert!(scratch.run(&["render", "missing.json"]).stderr().starts_with("error: "));
     // A name cannot add colours.
-    let text = on_terminal(&scratch, "render $'\\e[31mx.json'", &[("NO_COLOR", "1")]);
+    let (text, _) = on_terminal(&scratch, "render $'\\e[31mx.json'", &[("NO_COLOR", "1")]);
     assert!(!text.contains('\u{1b}'), "{text:?}");
 }

@@ -2,10 +2,11 @@
 
 use std::{fs, path::Path, process::Command};
 
+use super::program::skipped_outside_ci;
+
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
-/// Opens a page and returns the browser's output. `None` if there is no browser, unless
-/// `LIGHTPATH_BROWSER=1`, which CI sets and which makes this a failure.
+/// Opens a page and returns the browser's output. `None` if there is no browser.
 pub fn browse(args: &[&str], page: &Path) -> Option<String> {
     let url = format!("file://{}", page.display());
     let all = [
@@ -21,9 +22,7 @@ pub fn browse(args: &[&str], page: &Path) -> Option<String> {
             Err(_) => continue,
         }
     }
-    let asked = std::env::var_os("LIGHTPATH_BROWSER").is_some();
-    assert!(!asked, "found no browser of {BROWSERS:?}");
-    eprintln!("skipped: found no browser of {BROWSERS:?}");
+    skipped_outside_ci(&format!("found no browser of {BROWSERS:?}"));
     None
 }
 
@@ -43,10 +42,9 @@ pub struct Seen {
     pub sections: u32,
 }
 
-/// Looks at a page through a frame, because a window cannot be as narrow as a telephone.
+/// Looks at pages through frames, because a window cannot be as narrow as a telephone.
 const LOOK: &str = r#"
-  const page = document.getElementById('page');
-  const seen = () => {
+  const seen = (page) => {
     const it = page.contentDocument, view = page.contentWindow;
     const texts = [...it.querySelectorAll('svg text')].filter((t) => t.getBoundingClientRect().width > 0);
     const size = (t) => parseFloat(view.getComputedStyle(t).fontSize) * t.getScreenCTM().a;
@@ -79,28 +77,43 @@ const LOOK: &str = r#"
       sections: it.querySelectorAll('section, article').length,
     };
   };
-  page.onload = () => { document.body.dataset.seen = JSON.stringify(seen()); };
+  const pages = [...document.querySelectorAll('iframe')], all = pages.map(() => null);
+  pages.forEach((page, i) => {
+    page.onload = () => {
+      all[i] = seen(page);
+      if (all.every((one) => one)) document.body.dataset.seen = JSON.stringify(all);
+    };
+    page.src = page.dataset.src;
+  });
 "#;
 
-/// Opens a page in a window `width` wide, with its `<details>` open if `open`. `None` if there is
-/// no browser.
-pub fn look(page: &Path, width: u32, dark: bool, open: bool) -> Option<Seen> {
-    let html = fs::read_to_string(page).unwrap();
+/// Opens pages of a folder in windows `width` wide, with their `<details>` open if `open`. `None`
+/// if there is no browser. One browser shows them all, because its start takes longest.
+pub fn look(
+    folder: &Path,
+    pages: &[&str],
+    width: u32,
+    dark: bool,
+    open: bool,
+) -> Option<Vec<Seen>> {
     let watch = "<script>var errors = []; onerror = (text) => { errors.push(text); };</script>";
-    let html = html.replacen("<head>", &format!("<head>{watch}"), 1);
-    let html = if open { html.replace("<details>", "<details open>") } else { html };
-    fs::write(page.with_extension("watched.html"), html).unwrap();
-    let name = page.with_extension("watched.html");
-    let name = name.file_name().unwrap().to_str().unwrap();
-    let outer = format!(
-        "<!DOCTYPE html><body><iframe id=\"page\" style=\"border:0;width:{width}px;height:800px\"></iframe>\
-         <script>{LOOK} page.src = '{name}';</script></body>"
-    );
-    let outer_path = page.with_extension("outer.html");
+    let frames = pages.iter().map(|page| {
+        let html = fs::read_to_string(folder.join(page)).unwrap();
+        let html = html.replacen("<head>", &format!("<head>{watch}"), 1);
+        let html = if open { html.replace("<details>", "<details open>") } else { html };
+        let watched = page.replace(".html", ".watched.html");
+        fs::write(folder.join(&watched), html).unwrap();
+        format!(
+            "<iframe data-src=\"{watched}\" style=\"border:0;width:{width}px;height:800px\"></iframe>"
+        )
+    });
+    let frames: String = frames.collect();
+    let outer = format!("<!DOCTYPE html><body>{frames}<script>{LOOK}</script></body>");
+    let outer_path = folder.join("outer.html");
     fs::write(&outer_path, outer).unwrap();
     let scheme = format!("--blink-settings=preferredColorScheme={}", u8::from(!dark));
     let dom = browse(&["--dump-dom", &scheme, "--window-size=1400,900"], &outer_path)?;
     let seen = dom.split("data-seen=\"").nth(1).and_then(|rest| rest.split('"').next());
-    let seen = seen.unwrap_or_else(|| panic!("{}: nothing was seen: {dom}", page.display()));
+    let seen = seen.unwrap_or_else(|| panic!("{pages:?}: nothing was seen: {dom}"));
     Some(serde_json::from_str(&seen.replace("&quot;", "\"").replace("&amp;", "&")).unwrap())
 }

@@ -5,7 +5,8 @@ use std::{
     fs,
     io::Cursor,
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Child, Command, Output, Stdio},
+    time::Duration,
 };
 
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read_all_flat_layers_from_file};
@@ -70,7 +71,8 @@ fn sheet_in_order(side: u32, order: impl Fn(u32) -> u32) -> Vec<u8> {
     for i in 0..vertices {
         let [x, z] = [i % (side + 1), i / (side + 1)].map(|k| k as f32 / side as f32 * 2.0 - 1.0);
         let y = 0.1 * (9.0 * x + 5.0 * z).sin() * (31.0 * z * x).cos();
-        bytes.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
+        // Slices, because iterators over bytes are slow in a test, which is not optimised.
+        [x, y, z].iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
     }
     for triangle in (0..triangles).map(order) {
         let cell = triangle / 2;
@@ -78,7 +80,7 @@ fn sheet_in_order(side: u32, order: impl Fn(u32) -> u32) -> Vec<u8> {
         let (b, c, d) = (a + 1, a + side + 1, a + side + 2);
         let corners = if triangle % 2 == 0 { [a, c, b] } else { [b, c, d] };
         bytes.push(3);
-        bytes.extend(corners.into_iter().flat_map(u32::to_le_bytes));
+        corners.iter().for_each(|corner| bytes.extend_from_slice(&corner.to_le_bytes()));
     }
     bytes
 }
@@ -155,6 +157,42 @@ pub fn send(signal: &str, process: u32) {
     // Uses the shell's `kill`, because a small system may have no such program.
     let kill = format!("kill -s {signal} {process}");
     assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+}
+
+/// Tells that a test is skipped, past the test harness, which hides the output of passing tests.
+pub fn skipped(why: &str) {
+    let print = "printf '\\n*** SKIPPED: %s ***\\n' \"$0\" >&2";
+    let _ = Command::new("sh").args(["-c", print, why.trim()]).status();
+}
+
+/// Like [`skipped`], for what is there in CI: with `LIGHTPATH_NO_SKIPS`, which CI sets, this is a
+/// failure.
+#[track_caller]
+pub fn skipped_outside_ci(why: &str) {
+    assert!(std::env::var_os("LIGHTPATH_NO_SKIPS").is_none(), "{why}");
+    skipped(why);
+}
+
+/// A process that is killed when the test ends.
+pub struct Running(pub Child);
+
+impl Running {
+    /// Waits until something holds; panics if the process ends before.
+    #[track_caller]
+    pub fn until(&mut self, holds: impl Fn() -> bool) {
+        while !holds() {
+            let ended = self.0.try_wait().unwrap();
+            assert_eq!(ended, None, "it ended too soon");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// A folder that is removed when dropped.

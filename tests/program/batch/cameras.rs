@@ -669,25 +669,62 @@ fn a_cloud_has_no_faces_to_see() {
     assert!(run.stderr().contains(message), "{}", run.stderr());
 }
 
-/// Lights of every studio move to the mesh, and lights of the user stay where they are.
+/// Returns a PLY with every vertex moved by `far` along each axis.
+fn moved(ply: &str, far: f64) -> String {
+    let (header, rest) = ply.split_once("end_header\n").unwrap();
+    let line = |line: &str| match line.split(' ').count() {
+        3 => {
+            let at = line.split(' ').map(|x| (x.parse::<f64>().unwrap() + far).to_string());
+            at.collect::<Vec<_>>().join(" ") + "\n"
+        }
+        _ => format!("{line}\n"),
+    };
+    format!("{header}end_header\n{}", rest.lines().map(line).collect::<String>())
+}
+
+/// Lights of every studio move to the mesh, and lights of the user stay where they are: far away,
+/// all is as at the origin.
 #[test]
 fn every_studio_lights_a_mesh_at_its_coordinates() {
-    let scratch = scratch();
-    let lamp = r#"{"type":"pointlight","position":[0,9,0],"id":[9,9,9]}"#;
-    let [added, alone] =
-        [format!("/scene/lightsources/-={lamp}"), format!("/scene/lightsources=[{lamp}]")];
+    let places = [0.0, 1e6].map(|far| {
+        let scratch = scratch();
+        scratch.write("scan.ply", &moved(PYRAMID, far));
+        let mut list = own_list();
+        for camera in list["cameras"].as_array_mut().unwrap() {
+            let pose = camera["camera"]["camera_to_world"].as_array_mut().unwrap();
+            for row in &mut pose[..3] {
+                row[3] = (row[3].as_f64().unwrap() + far).into();
+            }
+        }
+        scratch.write("list.json", &list.to_string());
+        (scratch, far)
+    });
     for studio in ["lamps", "soft", "clay"] {
-        let more = [&[][..], &["--set", &added], &["--set", &alone]];
-        let pictures = more.map(|more| {
-            let flags = [&["-o", "out", "--no-sheet", "--light-samples", "2"], more].concat();
-            batch(&scratch, "list.json", &[&["--studio", studio], &flags[..]].concat()).good();
-            scratch.channels("out/scan/a.exr")
+        let pictures = places.each_ref().map(|(scratch, far)| {
+            let at = [*far, far + 9.0, *far];
+            let lamp = json!({ "type": "pointlight", "position": at, "id": [9, 9, 9] });
+            let [added, alone] =
+                [format!("/scene/lightsources/-={lamp}"), format!("/scene/lightsources=[{lamp}]")];
+            [&[][..], &["--set", &added], &["--set", &alone]].map(|more| {
+                let flags = ["-o", "out", "--no-sheet", "--light-samples", "2", "--studio", studio];
+                batch(scratch, "list.json", &[&flags[..], more].concat()).good();
+                scratch.floats("out/scan/a.exr")
+            })
         });
-        assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2], "{studio}");
+        let [near, far] = pictures;
+        assert!(near[0] != near[1] && near[1] != near[2], "{studio}");
+        for (case, (near, far)) in near.iter().zip(&far).enumerate() {
+            for channel in ["R", "G", "B"] {
+                let worst = near[channel].iter().zip(&far[channel]).map(|(a, b)| (a - b).abs());
+                let worst = worst.fold(0.0, f32::max);
+                assert!(worst < 2e-3, "{studio}, {case}, {channel}: {worst}");
+            }
+        }
     }
     // One point is as large as its sphere: some 3 pixels in radius.
-    scratch.write("scan.ply", POINT);
-    batch(&scratch, "list.json", &["-o", "out", "--points", "0.3"]).good();
+    let (scratch, far) = &places[1];
+    scratch.write("scan.ply", &moved(POINT, *far));
+    batch(scratch, "list.json", &["-o", "out", "--points", "0.3"]).good();
     let hits = scratch.floats("out/scan/a.exr")["primid.id"].iter().filter(|id| **id > 0.0).count();
     assert!((20..50).contains(&hits), "{hits}");
 }

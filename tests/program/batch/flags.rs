@@ -147,11 +147,14 @@ fn a_template_a_studio_or_a_turntable_replaces_what_the_job_has() {
         let args = ["batch", "job.json", "-o", "out", "--no-sheet", "--quiet"];
         scratch.run(&[&args[..], &SMALL, flags].concat()).good().stdout()
     };
-    run(
-        json!({ "inputs": ["a.ply"], "studio": "clay", "quality": "draft" }),
-        &["--template", "t.json"],
-    );
-    run(json!({ "inputs": ["a.ply"], "template": "t.json" }), &["--studio", "clay"]);
+    let plain = || json!({ "inputs": ["a.ply"] });
+    let (template, studio) = (["--template", "t.json"], ["--studio", "clay"]);
+    let job = json!({ "inputs": ["a.ply"], "studio": "clay", "quality": "draft" });
+    let [replaced, alone] = [job, plain()].map(|job| channels(&scratch, job, &template));
+    assert!(replaced == alone, "--template");
+    let job = json!({ "inputs": ["a.ply"], "template": "t.json" });
+    let [other, clay] = [job, plain()].map(|job| channels(&scratch, job, &studio));
+    assert!(other == clay && clay != alone, "--studio");
     let listed = run(json!({ "inputs": ["a.ply"], "cameras": "none.json" }), &["--turntable", "2"]);
     assert_eq!(listed.lines().count(), 4, "{listed}");
 }

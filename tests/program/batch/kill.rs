@@ -7,10 +7,10 @@ use std::{
     io::{BufRead, BufReader, Read},
     path::Path,
     process::{Command, Stdio},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
-use crate::support::program::{PYRAMID, Scratch, interruptible, names_in, send};
+use crate::support::program::{PYRAMID, Running, Scratch, interruptible, names_in, send};
 use crate::support::random::Random;
 
 use super::memory::write_instances;
@@ -60,17 +60,16 @@ fn survives(kills: u32) {
     let mut random = Random(1);
     let mut killed = 0;
     for _ in 0..kills {
-        let mut child = batch(&scratch, "out").stdout(Stdio::piped()).spawn().unwrap();
-        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut child = Running(batch(&scratch, "out").stdout(Stdio::piped()).spawn().unwrap());
+        let mut stdout = BufReader::new(child.0.stdout.take().unwrap());
         // Waits for up to three lines of output, then for a random moment within a frame.
         let mut line = String::new();
         for _ in 0..random.below(4) {
             stdout.read_line(&mut line).unwrap();
         }
         std::thread::sleep(Duration::from_micros(random.below(4000) as u64));
-        killed += u32::from(child.try_wait().unwrap().is_none());
-        child.kill().unwrap();
-        child.wait().unwrap();
+        killed += u32::from(child.0.try_wait().unwrap().is_none());
+        drop(child);
         let mut rest = Vec::new();
         stdout.read_to_end(&mut rest).unwrap();
         // A file with its final name is complete.
@@ -102,14 +101,12 @@ fn a_signal_stops_the_comparison_of_frames() {
     let scratch = Scratch::new();
     write_instances(&scratch, 2000);
     let args = ["batch", "scene.json", "-o", "out", "--turntable", "1000", "--threads", "2"];
-    let mut child = interruptible(&scratch.command(&args)).spawn().unwrap();
-    while !scratch.path("out/batch.jsonl").exists() {
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let mut child = Running(interruptible(&scratch.command(&args)).spawn().unwrap());
+    child.until(|| scratch.path("out/batch.jsonl").exists());
     std::thread::sleep(Duration::from_millis(500));
-    let began = std::time::Instant::now();
-    send("INT", child.id());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let began = Instant::now();
+    send("INT", child.0.id());
+    assert_eq!(child.0.wait().unwrap().code(), Some(130));
     // All frames take a minute and more.
     assert!(began.elapsed() < Duration::from_secs(20), "{:?}", began.elapsed());
     let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
@@ -118,31 +115,32 @@ fn a_signal_stops_the_comparison_of_frames() {
 
 #[test]
 fn a_signal_stops_the_batch_and_keeps_finished_frames() {
+    let scratch = scratch();
+    assert!(batch(&scratch, "whole").output().unwrap().status.success());
+    let whole = files(&scratch.path("whole"));
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
-        let scratch = scratch();
-        let mut command = interruptible(&batch(&scratch, "out"));
-        // A render of some minutes.
-        command.args(["--set", "/camera/width=600", "--set", "/camera/height=400"]);
-        command
-            .args(["--set", "/spp=256", "--jobs", "2"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        let mut child = command.spawn().unwrap();
-        // The journal is opened after the signal handlers are installed.
-        while !scratch.path("out/batch.jsonl").exists() {
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        std::thread::sleep(Duration::from_millis(300));
+        let mut command = interruptible(&batch(&scratch, signal));
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = Running(command.spawn().unwrap());
+        // The first of 200 frames is finished.
+        let mut stdout = BufReader::new(child.0.stdout.take().unwrap());
+        assert!(stdout.read_line(&mut String::new()).unwrap() > 0);
         // `timeout` signals the process and then its group, which the process is in.
-        send(signal, child.id());
-        send(signal, child.id());
+        send(signal, child.0.id());
+        send(signal, child.0.id());
         let mut said = String::new();
-        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        child.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.0.wait().unwrap().code(), Some(code), "{said}");
         assert!(said.contains("error: stopped by a signal; finished frames stay"), "{said}");
-        let files = files(&scratch.path("out"));
-        assert!(files.keys().all(|name| !name.ends_with(".part")), "{:?}", files.keys());
-        let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
-        assert!(journal.lines().last().unwrap().contains("\"event\":\"end\""), "{journal}");
+        let files = files(&scratch.path(signal));
+        let pictures = files.keys().filter(|name| name.ends_with(".exr")).count();
+        assert!(pictures > 0 && files.len() < whole.len(), "{:?}", files.keys());
+        for (name, bytes) in &files {
+            assert!(whole.get(name) == Some(bytes), "{signal}: {name}");
+        }
+        let journal = String::from_utf8(scratch.read(&format!("{signal}/batch.jsonl"))).unwrap();
+        let end = journal.lines().last().unwrap();
+        let stopped = end.contains(&format!("\"signal\":{}", code - 128));
+        assert!(end.contains("\"event\":\"end\"") && stopped, "{journal}");
     }
 }

@@ -4,7 +4,7 @@
 
 use std::{fs, os::unix::process::CommandExt, process::Command};
 
-use crate::support::program::{PYRAMID, Refusals, Table};
+use crate::support::program::{PYRAMID, Refusals, Table, skipped};
 
 const SCENE: &str = r#"{
   "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
@@ -239,7 +239,7 @@ fn a_folder_without_write_permission() {
     let done = refusals.of(&mut command);
     mode("out", 0o755);
     if done.code() == 126 {
-        return eprintln!("skipped: nobody cannot run the program: {}", done.stderr());
+        return skipped(&format!("nobody cannot run the program: {}", done.stderr()));
     }
     assert_eq!(done.code(), 2, "{}", done.stderr());
     assert!(done.stderr().starts_with("error: out: cannot write out/x.exr: Permission denied"));
@@ -258,7 +258,7 @@ fn a_full_disk() {
     command.current_dir(refusals.scratch.path(""));
     let done = refusals.of(&mut command);
     if done.stderr().contains("unshare") || done.code() == 99 {
-        return eprintln!("skipped: {}", done.stderr());
+        return skipped(&done.stderr());
     }
     assert_eq!(done.code(), 3, "{}", done.stderr());
     assert!(done.stderr().contains("No space left on device"), "{}", done.stderr());
@@ -333,7 +333,7 @@ fn the_memory_named_in_the_message_suffices() {
 #[cfg(feature = "embree")]
 mod embree {
     use super::*;
-    use crate::support::program::Done;
+    use crate::support::program::{Done, skipped_outside_ci};
 
     const FILE: &str = env!("LIGHTPATH_EMBREE_FILE");
 
@@ -426,7 +426,7 @@ mod embree {
         let names: Vec<&str> = source.split('"').filter(|name| name.starts_with("rtc")).collect();
         assert!(names.len() > 20, "{names:?}");
         if !compile(&path, &[], &[]) {
-            return eprintln!("skipped: no C compiler");
+            return skipped_outside_ci("no C compiler");
         }
         table.add("a library that is not Embree 4", &shortened(&render(&refusals)));
         let version = |number| [("rtcNewDevice", "&something"), ("rtcGetDeviceProperty", number)];

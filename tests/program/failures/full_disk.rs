@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use crate::support::program::{Done, Scratch};
+use crate::support::program::{Done, Scratch, skipped};
 
 const SCENE: &str = r#"{
   "spp": 4,
@@ -37,7 +37,7 @@ fn on_a_disk_of(scratch: &Scratch, kib: u64, args: &[&str]) -> Option<Done> {
     command.current_dir(scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
     let done = Done::of(&mut command);
     if done.stderr().contains("unshare") || done.code() == 99 {
-        eprintln!("skipped: {}", done.stderr());
+        skipped(&done.stderr());
         return None;
     }
     Some(done)

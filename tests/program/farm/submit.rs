@@ -276,14 +276,16 @@ fn names_are_never_run() {
 fn any_name_reaches_the_task_unchanged() {
     use proptest::{
         prelude::*,
-        test_runner::{Config, TestRunner},
+        test_runner::{Config, TestRng, TestRunner},
     };
     let scratch = scratch(1);
     let path = slurm_of_one_task(&scratch);
     // Replaces the task by a program that prints its arguments.
     scratch.write("bin/sbatch", "#!/bin/bash\nprintf '%s\\n' \"$@\" >&2\n");
     let name = "[ -\\[\\]-~\u{e9}\u{20ac}]{1,12}";
-    let mut runner = TestRunner::new(Config { cases: 48, ..Config::default() });
+    let config = Config { cases: 48, failure_persistence: None, ..Config::default() };
+    let random = TestRng::deterministic_rng(config.rng_algorithm);
+    let mut runner = TestRunner::new_with_rng(config, random);
     let ran = runner.run(&name.prop_filter("a path", |name| !name.contains('/')), |name| {
         let out = scratch.path("").join(format!("x{name}x"));
         let out = out.to_str().unwrap();

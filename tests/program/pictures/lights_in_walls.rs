@@ -1,6 +1,8 @@
 //! Pictures of rotated rooms with a light panel in the ceiling, compared with the independent ray
 //! tracer of `tests/reference/`; and lights of almost no area, which act as points.
 
+use std::sync::LazyLock;
+
 use crate::support::backends::on_both;
 use crate::support::program::Scratch;
 use crate::support::reference::{compare, program};
@@ -65,15 +67,21 @@ fn turns() -> [DMat3; 3] {
     [turn(0.0, 0.0), turn(0.7, 0.4), turn(-1.3, 2.1)]
 }
 
+/// The reference's pictures of the room with a panel, which both backends need.
+static PANELS: LazyLock<[Picture; 3]> = LazyLock::new(|| {
+    let scratch = Scratch::new();
+    turns().map(|turn| {
+        scratch.write("s.json", &room(turn, 1.0, &panel).to_string());
+        reference::render(&Scene::load(&scratch.path("s.json")), Density::default())
+    })
+});
+
 on_both! {
     fn a_panel_in_a_ceiling_lights_the_room(backend: Backend) {
         let scratch = Scratch::new();
-        for turn in turns() {
-            let scene = room(turn, 1.0, &panel);
-            let pictures = pictures(backend, &scratch, &scene);
-            let expected = reference::render(&Scene::load(&scratch.path("s.json")), Density::default());
-            for (backend, actual) in pictures {
-                compare::assert_same_sampled(&format!("panel-{backend}"), &actual, &expected);
+        for (turn, expected) in turns().into_iter().zip(&*PANELS) {
+            for (backend, actual) in pictures(backend, &scratch, &room(turn, 1.0, &panel)) {
+                compare::assert_same_sampled(&format!("panel-{backend}"), &actual, expected);
             }
         }
     }

@@ -81,7 +81,7 @@ fn brightened(picture: &Picture, factor: f64) -> Picture {
 }
 
 /// The tolerance is justified: moving the camera by the rounding of f32 (a ten-millionth of the
-/// scene) changes far fewer pixels than may differ.
+/// scene) changes no more pixels than may differ.
 #[test]
 fn exact_scenes_are_well_conditioned() {
     for name in ["shapes", "textures", "meshes"] {

@@ -137,28 +137,26 @@ fn a_backend_that_fits_is_named() {
 
 #[cfg(target_os = "linux")]
 on_both! {
-    /// At its end, a build gives back much of its memory, which makes room for the film. Of five
-    /// runs each, counts the usual peak without a film and the least with one: now and then a run
-    /// peaks some 3 MB higher, and very rarely 7 MB lower.
+    /// At its end, a build gives back much of its memory, which makes room for the film. Counts
+    /// the usual peak of three runs without a film, and the least of up to five with one: now and
+    /// then a run peaks some 3 MB higher, and very rarely 7 MB lower.
     fn the_film_is_not_there_while_the_accelerator_is_built(backend: Backend) {
         let scratch = Scratch::new();
         fs::write(scratch.path("sheet.ply"), shuffled_sheet(640)).unwrap();
         let shapes = json!([{ "type": "trimesh", "path": "sheet.ply", "material": {} }]);
         scratch.write("s.json", &with_shapes(shapes));
-        let peaks = |size: &str| {
+        let peak = |size: &str| {
             let fixed = ["render", "s.json", "--json", "--quiet", "--threads", "2"];
             let args = [&fixed[..], &["--size", size, "--backend", backend.name()]].concat();
-            let mut peaks = [0; 5].map(|_| {
-                let shown = scratch.run(&args).good().stdout();
-                let value: Value = serde_json::from_str(&shown).unwrap();
-                value["memory"]["peak_bytes"].as_u64().unwrap()
-            });
-            peaks.sort_unstable();
-            peaks
+            let shown = scratch.run(&args).good().stdout();
+            let value: Value = serde_json::from_str(&shown).unwrap();
+            value["memory"]["peak_bytes"].as_u64().unwrap()
         };
-        let (small, large) = (peaks("8x6"), peaks("600x500"));
+        let mut small = [0; 3].map(|_| peak("8x6"));
+        small.sort_unstable();
         let film = 16 * 600 * 500;
-        assert!(large[0] < small[2] + film / 2, "{small:?} {large:?}");
+        let mut large = (0..5).map(|_| peak("600x500"));
+        assert!(large.any(|large| large < small[1] + film / 2), "{small:?}");
     }
 }
 
@@ -287,13 +285,18 @@ fn has_disk() -> bool {
 #[test]
 fn a_large_texture_takes_the_memory_of_the_texels_in_view() {
     if !has_disk() {
-        return;
+        return program::skipped("temporary files are not on a disk");
     }
     let scratch = Scratch::new();
-    let (width, height) = (16384, 4200);
-    let texels = image::RgbImage::from_fn(width, height, |x, y| {
-        image::Rgb([(x / 32) as u8, (y / 16) as u8, ((x ^ y) / 64) as u8])
-    });
+    let (width, height) = (16384u32, 4208);
+    // Rows are equal in sixteens: a test is not optimised.
+    let row = |y: u32| {
+        let texels = (0..width).flat_map(|x| [(x / 32) as u8, y as u8, (x / 64) as u8 ^ y as u8]);
+        texels.collect::<Vec<u8>>().repeat(16)
+    };
+    let mut texels = Vec::new();
+    (0..height / 16).for_each(|y| texels.extend_from_slice(&row(y)));
+    let texels = image::RgbImage::from_raw(width, height, texels).unwrap();
     texels.save(scratch.path("large.png")).unwrap();
     let material = json!({ "tPath": "large.png", "filter": "trilinear" });
     scratch.write("s.json", &with_shapes(json!([ball(0.0, material)])));
