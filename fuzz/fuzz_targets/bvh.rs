@@ -10,4 +10,6 @@ mod reference;
 #[path = "../../tests/library/bvh/tiers.rs"]
 mod tiers;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| case::run(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    case::run(bytes);
+});

@@ -167,3 +167,16 @@ pub fn count(counts: &mut Vec<(u32, u32)>, id: u32, times: u32) {
         None => counts.push((id, times)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::variance;
+
+    #[test]
+    fn variance_is_that_of_a_sample() {
+        // 1, 2 and 4: the squares of the distances from 7/3 add up to 14/3.
+        assert_eq!(variance(7.0, 21.0, 3.0), (7.0f64 / 3.0) as f32);
+        assert_eq!(variance(3.0, 9.0, 1.0), 0.0);
+        assert_eq!(variance(0.3, 0.03 * (1.0 - 1e-9), 3.0), 0.0);
+    }
+}

@@ -525,6 +525,42 @@ mod tests {
         assert!(blunt == 0 && bumpy < sharp, "{bumpy}, {sharp}, {blunt}");
     }
 
+    /// At most three parts meet, and each is flat to 5 degrees.
+    #[test]
+    fn more_parts_or_bent_ones_are_not_flat() {
+        // The normals at the middle of a fan of triangles, of which the first corner is the middle.
+        let middles = |positions: &[[f32; 3]], triangles: &[[u32; 3]]| {
+            let normals =
+                creased_normals(positions, triangles, &[], [55.0, 30.0], ("", None)).unwrap();
+            (0..triangles.len()).map(|k| of(&normals, triangles, k)[0]).collect::<Vec<_>>()
+        };
+        // Pyramids, neighbouring faces of which are 40 degrees apart.
+        for (sides, slope, creased) in [(3, 0.215, true), (4, 0.39, false)] {
+            let (positions, triangles) = cone(sides, slope);
+            let tips = middles(&positions, &triangles);
+            assert_eq!(tips[0] != tips[1], creased, "{sides}: {tips:?}");
+        }
+        // A roof with a ridge of 40 degrees. Each of its sides has two faces, `bend` away from
+        // their mean.
+        for (bend, creased) in [(4.8f32, true), (5.2, false)] {
+            let slope = 0.37f32;
+            let fall = bend.to_radians().tan() * slope.hypot(1.0);
+            let positions = [
+                [0.0; 3],
+                [1.0, 0.0, -slope],
+                [0.0, 1.0, -fall],
+                [-1.0, 0.0, -slope],
+                [0.0, -1.0, -fall],
+            ];
+            let [a, b, c, d] =
+                middles(&positions, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])[..]
+            else {
+                unreachable!()
+            };
+            assert_eq!(([a, b] == [d, c], a != b), (true, creased), "{bend}");
+        }
+    }
+
     #[test]
     fn memory_for_creases_is_limited() {
         let (positions, triangles) = cone(3000, 2.0);

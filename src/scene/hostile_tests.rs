@@ -5,7 +5,7 @@ use std::path::Path;
 use proptest::prelude::*;
 use serde_json::Value;
 
-use super::tests::{everything, load_value};
+use super::tests::{everything, load_value, the_rest};
 use super::*;
 use crate::error::Result;
 
@@ -44,8 +44,11 @@ proptest! {
 
     /// A scene with one changed byte, or cut at any byte, never causes a panic.
     #[test]
-    fn damaged_scenes_never_panic(at in 0usize..3000, byte in any::<u8>(), cut in any::<bool>()) {
-        let mut text = everything().to_string().into_bytes();
+    fn damaged_scenes_never_panic(
+        which in 0usize..5, at in 0usize..3000, byte in any::<u8>(), cut in any::<bool>(),
+    ) {
+        let scene = the_rest().into_iter().nth(which).unwrap_or_else(everything);
+        let mut text = scene.to_string().into_bytes();
         let at = at % text.len();
         if cut { text.truncate(at) } else { text[at] = byte }
         let _ = load_bytes(&text);

@@ -1,5 +1,6 @@
 //! Tests of round trips, defaults, the schema and `--set`.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -8,7 +9,7 @@ use super::description::LightDescription;
 use super::*;
 use crate::error::Result;
 
-/// A scene with every key of the format, none at its default.
+/// A scene with most keys of the format, none at its default. [`the_rest`] has the other ones.
 pub(super) fn everything() -> Value {
     json!({
         "nbounces": 3, "spp": 4, "seed": -7,
@@ -46,6 +47,56 @@ pub(super) fn everything() -> Value {
     })
 }
 
+/// Scenes with the keys that [`everything`] lacks, and all types of cameras, none at its default.
+pub(super) fn the_rest() -> [Value; 4] {
+    let aimed = |mut camera: Value| {
+        for (key, value) in [("position", [0, -5, 1]), ("lookat", [0, 1, 0]), ("up", [0, 0, 1])] {
+            camera[key] = json!(value);
+        }
+        camera
+    };
+    let pose = json!([[1, 0, 0, 0.5], [0, -1, 0, 2], [0, 0, -1, 7], [0, 0, 0, 1]]);
+    let cameras = [
+        json!({
+            "type": "intrinsics", "width": 16, "height": 12, "fx": 15, "fy": 14.5, "cx": 7, "cy": 5, "skew": 0.25,
+            "distortion": { "type": "brownconrady", "k1": 0.01, "k2": 0.02, "k3": 0.03, "k4": 0.015, "k5": 0.025, "k6": 0.035,
+                            "p1": 0.001, "p2": 0.002 },
+            "world_to_camera": pose
+        }),
+        json!({
+            "type": "intrinsics", "width": 16, "height": 12, "fx": 15,
+            "distortion": { "type": "fisheye", "k1": 0.01, "k2": 0.02, "k3": 0.03, "k4": 0.04 },
+            "camera_to_world": pose, "axes": "opengl"
+        }),
+        aimed(json!({ "type": "orthographic", "width": 16, "height": 12, "viewwidth": 2.5 })),
+        aimed(
+            json!({ "type": "panorama", "width": 16, "height": 12, "longitude": [-90, 45], "latitude": [-30, 60] }),
+        ),
+    ];
+    cameras.map(|camera| {
+        json!({
+            "sampler": "random", "adaptiveshadows": true, "emittersamples": 2,
+            "camera": camera,
+            "scene": {
+                "lightsources": [
+                    { "type": "sun", "name": "day", "group": "a", "azimuth": 30, "elevation": 40, "angle": 2,
+                      "irradiance": [3, 3, 2], "is": [1, 0, 0], "samples": 8 },
+                    { "type": "directional", "name": "moon", "group": "b", "direction": [0, 1, -1], "id": [0.1, 0.1, 0.2], "is": [0, 0, 0] },
+                    { "type": "environment", "name": "sky", "group": "c", "radiance": [2, 2, 2], "image": "a.png", "rotation": 90,
+                      "is": [0, 0, 1], "samples": 4, "visible": false }
+                ],
+                "shapes": [
+                    { "type": "trimesh", "material": {}, "path": "a.ply", "smooth": { "angle": 50, "flat": 20 },
+                      "color": { "property": "quality", "map": "turbo", "range": [-1, 2.5], "nan": [0, 0, 1] } },
+                    { "type": "trimesh", "material": {}, "path": "a.ply", "points": 0.125, "color": "face" },
+                    { "type": "sphere", "material": {}, "center": [0, 0, 1], "radius": 1, "visible": { "reflection": false } }
+                ]
+            },
+            "output": { "layers": ["ao"], "cryptoranks": 8, "aodistance": 3, "aosamples": 4, "legend": true }
+        })
+    })
+}
+
 /// A scene with required keys only.
 fn minimal() -> Value {
     json!({
@@ -71,7 +122,7 @@ pub(super) fn load_value(value: &Value, set: &[&str]) -> Result<Loaded> {
 
 #[test]
 fn json_and_text_round_trip() {
-    for value in [everything(), minimal()] {
+    for value in the_rest().into_iter().chain([everything(), minimal()]) {
         let loaded = load_value(&value, &[]).unwrap();
         assert_eq!(loaded.description.to_json(), value);
         let text = loaded.description.to_text();
@@ -142,7 +193,9 @@ fn plain() -> Scene {
     let mut value = minimal();
     value["scene"]["lightsources"] = json!([
         { "type": "pointlight", "position": [0, 0, 9], "id": [1, 2, 3] },
-        { "type": "arealight", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0, 2, 5], "id": [1, 1, 1] }]);
+        { "type": "arealight", "v0": [0, 0, 5], "v1": [1, 0, 5], "v2": [0, 2, 5], "id": [1, 1, 1] },
+        { "type": "sun", "azimuth": 0, "elevation": 9, "id": [1, 1, 1] },
+        { "type": "environment", "image": "a.png" }]);
     value["scene"]["shapes"] = json!([
         { "type": "sphere", "material": {}, "center": [0, 9, 0], "radius": 1 },
         { "type": "trimesh", "material": { "tPath": "a.png" }, "path": "a.ply" }]);
@@ -163,6 +216,18 @@ fn defaults_match_the_documentation() {
     );
     assert_eq!(scene.lights[0].specular, scene.lights[0].diffuse);
     assert!(matches!(scene.lights[1].kind, LightKind::Area { samples: 16, lambertian: false, .. }));
+    assert!(matches!(scene.lights[2].kind, LightKind::Sun { angle_deg: 0.53, samples: 16, .. }));
+    let LightKind::Environment { samples: 16, map: Some(map) } = &scene.lights[3].kind else {
+        panic!("an image");
+    };
+    assert_eq!((map.rotation_deg, map.visible), (0.0, true));
+    assert_eq!(
+        (scene.lights[3].diffuse, scene.lights[3].specular),
+        (glam::Vec3::ONE, glam::Vec3::ONE)
+    );
+    assert_eq!((scene.adaptive_shadows, scene.emitter_samples), (false, None));
+    assert_eq!((scene.crypto_ranks, scene.occlusion.samples), (6, 16));
+    assert_eq!(scene.occlusion.distance, None);
     assert!(matches!(scene.shapes[0].kind, ShapeKind::Sphere { pole: 2, .. }));
     let ShapeKind::Trimesh(mesh) = &scene.shapes[1].kind else {
         panic!("a mesh");
@@ -178,6 +243,70 @@ fn defaults_match_the_documentation() {
     assert_eq!(lookup.scale, glam::DVec2::ONE);
     let t = scene.tonemap;
     assert_eq!((t.operator, t.exposure, t.srgb), (ToneOperator::Max, 0.0, true));
+}
+
+/// Adds the names of all properties of a schema, or all keys of a scene.
+fn add_names(value: &Value, of_schema: bool, names: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(map) => {
+            let keys = if of_schema { value["properties"].as_object() } else { Some(map) };
+            names.extend(keys.into_iter().flat_map(|keys| keys.keys().cloned()));
+            map.values().for_each(|value| add_names(value, of_schema, names));
+        }
+        Value::Array(items) => items.iter().for_each(|item| add_names(item, of_schema, names)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_scenes_of_these_tests_have_every_key() {
+    let (mut of_schema, mut of_scenes) = (BTreeSet::new(), BTreeSet::new());
+    add_names(schema(), true, &mut of_schema);
+    the_rest().iter().chain([&everything()]).for_each(|s| add_names(s, false, &mut of_scenes));
+    let missing: Vec<&String> = of_schema.difference(&of_scenes).collect();
+    assert_eq!(missing, ["$schema", "comment"]);
+}
+
+#[test]
+fn the_rest_of_the_keys_reaches_the_checked_scene() {
+    let [brown_conrady, fisheye, orthographic, panorama] =
+        the_rest().map(|value| load_value(&value, &[]).unwrap().scene);
+    let scene = &brown_conrady;
+    assert_eq!((scene.sampler, scene.adaptive_shadows), (SamplerKind::Random, true));
+    assert_eq!((scene.emitter_samples, scene.crypto_ranks), (Some(2), 8));
+    assert_eq!((scene.occlusion.distance, scene.occlusion.samples), (Some(3.0), 4));
+    let Projection::Distorted(calibration, distortion, _) = &scene.camera.projection else {
+        panic!("a distorted camera");
+    };
+    assert_eq!((calibration.focal, calibration.skew), ([15.0, 14.5], 0.25));
+    assert_eq!(calibration.principal, [7.5, 5.5]);
+    assert_eq!(distortion.numerator, [0.01, 0.02, 0.03, 0.0]);
+    assert_eq!(distortion.denominator, [0.015, 0.025, 0.035]);
+    assert_eq!(distortion.tangential, [0.001, 0.002]);
+    let Projection::Distorted(calibration, distortion, _) = &fisheye.camera.projection else {
+        panic!("a distorted camera");
+    };
+    assert_eq!((calibration.focal, calibration.principal), ([15.0, 15.0], [8.0, 6.0]));
+    assert_eq!(distortion.numerator, [0.01, 0.02, 0.03, 0.04]);
+    assert!(matches!(orthographic.camera.projection, Projection::Orthographic { .. }));
+    assert!(matches!(panorama.camera.projection, Projection::Panorama { .. }));
+    let LightKind::Sun { angle_deg, samples, .. } = scene.lights[0].kind else { panic!("a sun") };
+    assert_eq!((angle_deg, samples), (2.0, 8));
+    assert!(
+        (scene.lights[0].diffuse * std::f32::consts::PI)
+            .abs_diff_eq(glam::Vec3::new(3.0, 3.0, 2.0), 1e-6)
+    );
+    assert_eq!(scene.lights[0].specular, glam::Vec3::X);
+    let LightKind::Environment { samples, map: Some(map) } = &scene.lights[2].kind else {
+        panic!("an image");
+    };
+    assert_eq!(*samples, 4);
+    assert!(!map.visible);
+    let ShapeKind::Trimesh(mesh) = &scene.shapes[0].kind else { panic!("a mesh") };
+    assert_eq!(mesh.smooth, Smooth::Below { angle: 50.0, flat: 20.0 });
+    let ShapeKind::Trimesh(points) = &scene.shapes[1].kind else { panic!("a mesh") };
+    assert_eq!(points.points, Some(0.125));
+    assert_eq!(scene.shapes[2].visible.kinds(), [true, true, false]);
 }
 
 #[test]

@@ -24,6 +24,7 @@ mod fuzz {
     mod inputs;
     mod job;
     mod kept;
+    mod picture;
     mod ply;
     mod poses;
     mod scene;

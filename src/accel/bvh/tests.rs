@@ -91,10 +91,10 @@ fn bits(tree: &Tree) -> Vec<u64> {
 fn threads_and_tiers_build_the_same_tree() {
     // Large enough for all that the builder does in parallel: the bins of one split, subtrees, and
     // the collapse of the binary tree into nodes of eight children.
-    let geometry = scene(363, 40);
+    let geometry = scene(91, 40);
     let one = build(&geometry, Isa::Portable, 1);
     let stats = one.validate().expect("a sound tree");
-    assert_eq!((stats.triangles, stats.spheres), (263_618, 40));
+    assert_eq!((stats.triangles, stats.spheres), (16_642, 40));
     let expected = bits(&one.tree);
     for (isa, threads) in Isa::available().zip([3, 2, 7]) {
         let found = bits(&build(&geometry, isa, threads).tree);
@@ -102,10 +102,10 @@ fn threads_and_tiers_build_the_same_tree() {
     }
 }
 
-/// Returns a [`scene`] of 263,000 triangles whose mesh has vertices that no triangle uses. `scale`
+/// Returns a [`scene`] of 16,580 triangles whose mesh has vertices that no triangle uses. `scale`
 /// is that of the mesh.
 fn with_unused(unused: &[[f32; 3]], scale: f32) -> Geometry {
-    let mut geometry = scene(363, 9);
+    let mut geometry = scene(91, 9);
     let mesh = std::mem::take(&mut geometry.meshes[0]);
     let used = mesh.vertices().iter().map(|v| v.map(|x| x * scale));
     let vertices = used.chain(unused.iter().copied()).collect();
@@ -122,7 +122,7 @@ fn unused_vertices_and_crowded_cells_do_not_change_what_is_in_the_tree() {
         let geometry = with_unused(unused, scale);
         let one = build(&geometry, Isa::Portable, 1);
         let stats = one.validate().expect("a sound tree");
-        assert_eq!((stats.triangles, stats.spheres), (263_556, 9));
+        assert_eq!((stats.triangles, stats.spheres), (16_580, 9));
         assert!(bits(&build(&geometry, Isa::detect(), 3).tree) == bits(&one.tree));
     }
 }

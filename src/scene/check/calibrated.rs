@@ -184,3 +184,33 @@ fn fold_message(distortion: &Distortion, fold: &Fold) -> (String, &'static str) 
     let help = "calibrate with fewer coefficients, or give a smaller `width` and `height` with `cx` and `cy` to match";
     (message, help)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, EulerRot};
+
+    use super::{Matrix, rigid};
+
+    /// With the nearest rotation Q, Q^T M is symmetric and positive (polar decomposition).
+    #[test]
+    fn rounded_matrices_give_the_nearest_rotation() {
+        for k in 0..50 {
+            let angles = [0.7, 1.1, 2.3].map(|step| f64::from(k) * step);
+            let [x, y, z] = angles;
+            let exact = DMat3::from_euler(EulerRot::XYZ, x, y, z);
+            let digits = DMat3::from_cols_array(
+                &exact.to_cols_array().map(|value| (value * 1e5).round() / 1e5),
+            );
+            let row = |r: usize| [digits.row(r).x, digits.row(r).y, digits.row(r).z, 5.0];
+            let written = Matrix([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]);
+            let (rotation, _) = rigid(&written).unwrap();
+            let largest =
+                |m: DMat3| m.to_cols_array().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let product = rotation * rotation.transpose();
+            assert!(largest(product - DMat3::IDENTITY) < 1e-15, "{k}: {product}");
+            let stretch = rotation.transpose() * digits;
+            assert!(largest(stretch - stretch.transpose()) < 1e-15, "{k}: {stretch}");
+            assert!(largest(stretch - DMat3::IDENTITY) < 2e-5, "{k}: {stretch}");
+        }
+    }
+}

@@ -110,7 +110,8 @@ fn a_million_copies_of_one_triangle() {
     let corners = vec![[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
     let mesh = TriangleMesh::new(corners, vec![[0, 1, 2]; 1_000_000], false);
     let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("few enough");
-    let bvh = build(&geometry, Isa::detect());
+    let isa = Isa::detect();
+    let bvh = Bvh::build(&geometry, isa, &OPTIONS, &Monitor::default()).expect("a tree");
     let stats = bvh.validate().expect("a sound tree");
     assert_eq!((stats.triangles, stats.triangles_per_leaf() > 14.0), (1_000_000, true), "{stats}");
     let mut rays = Rays::EMPTY;
@@ -118,7 +119,7 @@ fn a_million_copies_of_one_triangle() {
     put(&mut rays, 1, [0.75, 0.75, 0.0], [0.0, 0.0, 2.0]);
     let mut active = ALL;
     active.0[2..].fill(0);
-    let found = Tiers::best(&geometry).trace(&active, &rays);
+    let found = Tiers::of(&geometry, isa, bvh).trace(&active, &rays);
     // All are at the same distance, so the lowest number wins.
     assert_eq!(found[0].map(|hit| (hit.primitive, hit.t)), Some((0, 0.5)));
     assert_eq!(found[1], None);

@@ -49,14 +49,15 @@ impl Bytes<'_> {
     }
 }
 
-/// Runs one case.
+/// Runs one case. Returns how many of its rays hit something.
 ///
 /// # Panics
 /// If any check fails.
-pub fn run(bytes: &[u8]) {
+pub fn run(bytes: &[u8]) -> usize {
     let mut bytes = Bytes(bytes);
     let (geometry, points) = scene(&mut bytes);
     let tiers = Tiers::new(&geometry);
+    let mut found = 0;
     for _ in 0..4 {
         let rays = rays(&mut bytes, &points, geometry.primitive(geometry.spheres_id(), 0));
         let mut active = Mask::ALL;
@@ -66,6 +67,7 @@ pub fn run(bytes: &[u8]) {
         }
         let active = rays.possible(&active);
         let hits = tiers.trace(&active, &rays);
+        found += hits.iter().flatten().count();
         for i in (0..LANES).filter(|&i| active.0[i] != 0) {
             if let Err(wrong) = reference::check(&geometry, &rays, i, hits[i]) {
                 panic!("lane {i}, {}: {wrong}\n{geometry:?}", super::tiers::ray(&rays, i));
@@ -73,6 +75,7 @@ pub fn run(bytes: &[u8]) {
         }
         between(&mut bytes, &geometry, &tiers, &rays);
     }
+    found
 }
 
 /// Checks that no ray inside a cone hits anything if an instruction set reports the cone as empty.

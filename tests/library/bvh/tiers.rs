@@ -48,7 +48,12 @@ impl<'g> Tiers<'g> {
     /// Builds only the tree of the best instruction set.
     pub fn best(geometry: &'g Geometry) -> Self {
         let isa = Isa::detect();
-        Self { geometry, trees: vec![(isa, build(geometry, isa))] }
+        Self::of(geometry, isa, build(geometry, isa))
+    }
+
+    /// Takes one tree.
+    pub fn of(geometry: &'g Geometry, isa: Isa, tree: Bvh<'g>) -> Self {
+        Self { geometry, trees: vec![(isa, tree)] }
     }
 
     /// Returns the number of instruction sets that report the cone of the active rays as empty.

@@ -1,6 +1,7 @@
 //! Inputs that long runs of the fuzz targets found, and the files that these runs began with, are
 //! still handled. `fuzz/` searches for further ones.
 
+use std::cell::Cell;
 use std::fs;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,12 +10,14 @@ use std::process::{Command, Stdio};
 
 use tempfile::TempDir;
 
-use super::{image, job, ply, poses, scene};
+use super::{image, job, picture, ply, poses, scene};
 use crate::bvh::case;
 
 #[test]
 fn rays_and_trees() {
-    for_each_input("bvh", &[], |_| {}, |_, bytes| case::run(bytes));
+    let hits = Cell::new(0);
+    for_each_input("bvh", &[], |_| {}, |_, bytes| hits.set(hits.get() + case::run(bytes)));
+    assert!(hits.get() > 1_000, "{}", hits.get());
 }
 
 #[test]
@@ -28,9 +31,30 @@ fn jobs() {
 }
 
 #[test]
+fn pictures() {
+    let (shown, lit) = (Cell::new(0), Cell::new(0));
+    for_each_input("picture", &[], picture::prepare, |folder, bytes| {
+        if let Some(picture) = picture::run(folder, bytes) {
+            shown.set(shown.get() + 1);
+            lit.set(lit.get() + u32::from(picture.light && picture.shadow_rays > 0));
+        }
+    });
+    assert!(shown.get() > 10 && lit.get() > 5, "{} {}", shown.get(), lit.get());
+}
+
+#[test]
 fn ply_files() {
-    let seeds = ["tests/ply/valid", "tests/ply/invalid"];
-    for_each_input("ply", &seeds, |_| {}, |_, bytes| ply::run(bytes));
+    for_each_input("ply", &[], |_| {}, |_, bytes| ply::run(bytes));
+    // The last byte of an input selects options, and is no part of the file.
+    let mut failed = Vec::new();
+    for folder in ["tests/ply/valid", "tests/ply/invalid"] {
+        for_each_file(&root().join(folder), &mut failed, |bytes| {
+            for options in [0, 2, 3] {
+                ply::run(&[bytes, &[options]].concat());
+            }
+        });
+    }
+    assert!(failed.is_empty(), "ply failed on {failed:?}");
 }
 
 #[test]
@@ -56,19 +80,27 @@ fn for_each_input(
     let scratch = TempDir::new().expect("a folder for temporary files");
     prepare(scratch.path());
     let mut failed = Vec::new();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for folder in seeds.iter().map(|seeds| root.join(seeds)).chain([kept.path().join(target)]) {
-        let files = files(&folder);
-        assert!(!files.is_empty(), "{} has no input", folder.display());
-        for file in files {
-            let bytes = fs::read(&file).expect("a readable input");
-            // `run` keeps nothing but files that the next input replaces.
-            if catch_unwind(AssertUnwindSafe(|| run(scratch.path(), &bytes))).is_err() {
-                failed.push(file);
-            }
-        }
+    for folder in seeds.iter().map(|seeds| root().join(seeds)).chain([kept.path().join(target)]) {
+        for_each_file(&folder, &mut failed, |bytes| run(scratch.path(), bytes));
     }
     assert!(failed.is_empty(), "{target} failed on {failed:?}");
+}
+
+/// Runs the files of a folder, and adds those on which `run` panics to `failed`.
+fn for_each_file(folder: &Path, failed: &mut Vec<PathBuf>, run: impl Fn(&[u8])) {
+    let files = files(folder);
+    assert!(!files.is_empty(), "{} has no input", folder.display());
+    for file in files {
+        let bytes = fs::read(&file).expect("a readable input");
+        // `run` keeps nothing but files that the next input replaces.
+        if catch_unwind(AssertUnwindSafe(|| run(&bytes))).is_err() {
+            failed.push(file);
+        }
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {

@@ -154,17 +154,26 @@ fn the_oracle_agrees() {
     let bvh = backends::build(&world.geometry, Backend::Bvh(Isa::detect()));
     let brute = backends::build(&world.geometry, Backend::Brute);
     let mut random = Random(9);
+    let mut found = 0;
     for _ in 0..100 {
         let first = packet(&mut random, &world.geometry);
         let trace = |accelerator: &dyn Accelerator| {
             let mut packet = first.clone();
             accelerator.closest(&Mask::ALL, &mut packet, Coherence::Coherent);
-            let found = hits(&world, &packet).map(|hit| hit.is_some());
-            // The last of four rays is aimed at an edge, which may be the border of the mesh.
-            std::array::from_fn::<bool, LANES, _>(|i| found[i] && i % 4 != 3)
+            hits(&world, &packet)
         };
-        assert_eq!(trace(&*bvh), trace(&*brute), "{:?}", first.rays);
+        let (a, b) = (trace(&*bvh), trace(&*brute));
+        // The last of four rays is aimed at an edge, which may be the border of the mesh.
+        for i in (0..LANES).filter(|i| i % 4 != 3) {
+            let hit = |hit: Option<(u32, u32, u32)>| hit.map(|(_, shape, number)| (shape, number));
+            assert_eq!(hit(a[i]), hit(b[i]), "lane {i}: {:?}", first.rays);
+            if let (Some((a, ..)), Some((b, ..))) = (a[i], b[i]) {
+                assert!(a.abs_diff(b) <= 2, "lane {i}: t {a:x} {b:x}: {:?}", first.rays);
+                found += 1;
+            }
+        }
     }
+    assert!(found > 500, "{found}");
 }
 
 #[test]

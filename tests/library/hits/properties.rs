@@ -312,17 +312,19 @@ fn agrees(
     let start = packet(&scaled);
     let mut single = start.clone();
     one_by_one(&*accelerator, &mut single);
+    let answers: [Option<Answer>; LANES] = std::array::from_fn(|i| {
+        let (origin, direction) = traced(&start, i);
+        (mask.0[i] != 0).then(|| closest(&geometry, origin, direction, Scale(cloud.scale)))
+    });
     for coherence in [Coherence::Coherent, Coherence::Unordered] {
         let mut packet = start.clone();
         accelerator.closest(&mask, &mut packet, coherence);
         for i in 0..LANES {
-            if mask.0[i] == 0 {
+            let Some(answer) = answers[i] else {
                 prop_assert_eq!(packet.hits.geom[i], NONE, "an inactive lane has a hit");
                 prop_assert_eq!(packet.rays.tfar[i], f32::INFINITY, "an inactive lane has a t");
                 continue;
-            }
-            let (origin, direction) = traced(&start, i);
-            let answer = closest(&geometry, origin, direction, Scale(cloud.scale));
+            };
             for found in [&packet, &single] {
                 let prim = match found.hits.geom[i] {
                     NONE => NONE,

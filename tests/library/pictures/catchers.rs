@@ -38,9 +38,10 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
 }
 
 impl Stage {
-    /// The share of the light that the ball takes, by the midpoint rule.
+    /// The share of the light that the ball takes, by the midpoint rule. Its error is at most a
+    /// fiftieth of the tolerances here: 8e-4 under the ceiling, else 1.2e-4.
     fn integral(&self) -> f64 {
-        const STEPS: u32 = 1200;
+        const STEPS: u32 = 600;
         let ([half, height], view) = (self.light, unit(self.view));
         let [kd, ks] = [(0, self.kd), (1, self.ks)]
             .map(|(part, k)| k * self.colors.iter().map(|color| color[part]).sum::<f64>());

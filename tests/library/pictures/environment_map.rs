@@ -15,9 +15,6 @@ use serde_json::{Value, json};
 /// Width of the images; they are half as high.
 const WIDTH: u32 = 360;
 
-/// Sides of the parts of a texel whose mean is its coverage.
-const PARTS: u32 = 8;
-
 /// Direction of a place in the image, in texels.
 fn direction(x: f64, y: f64) -> DVec3 {
     let (sin, cos) = ((x / f64::from(WIDTH) - 0.5) * TAU).sin_cos();
@@ -25,18 +22,29 @@ fn direction(x: f64, y: f64) -> DVec3 {
     DVec3::new(around * sin, up, -around * cos)
 }
 
-/// Writes an image whose texels are the means of a function of directions.
-fn write(folder: &Scratch, name: &str, radiance: impl Fn(DVec3) -> [f64; 3]) -> PathBuf {
+/// Sides of the parts of a texel whose mean is the texel: it has a share of an edge.
+const EDGES: u32 = 8;
+/// For skies whose mean over a texel is that of its middle, and where such edges do not matter.
+const MIDDLES: u32 = 1;
+
+/// Writes an image whose texels are the means of a function of directions over `parts` x `parts`
+/// places.
+fn write(
+    folder: &Scratch,
+    name: &str,
+    parts: u32,
+    radiance: impl Fn(DVec3) -> [f64; 3],
+) -> PathBuf {
     let image = Rgb32FImage::from_fn(WIDTH, WIDTH / 2, |x, y| {
         let mut sum = [0.0; 3];
-        for part in 0..PARTS * PARTS {
+        for part in 0..parts * parts {
             let at = |first: u32, part: u32| {
-                f64::from(first) + (f64::from(part) + 0.5) / f64::from(PARTS)
+                f64::from(first) + (f64::from(part) + 0.5) / f64::from(parts)
             };
-            let sent = radiance(direction(at(x, part % PARTS), at(y, part / PARTS)));
+            let sent = radiance(direction(at(x, part % parts), at(y, part / parts)));
             sum = [0, 1, 2].map(|axis| sum[axis] + sent[axis]);
         }
-        Rgb(sum.map(|sum| (sum / f64::from(PARTS * PARTS)) as f32))
+        Rgb(sum.map(|sum| (sum / f64::from(parts * parts)) as f32))
     });
     let path = folder.path(name);
     image.save(&path).unwrap();
@@ -57,9 +65,14 @@ fn load(
     LoadedScene::from_json(&scene.to_string(), more)
 }
 
-fn render(camera: &Value, light: Value, shapes: &[Value], more: &[&str]) -> Vec<[f64; 3]> {
+/// Pixels with alpha.
+fn with_alpha(camera: &Value, light: Value, shapes: &[Value], more: &[&str]) -> Vec<[f64; 4]> {
     let film = load(camera, light, shapes, more).unwrap().renderer().unwrap().render().unwrap();
-    film.pixels.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from)).collect()
+    film.pixels.iter().map(|pixel| pixel.map(f64::from)).collect()
+}
+
+fn render(camera: &Value, light: Value, shapes: &[Value], more: &[&str]) -> Vec<[f64; 3]> {
+    with_alpha(camera, light, shapes, more).iter().map(|&[r, g, b, _]| [r, g, b]).collect()
 }
 
 /// Looks at the ground's point at x = z = 0 from below any wall.
@@ -78,23 +91,30 @@ fn ground() -> Value {
     quad([[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [9.0, 0.0, 9.0], [-9.0, 0.0, 9.0]])
 }
 
-/// Mean over 64 seeds of the ground's light, and its standard error.
-fn means(light: &Value, shapes: &[Value], spp: u32) -> ([f64; 3], [f64; 3]) {
-    let shapes = [&[ground()], shapes].concat();
-    let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
+/// Mean over 64 seeds of the pixel that sees the first of `shapes`, and its standard error.
+fn mean_pixel(light: &Value, shapes: &[Value], spp: u32) -> ([f64; 4], [f64; 4]) {
+    let (mut sum, mut squares) = ([0.0; 4], [0.0; 4]);
     let spp = format!("/spp={spp}");
     for seed in 0..64 {
         let seed = format!("/seed={seed}");
-        let [value] = render(&down(), light.clone(), &shapes, &[&spp, &seed])[..] else {
+        let [value] = with_alpha(&down(), light.clone(), shapes, &[&spp, &seed])[..] else {
             unreachable!()
         };
-        for axis in 0..3 {
-            sum[axis] += value[axis] / 64.0;
-            squares[axis] += value[axis] * value[axis] / 64.0;
+        for channel in 0..4 {
+            sum[channel] += value[channel] / 64.0;
+            squares[channel] += value[channel] * value[channel] / 64.0;
         }
     }
-    let error = |axis: usize| ((squares[axis] - sum[axis] * sum[axis]).max(0.0) / 63.0).sqrt();
-    (sum, [0, 1, 2].map(error))
+    let error =
+        |channel: usize| ((squares[channel] - sum[channel] * sum[channel]).max(0.0) / 63.0).sqrt();
+    (sum, [0, 1, 2, 3].map(error))
+}
+
+/// Mean over 64 seeds of the ground's light, and its standard error.
+fn means(light: &Value, shapes: &[Value], spp: u32) -> ([f64; 3], [f64; 3]) {
+    let ([r, g, b, _], [of_r, of_g, of_b, _]) =
+        mean_pixel(light, &[&[ground()], shapes].concat(), spp);
+    ([r, g, b], [of_r, of_g, of_b])
 }
 
 fn assert_equal(
@@ -118,7 +138,7 @@ fn towards(azimuth: f64, elevation: f64) -> DVec3 {
 #[test]
 fn a_white_body_vanishes_in_an_image_of_one_radiance() {
     let folder = Scratch::new();
-    let image = write(&folder, "flat.exr", |_| [0.7; 3]);
+    let image = write(&folder, "flat.exr", MIDDLES, |_| [0.7; 3]);
     let camera = json!({ "type": "pinhole", "width": 48, "height": 48, "fov": 50,
                          "position": [0.3, 0.4, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] });
     let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1.2, "material": {} });
@@ -145,7 +165,7 @@ fn a_disc_painted_into_the_sky_is_a_sun() {
     };
     // Its penumbra covers the point.
     let wall = quad([[0.5, 0.0, 0.1], [0.5, 0.0, 9.0], [0.5, 0.45, 9.0], [0.5, 0.45, 0.1]]);
-    let image = write(&folder, "sun.exr", disc);
+    let image = write(&folder, "sun.exr", EDGES, disc);
     for shapes in [&[][..], &[wall]] {
         assert_equal("disc", means(&environment(&image), shapes, 16), means(&sun, shapes, 16));
     }
@@ -160,19 +180,19 @@ fn a_disc_painted_into_the_sky_is_a_sun() {
 fn light_of_every_direction_has_its_cosine() {
     let folder = Scratch::new();
     // Bright and dim parts, so that both kinds of directions count. Red only from below.
-    check_cosine(&folder, |d| {
+    check_cosine(&folder, EDGES, |d| {
         let bright = if d.dot(towards(10.0, 70.0)) > 0.9 { 20.0 } else { 0.2 };
         [if d.y < 0.0 { 5.0 } else { 0.0 }, bright, (1.0 + d.x) * bright]
     });
     // So smooth that all directions follow the cosine.
-    check_cosine(&folder, |d| {
+    check_cosine(&folder, MIDDLES, |d| {
         [if d.y < 0.0 { 0.5 } else { 0.0 }, 1.0 + 2.0 * d.y.max(0.0), 2.0 + d.x]
     });
 }
 
 /// Compares the ground's light with a sum over directions. The sky's red comes only from below.
-fn check_cosine(folder: &Scratch, sky: impl Fn(DVec3) -> [f64; 3]) {
-    let image = write(folder, "sky.exr", &sky);
+fn check_cosine(folder: &Scratch, parts: u32, sky: impl Fn(DVec3) -> [f64; 3]) {
+    let image = write(folder, "sky.exr", parts, &sky);
     let mut expected = [0.0; 3];
     let steps = 4;
     for y in 0..steps * WIDTH / 4 {
@@ -196,7 +216,7 @@ fn check_cosine(folder: &Scratch, sky: impl Fn(DVec3) -> [f64; 3]) {
 fn cameras_and_mirrors_see_the_image_unless_it_is_hidden() {
     let folder = Scratch::new();
     let sky = |d: DVec3| [1.0 + d.x, 2.0 + d.y, 3.0 + d.z];
-    let image = write(&folder, "sky.exr", sky);
+    let image = write(&folder, "sky.exr", MIDDLES, sky);
     let ball = json!({ "type": "sphere", "center": [0, -90, 0], "radius": 1, "material": {} });
     let around = json!({ "type": "panorama", "width": 72, "height": 36, "position": [0, 0, 0],
                          "lookat": [0, 0, -1], "up": [0, 1, 0] });
@@ -228,8 +248,9 @@ fn cameras_and_mirrors_see_the_image_unless_it_is_hidden() {
 #[test]
 fn groups_and_components_add_up_with_an_image() {
     let folder = Scratch::new();
-    let image =
-        write(&folder, "sky.exr", |d| [1.0 + d.x, 2.0 + d.y, if d.y > 0.8 { 9.0 } else { 0.1 }]);
+    let image = write(&folder, "sky.exr", MIDDLES, |d| {
+        [1.0 + d.x, 2.0 + d.y, if d.y > 0.8 { 9.0 } else { 0.1 }]
+    });
     let camera = json!({ "type": "pinhole", "width": 32, "height": 24, "fov": 60,
                          "position": [0, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0] });
     let ball = json!({ "type": "sphere", "center": [0, 1, 0], "radius": 1,
@@ -260,7 +281,7 @@ fn groups_and_components_add_up_with_an_image() {
 #[test]
 fn one_direction_for_each_sample_has_the_same_mean() {
     let folder = Scratch::new();
-    let image = write(&folder, "sky.exr", |d| {
+    let image = write(&folder, "sky.exr", MIDDLES, |d| {
         [1.5 + d.x, 1.0 + d.z * d.y, if d.dot(towards(20.0, 50.0)) > 0.98 { 40.0 } else { 0.2 }]
     });
     let light = |samples: u32| {
@@ -280,7 +301,8 @@ fn one_direction_for_each_sample_has_the_same_mean() {
 #[test]
 fn an_image_takes_its_light_off_shadow_catchers() {
     let folder = Scratch::new();
-    let image = write(&folder, "sky.exr", |d| [1.0, 2.0, if d.y > 0.8 { 9.0 } else { 0.1 }]);
+    let image =
+        write(&folder, "sky.exr", MIDDLES, |d| [1.0, 2.0, if d.y > 0.8 { 9.0 } else { 0.1 }]);
     let mut light = environment(&image);
     light["samples"] = json!(1);
     let mut ground = ground();
@@ -292,6 +314,44 @@ fn an_image_takes_its_light_off_shadow_catchers() {
     let loaded = LoadedScene::from_json(&scene.to_string(), &[]).unwrap();
     let film = loaded.renderer().unwrap().render().unwrap();
     assert_eq!(film.pixels, [[0.0; 4]]);
+}
+
+/// Alpha is the share of the light that a ball takes: white ground shows how much that is.
+#[test]
+fn alpha_of_catchers_is_the_share_of_distant_light_that_a_ball_takes() {
+    let folder = Scratch::new();
+    let image = write(&folder, "sky.exr", MIDDLES, |d| {
+        let bright = if d.dot(towards(10.0, 70.0)) > 0.9 { 20.0 } else { 0.2 };
+        [1.0 + d.x, bright, 0.5]
+    });
+    let sun = |angle: u32, samples: u32| {
+        json!({ "type": "sun", "azimuth": 10, "elevation": 70, "angle": angle, "samples": samples,
+                "id": [1, 2, 3] })
+    };
+    let sky = json!({ "type": "environment", "radiance": [3, 2, 1], "samples": 16 });
+    let directional =
+        json!({ "type": "directional", "direction": [-0.5, -1.2, 0.3], "id": [1, 2, 3] });
+    let ball =
+        json!({ "type": "sphere", "center": [0.5, 1.2, -0.3], "radius": 0.5, "material": {} });
+    let mut catcher = ground();
+    catcher["shadow_catcher"] = json!(true);
+    let mut partly = 0;
+    for light in [environment(&image), sun(60, 1), sun(60, 16), sky, directional] {
+        let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let [with, without] = [&[ball.clone()][..], &[]]
+            .map(|balls| means(&light, balls, 64))
+            .map(|(mean, error)| (luminance(mean), luminance(error)));
+        let share = 1.0 - with.0 / without.0;
+        let (pixel, errors) = mean_pixel(&light, &[catcher.clone(), ball.clone()], 64);
+        assert_eq!(pixel[..3], [0.0; 3]);
+        let error = errors[3] + (with.1 + without.1) / without.0;
+        let off = (pixel[3] - share).abs();
+        // The guide promises 2 %.
+        assert!(off <= 3.0 * error + 0.01 * share, "{light}: {} {share} +- {error}", pixel[3]);
+        assert!(error < 0.01, "{light}: {error}");
+        partly += u32::from(share > 0.05 && share < 0.9);
+    }
+    assert_eq!(partly, 4);
 }
 
 #[test]

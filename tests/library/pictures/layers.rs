@@ -7,7 +7,7 @@ use lightpath::{
     accel::{self, BuildOptions},
     camera,
     film::{Film, ReservedFilm, Window},
-    layers::{LayerPlan, MISS_DEPTH},
+    layers::{LayerPlan, MISS_DEPTH, PartialSumsLayout},
     monitor::Monitor,
     render::{RenderContext, render_layers},
     scene::{self, Backend, Scene, Source},
@@ -390,4 +390,43 @@ fn variance_is_that_of_the_samples() {
             assert!(all.float("variance.G", pixel) < 1e-12, "background does not vary");
         }
     }
+}
+
+#[test]
+fn variance_has_the_divisor_n_minus_1() {
+    let scene = stage(16);
+    // The balls and their edges.
+    let window = Window { x0: 16, y0: 12, x1: 44, y1: 28 };
+    let all = rendered(&scene, Some(window), 1, Isa::detect());
+    let samples: Vec<Film> = (0..16).map(|k| one_sample(&scene, window, k)).collect();
+    let mut varied = 0;
+    for pixel in 0..all.pixels() {
+        for (axis, name) in ["variance.R", "variance.G", "variance.B"].into_iter().enumerate() {
+            let values = samples.iter().map(|film| f64::from(film.pixels[pixel][axis]));
+            let mean = values.clone().sum::<f64>() / 16.0;
+            let expected = values.map(|value| (value - mean).powi(2)).sum::<f64>() / 15.0;
+            let found = f64::from(all.float(name, pixel));
+            let bound = 1e-6 * expected + 1e-12 * mean * mean;
+            assert!((found - expected).abs() <= bound, "{pixel} {name}: {found} {expected}");
+            varied += u32::from(expected > 1e-3);
+        }
+    }
+    assert!(varied > 100, "{varied}");
+}
+
+/// Renders one camera sample of the scene's samples, as a part of the picture.
+fn one_sample(scene: &Value, window: Window, sample: u32) -> Film {
+    let scene = checked(scene);
+    let monitor = Monitor::default();
+    let (world, _) = World::load(&scene, LoadOptions::default(), &monitor).unwrap();
+    let options = BuildOptions { threads: 1, max_bytes: None };
+    let accelerator = accel::build(&world.geometry, scene.backend, &options, &monitor).unwrap();
+    let plan = LayerPlan::new(&scene);
+    let part = PartialSumsLayout::new(&plan.layout, sample..sample + 1);
+    let mut film = ReservedFilm::new(world.frame, window, part.channels()).unwrap().film();
+    let accelerator = &*accelerator;
+    let context =
+        RenderContext { world: &world, accelerator, isa: Isa::detect(), monitor: &monitor };
+    render_layers(context, &mut film, &plan, Some(&part)).unwrap();
+    film
 }

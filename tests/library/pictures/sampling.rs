@@ -143,7 +143,12 @@ fn rendered(scene: &Value) -> Vec<[f32; 4]> {
 /// Returns the mean over a pixel's camera samples of the light's contribution, for the points (s,
 /// t) of `square`.
 fn mean(pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
-    let sum: f64 = (0..SPP)
+    mean_of(SPP, pixel, square)
+}
+
+/// [`mean`] of `spp` camera samples.
+fn mean_of(spp: u32, pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
+    let sum: f64 = (0..spp)
         .map(|i| {
             let [x, y, ..] = Sampler::new(SEED).camera(pixel, i).map(f64::from);
             let across = 2.0 * (f64::from(pixel[0]) + x) / f64::from(SIDE) - 1.0;
@@ -155,7 +160,7 @@ fn mean(pixel: [u32; 2], square: impl Fn(u32) -> [f32; 2]) -> f64 {
             dz / d2.sqrt() / d2
         })
         .sum();
-    sum / f64::from(SPP)
+    sum / f64::from(spp)
 }
 
 #[test]
@@ -206,4 +211,51 @@ fn lights_of_several_points_have_sequences_of_their_own() {
         }
     }
     assert!(worst.iter().all(|&worst| worst < 1e-4), "{worst:?}");
+}
+
+/// With a lens, with less than 16 camera samples and after a mirror, single points of the first
+/// area light are from a sequence of its own, too.
+#[test]
+fn the_camera_s_sequence_is_shared_only_without_lens_from_16_samples_on_and_before_mirrors() {
+    let mut lens = lit_plane();
+    // The plane is in focus, so rays from all points of the lens meet there.
+    lens["camera"]["type"] = json!("thinlens");
+    lens["camera"]["aperture"] = json!(0.2);
+    lens["camera"]["focaldistance"] = json!(1);
+    let mut few = lit_plane();
+    few["spp"] = json!(8);
+    // The mirror image of this camera is that of the other scenes, but for left and right.
+    let mut mirrored = lit_plane();
+    mirrored["nbounces"] = json!(1);
+    mirrored["camera"]["position"] = json!([0, 0, 0.5]);
+    mirrored["camera"]["lookat"] = json!([0, 0, 1]);
+    let mirror = json!({ "type": "plane", "v0": [-9, -9, 0.75], "v1": [9, -9, 0.75], "v2": [9, 9, 0.75],
+                         "v3": [-9, 9, 0.75], "material": { "kd": 0, "kr": 1 } });
+    mirrored["scene"]["shapes"].as_array_mut().unwrap().push(mirror);
+    let sampler = Sampler::new(SEED);
+    for (case, scene, spp, bounce) in
+        [("lens", lens, SPP, 0), ("few", few, 8, 0), ("mirror", mirrored, SPP, 1)]
+    {
+        let (mut own, mut joint) = ([0f64; 2], 0f64);
+        for (pixel, found) in (0..SIDE * SIDE).map(|k| [k % SIDE, k / SIDE]).zip(rendered(&scene)) {
+            // The lights lie symmetrically, so a mirrored place has mirrored light points.
+            let flip = |s: f32| if bounce == 1 { 1.0 - s } else { s };
+            let of = |point: &dyn Fn(u32) -> [f32; 2]| {
+                mean_of(spp, pixel, |i| {
+                    let [s, t] = point(i);
+                    [flip(s), t]
+                })
+            };
+            for (c, light) in [1, 2].into_iter().enumerate() {
+                let expected = of(&|i| sampler.light(pixel, i, light, bounce));
+                own[c] = worse(own[c], (f64::from(found[c]) / expected - 1.0).abs());
+            }
+            let expected = of(&|i| {
+                let [_, _, s, t] = sampler.camera(pixel, i);
+                [s, t]
+            });
+            joint = worse(joint, (f64::from(found[0]) / expected - 1.0).abs());
+        }
+        assert!(own.iter().all(|&worst| worst < 1e-4) && joint > 0.05, "{case}: {own:?} {joint}");
+    }
 }

@@ -89,7 +89,9 @@ fn pictures_are_the_same_bit_for_bit() {
             let tree = Bvh::build(&world.geometry, isa, &options, &monitor).unwrap();
             let [width, height] = world.frame;
             let crop = Window { x0: 21, y0: 5, x1: 90, y1: 78 };
-            for window in [Window::full(width, height), crop] {
+            // Most samples are slow, and the whole frame has no further kind of square.
+            let windows = [crop, Window::full(width, height)];
+            for window in windows.into_iter().take(if spp == 300 { 1 } else { 2 }) {
                 let render = |tells: bool| {
                     let (told, traced, shadows) = Default::default();
                     let telling = Telling { tree: &tree, tells, told, traced, shadows };

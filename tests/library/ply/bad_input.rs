@@ -533,8 +533,8 @@ proptest! {
     ) {
         let bytes = samples()[which].write(ALL[encoding]);
         let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
-        for start in [0, end] {
-            let bytes = [&bytes[..start], &data].concat();
+        for start in [b"ply\n", &bytes[..end]] {
+            let bytes = [start, &data].concat();
             let _ = read_ply_bytes(&bytes, "t.ply", ReadOptions::default().repair(repair));
         }
     }

@@ -4,11 +4,11 @@
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use glam::DVec3;
 use lightpath::{
     ErrorKind, Faces, Limits, LoadedScene, Mesh, MeshArrays, Monitor, Positions, Ray, RayBackend,
     RayBatch, RayScene, Vertices,
 };
+use lightpath_reference::winding;
 use rayon::prelude::*;
 
 /// A bumpy ball: a cube whose faces are grids of `n` squares, moved to a sphere of radii 0.7 to 1.
@@ -299,14 +299,6 @@ fn the_nearest_of_faces_at_tiny_distances_is_found() {
     }
 }
 
-/// Solid angle of a triangle (van Oosterom and Strackee 1983), in units of the sphere's.
-fn winding_of(corners: [DVec3; 3], point: [f64; 3]) -> f64 {
-    let [a, b, c] = corners.map(|corner| corner - DVec3::from(point));
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    a.dot(b.cross(c)).atan2(below) / (2.0 * std::f64::consts::PI)
-}
-
 #[test]
 fn winding_numbers_have_the_promised_error() {
     for name in ["spot", "teapot"] {
@@ -322,10 +314,11 @@ fn winding_numbers_have_the_promised_error() {
         let points: Vec<_> = (0..size).map(|i| [0, 1, 2].map(|k| within(i, k))).collect();
         let found = scene.winding_number(&points, &Monitor::default()).expect("numbers");
         let at = |index: u32| mesh.positions.get(index as usize);
-        let errors = points.iter().zip(&found).map(|(&point, found)| {
-            let exact = mesh.triangles.iter().map(|t| winding_of(t.map(at), point));
-            (found - exact.sum::<f64>()).abs()
-        });
+        let triangles: Vec<_> = mesh.triangles.iter().map(|t| t.map(at)).collect();
+        let errors = points
+            .iter()
+            .zip(&found)
+            .map(|(&point, found)| (found - winding::number(&triangles, point.into())).abs());
         let errors: Vec<f64> = errors.collect();
         let (worst, mean) =
             (errors.iter().fold(0.0, |a: f64, &b| a.max(b)), errors.iter().sum::<f64>() / 500.0);

@@ -15,6 +15,7 @@ pub mod scene;
 pub mod shade;
 pub mod texture;
 pub mod tree;
+pub mod winding;
 
 use glam::DVec3;
 use scene::Scene;

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
+use super::SMALLER;
 use super::groups::{self, Collect};
 use super::in_order;
 use super::reference::{Group, Reference};
@@ -29,15 +30,15 @@ const CELLS: usize = 1 << (3 * BITS);
 
 /// Fewer primitives are not sorted into cells, and their triangles do not share references in pairs
 /// ([`groups`]): their build is short.
-const MIN_PRIMITIVES: u32 = 1 << 18;
+const MIN_PRIMITIVES: u32 = 1 << (18 - SMALLER);
 
 /// A set of several cells is split if it has at least this many references.
-const MIN_SPLIT: u64 = 4096;
+const MIN_SPLIT: u64 = 1 << (12 - SMALLER);
 
 /// Number of primitives that one task reads at least (the last task may read fewer), and largest
 /// number of tasks. They must not depend on the number of threads: no pair crosses the boundary of
 /// a task, so the size of a task changes the tree.
-const MIN_CHUNK: u32 = 1 << 14;
+const MIN_CHUNK: u32 = 1 << (14 - SMALLER);
 const MAX_CHUNKS: u32 = 64;
 
 /// References in the order of the top of the tree.

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::super::bounds::Bounds3;
 use super::super::node::{Block, Child, ChildKind, Indices, Node, SphereLeaf, WIDTH};
+use super::SMALLER;
 use super::binary::BinaryTree;
 use super::binary_node::{BinaryNode, Slot};
 use crate::error::Result;
@@ -72,10 +73,10 @@ impl Tree {
 }
 
 /// From this many slots on, two subtrees are processed in parallel.
-const MIN_PARALLEL: usize = 1 << 16;
+const MIN_PARALLEL: usize = 1 << (16 - SMALLER);
 
 /// From this many wide nodes on, the subtrees of a node are written in parallel.
-const MIN_PARALLEL_NODES: usize = 1 << 12;
+const MIN_PARALLEL_NODES: usize = 1 << (12 - SMALLER);
 
 /// Collapses a binary tree. An empty tree becomes a root without children. Wide nodes refer to
 /// leaves by index; the leaves themselves are not made here.

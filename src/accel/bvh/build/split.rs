@@ -2,13 +2,14 @@
 
 use super::super::bounds::Bounds3;
 use super::super::simd::MAX_DEPTH;
+use super::SMALLER;
 use super::reference::Reference;
 use super::sah::{self, Bins, Grid, Split};
 use crate::parallel;
 use crate::simd::{self, Isa, Kernel};
 
 /// Sets of at least this many references are binned in parallel.
-const MIN_PARALLEL_BINS: usize = 1 << 16;
+const MIN_PARALLEL_BINS: usize = 1 << (16 - SMALLER);
 
 /// From this level on, sets are halved by count. Fewer than 2^32 references need at most 32 more
 /// levels.

@@ -84,11 +84,6 @@ impl Wrong {
     }
 }
 
-fn judged(oracle: &Brute, rays: &Rays, i: usize, shadow: bool, answer: Answer) -> Verdict {
-    let ray = LaneRay::of(rays, i);
-    judge(oracle, &ray, Answer::truth(oracle, &ray, shadow), answer, FACTOR)
-}
-
 /// Returns the wrong candidates, closest hits and shadows of a packet.
 fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) -> [Wrong; 3] {
     let mut wrong = [Wrong::default(); 3];
@@ -98,9 +93,14 @@ fn wrong(oracle: &Brute, embree: &dyn Accelerator, rays: &Rays, how: Coherence) 
     embree.closest(&ALL, &mut closest, how);
     embree.occluded(&ALL, &mut shadow, how);
     for i in 0..LANES {
-        wrong[0].add(judged(oracle, rays, i, false, Answer::closest(&native, i)));
-        wrong[1].add(judged(oracle, rays, i, false, Answer::closest(&closest, i)));
-        wrong[2].add(judged(oracle, rays, i, true, Answer::occluded(&shadow, i)));
+        let ray = LaneRay::of(rays, i);
+        let hit = oracle.closest_hit(&ray);
+        let judged = |is_shadow: bool, answer: Answer| {
+            judge(oracle, &ray, Answer::of_hit(hit, is_shadow), answer, FACTOR)
+        };
+        wrong[0].add(judged(false, Answer::closest(&native, i)));
+        wrong[1].add(judged(false, Answer::closest(&closest, i)));
+        wrong[2].add(judged(true, Answer::occluded(&shadow, i)));
     }
     wrong
 }

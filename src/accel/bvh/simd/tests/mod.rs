@@ -220,6 +220,10 @@ fn candidates_include_every_hit_and_sure_ones_are_hits() {
             let end = exact[random.below(WIDTH)].filter(|t| *t >= 0.0);
             let tfar = end.map_or(query.tfar[i], |t| query.tfar_for_hit(i, t));
             let end = end.unwrap_or(ray.tfar);
+            let hit = |t: &Option<f64>| t.is_some_and(|t| t > 0.0 && t <= end);
+            let hit: Vec<bool> = exact.iter().map(hit).collect();
+            let missed: Vec<bool> =
+                (0..WIDTH).map(|slot| misses_by_far(lane, block, slot)).collect();
             for (isa, answers) in every_tier!(tier => RunKernels { tier, node, block, lane, tfar })
             {
                 let Candidates { maybe, sure: certain } = answers.candidates;
@@ -227,12 +231,11 @@ fn candidates_include_every_hit_and_sure_ones_are_hits() {
                 assert_eq!(maybe & !u32::from(block.present), 0, "{isa}");
                 for slot in 0..WIDTH {
                     let bit = 1 << slot;
-                    let hit = exact[slot].is_some_and(|t| t > 0.0 && t <= end);
-                    assert!(!hit || maybe & bit != 0, "{isa}: {slot} {block:?} {answers:?}");
+                    assert!(!hit[slot] || maybe & bit != 0, "{isa}: {slot} {block:?} {answers:?}");
                     let ruled = maybe & bit == 0;
-                    assert!(ruled || !misses_by_far(lane, block, slot), "{isa}: {slot} {block:?}");
+                    assert!(ruled || !missed[slot], "{isa}: {slot} {block:?}");
                     assert!(certain & bit == 0 || exact[slot].is_some(), "{isa}: {slot} {block:?}");
-                    hits += u32::from(hit);
+                    hits += u32::from(hit[slot]);
                     sure += u32::from(certain & bit != 0);
                     ruled_out += u32::from(ruled);
                 }
@@ -262,27 +265,33 @@ fn a_frustum_culls_nothing_that_its_rays_hit() {
         let scene = &scene(node, block);
         let octant = query.lane(active.first()).octant;
         let active_lanes: Vec<usize> = (0..LANES).filter(|&i| active.0[i] != 0).collect();
+        let child_hit: [bool; WIDTH] = std::array::from_fn(|child| {
+            active_lanes.iter().any(|&i| {
+                node.children[child] != Child::EMPTY
+                    && entry(node, child, rays, i, f64::from(rays.tfar[i])).is_some()
+            })
+        });
+        let triangle_hit: [bool; WIDTH] = std::array::from_fn(|slot| {
+            active_lanes.iter().any(|&i| {
+                let lane = query.lane(i);
+                let seen = ShearedTriangle::new(&lane, block, slot);
+                let ray = Ray64::new(rays, i, lane.axes[2]);
+                let t = seen.t(&ray, block.triangle(slot));
+                seen.inside() && t > ray.tnear && t < ray.tfar
+            })
+        });
         for (isa, [children, triangles]) in
             every_tier!(tier => RunFrustum { tier, node, block, query, active, scene })
         {
             for place in 0..WIDTH {
                 let child = node.ordered(octant, place);
-                let hit = active_lanes.iter().any(|&i| {
-                    node.children[child] != Child::EMPTY
-                        && entry(node, child, rays, i, f64::from(rays.tfar[i])).is_some()
-                });
+                let hit = child_hit[child];
                 let kept = (children >> place) & 1 != 0;
                 assert!(kept || !hit, "{isa}: {child} {node:?} {rays:?} {active:?}");
                 (hits[0], dropped[0]) = (hits[0] + u32::from(hit), dropped[0] + u32::from(!kept));
             }
             for slot in (0..WIDTH).filter(|slot| (block.present >> slot) & 1 != 0) {
-                let hit = active_lanes.iter().any(|&i| {
-                    let lane = query.lane(i);
-                    let seen = ShearedTriangle::new(&lane, block, slot);
-                    let ray = Ray64::new(rays, i, lane.axes[2]);
-                    let t = seen.t(&ray, block.triangle(slot));
-                    seen.inside() && t > ray.tnear && t < ray.tfar
-                });
+                let hit = triangle_hit[slot];
                 let kept = (triangles >> slot) & 1 != 0;
                 assert!(kept || !hit, "{isa}: {slot} {block:?} {rays:?} {active:?}");
                 (hits[1], dropped[1]) = (hits[1] + u32::from(hit), dropped[1] + u32::from(!kept));

@@ -171,7 +171,7 @@ fn every_tier_finds_the_same_hits_of_single_rays() {
 
 #[test]
 fn a_closed_mesh_has_no_gap_in_any_tier() {
-    let mesh = icosphere(4);
+    let mesh = icosphere(3);
     let packets = from_within(&mesh);
     let geometry = Geometry::new(glam::DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap();
     for how in [Coherence::Single, Coherence::Incoherent, Coherence::Coherent] {
