@@ -180,6 +180,8 @@ pub struct OutputKeys {
     pub multipart: bool,
     /// Writes the object names of cryptomattes to files beside the EXR instead of its header.
     pub cryptosidecar: bool,
+    /// A frame with a NaN or infinite pixel fails and is not written.
+    pub strict: bool,
     /// Bits per channel of the PNG: 8 or 16.
     #[schemars(extend("enum" = [8, 16, null]))]
     pub pngbits: Option<u8>,

@@ -54,6 +54,8 @@ pub struct Job {
     pub no_mmap: bool,
     /// Format of the pictures: compression, bit depth, parts.
     pub storage: Storage,
+    /// A frame with a NaN or infinite pixel fails and is not written.
+    pub strict: bool,
     /// Frame rate in frames per second, as numerator and denominator.
     pub per_second: Option<(i32, u32)>,
     /// Output folder, relative to the working folder.
@@ -187,6 +189,7 @@ impl Job {
                 depth,
                 crypto_sidecar: file.output.cryptosidecar,
             },
+            strict: file.output.strict,
             per_second: rate,
             // Without `/.` at its end, which cannot be created.
             folder: file

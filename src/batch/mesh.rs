@@ -18,10 +18,12 @@ use crate::film::{Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::mesh::Mesh;
+use crate::output::ValueCounts;
+use crate::paths;
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
 use crate::render::{RayCounts, RenderContext, render_layers};
 use crate::reserve::MemoryLimit;
-use crate::scene::{Backend, CheckedCamera, Scene};
+use crate::scene::{Backend, CheckedCamera, Scene, ToneOperator};
 use crate::threads::lock;
 use crate::world::{ContentHashes, LoadOptions, World};
 
@@ -113,6 +115,9 @@ impl Run<'_> {
             (self.tell)(Event::Framed { input: path, camera: &camera });
         }
         let mut messages = self.warn(path, &warnings);
+        if loaded.scene.tonemap.operator == ToneOperator::Max {
+            messages.extend(self.warn_of_flicker(path, &job.inputs[task.input]));
+        }
         let film_bytes = prediction.film_bytes.saturating_mul(films);
         let budget = self.options.max_memory.map(|_| Budget::new(share, prediction)).transpose()?;
         let hashed = frames.iter().all(|frame| frame.hash.is_some());
@@ -308,7 +313,15 @@ impl Run<'_> {
                 ..PictureHeader::default()
             };
             let storage = self.job.storage;
-            let write = || picture::write(files, film, scene, says, storage, &monitor);
+            let write = || {
+                if self.job.strict {
+                    let name = paths::with_ending(&frame.prefix, ".exr").display().to_string();
+                    let counts = ValueCounts::count(film, |_, _| f32::MAX);
+                    let help = "without --strict, NaN is written as 0 and infinity is clamped";
+                    picture::check_finite(&counts, &name).map_err(|error| error.help(help))?;
+                }
+                picture::write(files, film, scene, says, storage, &monitor)
+            };
             (counts, self.pool.install(write))
         });
         self.status.ended(&monitor);

@@ -13,14 +13,17 @@ use crate::monitor::Monitor;
 use crate::parallel;
 use crate::picture::{self, Manifest, PictureFiles};
 use crate::reserve::MemoryLimit;
-use crate::scene::{CheckedCamera, Loaded, Overrides, Scene, Source};
-use crate::studio::{self, MeshScene, Subject};
+use crate::scene::{CheckedCamera, Document, Loaded, Overrides, Scene, Source};
+use crate::studio::{self, MeshScene, Subject, Template};
 use crate::world::{self, ContentHashes};
 
 use super::fingerprint::{Settings, fingerprint};
 use super::job::{Job, JobInput, LEGEND};
 use super::resume::{self, Decision, Resume};
 use super::tasks::{self, Task};
+
+/// Pointer that `--tonemap` sets.
+const OPERATOR: &str = "/tonemap/operator";
 
 /// Number of frames whose files are checked in one parallel pass.
 const FRAMES_PER_CHECK: usize = 256;
@@ -110,6 +113,23 @@ pub fn check_settings(job: &Job) -> Result<()> {
 /// Errors of the scene.
 pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
     placed_by_default(job, input, &overrides(job, input))
+}
+
+/// Returns a warning if nothing sets the tone curve of an input of a job with several pictures: by
+/// default each PNG is divided by its own largest value. An input that cannot be read has none.
+pub fn flicker(job: &Job, input: &JobInput) -> Option<Problem> {
+    if job.inputs.len() as u64 * u64::from(job.frames()) < 2 {
+        return None;
+    }
+    let own = (!studio::is_mesh(&input.path)).then(|| Template::file(&input.path));
+    let own = own.transpose().ok()?;
+    let Template { name, text, .. } = own.as_ref().unwrap_or(&job.template);
+    let mut document = Document::parse(name, text).ok()?;
+    overrides(job, input).apply(&mut document);
+    let message = "found no operator: each PNG is divided by its own largest value, so the frames \
+                   differ in brightness";
+    let problem = Problem::new("tonemap", message).help("--tonemap clamp, or in the scene");
+    document.get(OPERATOR).is_none().then_some(problem)
 }
 
 fn placed_by_default(job: &Job, input: &JobInput, overrides: &Overrides) -> Result<Scene> {

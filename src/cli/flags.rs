@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, Args, ValueHint};
 
-use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::error::{Error, Result};
 use crate::output::ValueCounts;
 use crate::output::exr::Compression;
+use crate::picture;
 use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
 use crate::scene::{SamplerKind, ToneOperator};
 use crate::simd::Isa;
 use crate::studio::{Appearance, Axis, Quality, Studio, smooth};
 use crate::threads::Pool;
-use crate::units::counted;
 use crate::units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two};
 
 use super::{machine, print};
@@ -79,9 +79,10 @@ pub struct SceneArgs {
     #[arg(long)]
     pub legend: bool,
 
-    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, diffuse, specular,
-    /// ambient, reflection, background, light_GROUP, shadow_GROUP, variance, samples, primid,
-    /// objectid, cryptomatte... or all
+    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, ao, diffuse, specular,
+    /// ambient, reflection, background (components: these five), light_GROUP (light: of all
+    /// groups), shadow_GROUP (shadow), variance, samples, primid, objectid, cryptomatte; or all but
+    /// ao: all
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 
@@ -376,10 +377,9 @@ impl PrefixArgs {
     /// # Errors
     /// `Check` if some are NaN or infinite.
     pub fn check(&self, values: &ValueCounts) -> Result<()> {
-        let problem = values.first_non_finite.as_ref().filter(|_| self.strict).map(|spot| {
-            let count = counted(values.non_finite, ["pixel is", "pixels are"]);
-            Problem::new("--strict", format!("{count} NaN or infinite, the first {spot}"))
-        });
-        Error::check(ErrorKind::Check, problem.into_iter().collect())
+        match self.strict {
+            true => picture::check_finite(values, "--strict"),
+            false => Ok(()),
+        }
     }
 }

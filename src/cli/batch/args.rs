@@ -107,6 +107,10 @@ pub struct FrameArgs {
     #[arg(long)]
     pub crypto_sidecar: bool,
 
+    /// A frame with a NaN or infinite pixel fails (exit code 1) and is not written
+    #[arg(long)]
+    pub strict: bool,
+
     /// Frame rate for the EXRs: 24 or 24000/1001
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub fps: Option<(i32, u32)>,

@@ -340,6 +340,7 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     file.output.float |= frames.values.float;
     file.output.multipart |= frames.parts.multipart;
     file.output.cryptosidecar |= frames.crypto_sidecar;
+    file.output.strict |= frames.strict;
     file.output.pngbits = frames.png_bits.map(Depth::bits).or(file.output.pngbits);
     if let Some(compression) = frames.values.compression {
         file.output.compression = compression;
