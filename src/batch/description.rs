@@ -57,6 +57,10 @@ pub struct JobFile {
     /// Picture width and height in pixels.
     #[schemars(inner(range(min = 1, max = 2147483647)))]
     pub size: Option<[u32; 2]>,
+    /// More pixels on every side of the picture, as for `--overscan`.
+    #[serde(default)]
+    #[schemars(range(max = 65536))]
+    pub overscan: u32,
     /// Names of layers to add to the EXR, as for `--aov`.
     pub layers: Option<Vec<Name>>,
     /// Number of objects that one pixel of a cryptomatte can hold, as for `--crypto-ranks`.

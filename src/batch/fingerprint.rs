@@ -25,6 +25,8 @@ pub struct Settings {
     /// True if a frame with a NaN or infinite pixel is not written. So a run with `--strict` keeps
     /// no frame that was never checked.
     pub strict: bool,
+    /// Pixels on every side of the camera's frame.
+    pub overscan: u32,
     /// Frame number and frame rate in the header.
     pub sequence: Sequence,
 }
@@ -32,14 +34,14 @@ pub struct Settings {
 impl Settings {
     /// Returns the settings of a job, with the sequence of its first frame.
     pub fn of(job: &Job) -> Self {
-        let Job { repair, storage, strict, .. } = *job;
-        Self { repair, storage, strict, sequence: job.sequence(0) }
+        let Job { repair, storage, strict, overscan, .. } = *job;
+        Self { repair, storage, strict, overscan, sequence: job.sequence(0) }
     }
 }
 
 /// Returns the fingerprint of a frame. `hash` is its [`crate::world::fingerprint`].
 pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
-    let Settings { repair, storage, strict, sequence } = *settings;
+    let Settings { repair, storage, strict, overscan, sequence } = *settings;
     let (picture, scene) = (hash.get(..DIGITS).unwrap_or(hash), scene(loaded));
     let stored = if storage.float { "float" } else { "half" };
     let repair = if repair { ",repair" } else { "" };
@@ -47,12 +49,17 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let sidecar = if storage.crypto_sidecar { ",sidecar" } else { "" };
     let deep = if storage.depth == Depth::Sixteen { ",png16" } else { "" };
     let strict = if strict { ",strict" } else { "" };
+    let around = match overscan {
+        0 => String::new(),
+        pixels => format!(",overscan{pixels}"),
+    };
     let number = sequence.frame.map_or(String::new(), |frame| format!(",number{frame}"));
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
     let fast = if loaded.scene.backend == Backend::Embree(EmbreeMode::Fast) { ",fast" } else { "" };
-    let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{strict}{number}{rate}");
+    let stored = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{strict}");
+    let set = format!("{stored}{around}{number}{rate}");
     let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")
 }

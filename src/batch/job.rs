@@ -56,6 +56,8 @@ pub struct Job {
     pub storage: Storage,
     /// A frame with a NaN or infinite pixel fails and is not written.
     pub strict: bool,
+    /// Pixels that are rendered on every side of the camera's frame.
+    pub overscan: u32,
     /// Frame rate in frames per second, as numerator and denominator.
     pub per_second: Option<(i32, u32)>,
     /// Output folder, relative to the working folder.
@@ -190,6 +192,7 @@ impl Job {
                 crypto_sidecar: file.output.cryptosidecar,
             },
             strict: file.output.strict,
+            overscan: file.overscan,
             per_second: rate,
             // Without `/.` at its end, which cannot be created.
             folder: file

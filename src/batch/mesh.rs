@@ -14,14 +14,14 @@ use serde_json::Value;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
-use crate::film::{Film, ReservedFilm, Window};
+use crate::film::{Film, ReservedFilm};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::mesh::Mesh;
 use crate::output::ValueCounts;
 use crate::paths;
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
-use crate::render::{RayCounts, RenderContext, render_layers};
+use crate::render::{RayCounts, RenderContext, checked_overscan, render_layers};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Backend, CheckedCamera, Scene, ToneOperator};
 use crate::threads::lock;
@@ -273,7 +273,9 @@ impl Run<'_> {
         // Made again here, while another frame is traced.
         let scene = &built.input.ready.frame(self.job, frame.number)?.scene;
         let plan = LayerPlan::new(scene);
-        let world = built.world.frame_of(scene);
+        let (overscan, window) = checked_overscan(self.job.overscan, &scene.camera)?;
+        let world = built.world.frame_of(scene).with_overscan(overscan);
+        let size = [scene.camera.width, scene.camera.height];
         let monitor = Arc::new(self.monitor.part());
         let permit = self.permits.take(built.input.number);
         if self.stopped() {
@@ -285,17 +287,17 @@ impl Run<'_> {
         let files = create(frame, &plan, self.job.storage)
             .inspect_err(|error| self.end_if_shared(error))?;
         let film = match film {
-            Some(film) if film.frame == world.frame => film,
+            Some(film) if film.frame == size => film,
             film => {
                 // Its memory must be free before the new one takes its own.
                 *film = None;
-                let window = Window::full(world.frame[0], world.frame[1]);
-                let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone())?;
+                let blank = ReservedFilm::new(size, window, plan.layout.channels.clone())?;
                 // Otherwise the film would need memory beside the memory that the build has freed.
                 memory::release_freed();
                 film.insert(self.pool.install(|| blank.film()))
             }
         };
+        film.overscan = overscan;
         self.status.began(&monitor);
         let began = Instant::now();
         let (isa, accelerator) = (scene.backend.isa(), built.accelerator);

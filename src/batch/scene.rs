@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::error::{Error, Problem, Result};
-use crate::film::Window;
 use crate::layers::LayerPlan;
 use crate::memory::{self, Prediction};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::parallel;
 use crate::picture::{self, Manifest, PictureFiles};
+use crate::render::{checked_overscan, overscan_window};
 use crate::reserve::MemoryLimit;
 use crate::scene::{CheckedCamera, Document, Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject, Template};
@@ -79,7 +79,7 @@ pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);
     }
-    let window = Window::full(scene.camera.width, scene.camera.height);
+    let (_, window) = overscan_window(job.overscan, [scene.camera.width, scene.camera.height])?;
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
     let prediction = memory::predict(&scene, window)?.with_film_bytes(deeper);
     Ok((scene, prediction))
@@ -94,8 +94,8 @@ pub fn check_settings(job: &Job) -> Result<()> {
     let mut first = None;
     for input in &job.inputs {
         // With the legend of the whole job, which at least one input must be able to have.
-        let checked = placed_by_default(job, input, &input.overrides)
-            .and_then(|scene| picture::check_storage(&scene, job.storage));
+        let checked =
+            placed_by_default(job, input, &input.overrides).and_then(|scene| fits(job, &scene));
         let Err(error) = checked else { return Ok(()) };
         // Without overrides, only the job sets what a mesh is rendered with.
         let plain =
@@ -105,6 +105,15 @@ pub fn check_settings(job: &Job) -> Result<()> {
         }
     }
     first.map_or(Ok(()), Err)
+}
+
+/// Checks that the job's settings fit a scene. Cameras of a list are checked with their frames.
+fn fits(job: &Job, scene: &Scene) -> Result<()> {
+    picture::check_storage(scene, job.storage)?;
+    match job.poses {
+        Some(_) => Ok(()),
+        None => checked_overscan(job.overscan, &scene.camera).map(drop),
+    }
 }
 
 /// Returns the scene of an input without reading a mesh: the mesh is neither rotated nor framed.

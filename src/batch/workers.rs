@@ -195,7 +195,7 @@ fn jobs(job: &Job, tasks: &[Task], options: &BatchOptions) -> usize {
     let Some(Ok((scene, _))) = first else {
         return 1;
     };
-    let tiles = |side: u32| side.div_ceil(32) as usize;
+    let tiles = |side: u32| (side + 2 * job.overscan).div_ceil(32) as usize;
     let tiles = tiles(scene.camera.width) * tiles(scene.camera.height);
     (TILES_PER_THREAD * threads / tiles).clamp(1, 2 * threads)
 }

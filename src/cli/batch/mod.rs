@@ -189,11 +189,9 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
 
 /// Returns the job from flags and job file, and the limits of the job file.
 pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
-    let for_render =
-        [("--crop", args.scene.crop.is_some()), ("--overscan", args.scene.overscan > 0)];
-    if let Some((flag, _)) = for_render.into_iter().find(|(_, given)| *given) {
+    if args.scene.crop.is_some() {
         let message = "found with `batch`, expected with `render`";
-        return Err(Error::invalid(flag, message));
+        return Err(Error::invalid("--crop", message));
     }
     let (mut file, document) = match args.inputs.as_slice() {
         [one] => match read_job_file(one)? {
@@ -336,6 +334,9 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     set_output(file, args.output.as_deref())?;
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
+    }
+    if args.scene.overscan > 0 {
+        file.overscan = args.scene.overscan;
     }
     file.output.float |= frames.values.float;
     file.output.multipart |= frames.parts.multipart;

@@ -50,10 +50,11 @@ impl Needs {
             let poses = job.poses.iter().flat_map(|poses| &poses.list);
             let sizes = poses.map(|pose| pose.camera.size());
             let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
-            let rays = sizes.map(|[width, height]| u64::from(width) * u64::from(height));
+            let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
+            let rays = sizes.map(|[width, height]| around(width) * around(height));
             needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
             if needs.frame_seconds == 0.0 {
-                let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
+                let pixels = around(scene.camera.width) * around(scene.camera.height);
                 let points = |light: &CheckedLight| match light.kind {
                     LightKind::Point { .. } => 1.0,
                     LightKind::Area { samples, .. }
@@ -61,7 +62,7 @@ impl Needs {
                     | LightKind::Environment { samples, .. } => f64::from(samples),
                 };
                 let lights: f64 = scene.lights.iter().map(points).sum();
-                let rays = pixels * f64::from(scene.spp) * (1.0 + lights);
+                let rays = pixels as f64 * f64::from(scene.spp) * (1.0 + lights);
                 let triangles = prediction.primitives as f64 / f64::from(job.frames());
                 let alone = rays / RAYS_PER_SECOND + triangles / TRIANGLES_PER_SECOND;
                 needs.frame_seconds = alone / f64::from(cpus);
