@@ -3,6 +3,7 @@
 
 mod adaptive;
 mod overscan;
+pub mod sampling;
 mod tiles;
 
 use std::ops::Range;

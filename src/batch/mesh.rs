@@ -21,7 +21,9 @@ use crate::mesh::Mesh;
 use crate::output::ValueCounts;
 use crate::paths;
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
-use crate::render::{RayCounts, RenderContext, checked_overscan, render_layers};
+use crate::render::{
+    RayCounts, RenderContext, checked_overscan, render_adaptive, render_layers, sampling,
+};
 use crate::reserve::MemoryLimit;
 use crate::scene::{Backend, CheckedCamera, Scene, ToneOperator};
 use crate::threads::lock;
@@ -274,7 +276,11 @@ impl Run<'_> {
         let scene = &built.input.ready.frame(self.job, frame.number)?.scene;
         let plan = LayerPlan::new(scene);
         let (overscan, window) = checked_overscan(self.job.overscan, &scene.camera)?;
-        let world = built.world.frame_of(scene).with_overscan(overscan);
+        let mut world = built.world.frame_of(scene).with_overscan(overscan);
+        let adaptive = sampling::adaptive(&self.job.sampling, scene)?;
+        if let Some(adaptive) = adaptive {
+            (world.spp, world.area_spp) = (adaptive.most, adaptive.first);
+        }
         let size = [scene.camera.width, scene.camera.height];
         let monitor = Arc::new(self.monitor.part());
         let permit = self.permits.take(built.input.number);
@@ -302,11 +308,18 @@ impl Run<'_> {
         let began = Instant::now();
         let (isa, accelerator) = (scene.backend.isa(), built.accelerator);
         let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
-        let counts = self.pool.install(|| render_layers(context, film, &plan, None));
+        let counts = self.pool.install(|| match adaptive {
+            Some(adaptive) => render_adaptive(context, film, &plan, adaptive).map(|(rays, _)| rays),
+            None => render_layers(context, film, &plan, None),
+        });
         let render_s = began.elapsed().as_secs_f64();
         drop(permit);
         let written = counts.map(|counts| {
+            let more = adaptive.as_ref().map(sampling::attributes).unwrap_or_default();
+            let spp = sampling::spp(adaptive.as_ref(), scene);
             let says = PictureHeader {
+                more: &more,
+                spp: Some(&spp),
                 backend_version: &built.info.version,
                 scene_hash: frame.hash.as_deref(),
                 sequence: self.job.sequence(frame.number),

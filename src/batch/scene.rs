@@ -11,7 +11,7 @@ use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::parallel;
 use crate::picture::{self, Manifest, PictureFiles};
-use crate::render::{checked_overscan, overscan_window};
+use crate::render::{checked_overscan, overscan_window, sampling};
 use crate::reserve::MemoryLimit;
 use crate::scene::{CheckedCamera, Document, Loaded, Overrides, Scene, Source};
 use crate::studio::{self, MeshScene, Subject, Template};
@@ -110,6 +110,7 @@ pub fn check_settings(job: &Job) -> Result<()> {
 /// Checks that the job's settings fit a scene. Cameras of a list are checked with their frames.
 fn fits(job: &Job, scene: &Scene) -> Result<()> {
     picture::check_storage(scene, job.storage)?;
+    sampling::adaptive(&job.sampling, scene)?;
     match job.poses {
         Some(_) => Ok(()),
         None => checked_overscan(job.overscan, &scene.camera).map(drop),

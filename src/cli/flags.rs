@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 use clap::{ArgAction, Args, ValueHint};
 
 use crate::error::{Error, Result};
+use crate::integrate::Relative;
 use crate::output::ValueCounts;
 use crate::output::exr::Compression;
 use crate::picture;
+use crate::render::sampling::Sampling;
 use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
 use crate::scene::{SamplerKind, ToneOperator};
 use crate::simd::Isa;
@@ -101,6 +103,32 @@ pub struct SceneArgs {
     /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
     #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
     pub overscan: u32,
+}
+
+/// Flags for an error of the picture, which decides the number of samples of each pixel.
+#[derive(Debug, Args)]
+pub struct NoiseArgs {
+    /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
+    /// 0.02. Every pixel gets at least --spp samples, or 16 if that is more
+    #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
+    pub noise: Option<f64>,
+
+    /// What TARGET is relative to: the pixel or the whole picture [default: pixel]
+    #[arg(long, value_name = "OF", requires = "noise")]
+    pub noise_of: Option<Relative>,
+
+    /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096
+    /// with --noise, else 65536]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub max_spp: Option<u32>,
+}
+
+impl NoiseArgs {
+    /// Returns the adaptive sampling that the flags ask for.
+    pub fn sampling(&self) -> Sampling {
+        let Self { noise, noise_of, max_spp } = *self;
+        Sampling { noise, noise_of, max_spp, time: None }
+    }
 }
 
 /// Flags for the look of meshes.

@@ -338,6 +338,10 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     if args.scene.overscan > 0 {
         file.overscan = args.scene.overscan;
     }
+    let noise = args.sampling.noise.sampling();
+    file.noise = noise.noise.or(file.noise);
+    file.noiseof = noise.noise_of.or(file.noiseof);
+    file.maxspp = noise.max_spp.or(file.maxspp);
     file.output.float |= frames.values.float;
     file.output.multipart |= frames.parts.multipart;
     file.output.cryptosidecar |= frames.crypto_sidecar;
