@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Problem, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::{Dropped, Film};
 use crate::layers::{LayerPlan, Mattes};
 use crate::monitor::Monitor;
@@ -319,6 +319,18 @@ fn view(camera: &CheckedCamera) -> exr::CameraMatrices {
         screen_window_center: screen.center.map(|x| x as f32),
         pixel_aspect: screen.pixel_aspect as f32,
     }
+}
+
+/// Checks that no value of a picture is NaN or infinite. `place` names the picture or the flag that
+/// asks for the check.
+///
+/// # Errors
+/// `Check`, with the first such value.
+pub fn check_finite(values: &ValueCounts, place: &str) -> Result<()> {
+    let Some(spot) = &values.first_non_finite else { return Ok(()) };
+    let count = counted(values.non_finite, ["pixel is", "pixels are"]);
+    let message = format!("{count} NaN or infinite, the first {spot}");
+    Err(Error::new(ErrorKind::Check, Problem::new(place, message)))
 }
 
 /// Returns warnings about what the files could not hold: those of the EXR, then those of the PNG.

@@ -2,12 +2,15 @@
 //! cancellation.
 
 mod adaptive;
+mod overscan;
+pub mod sampling;
 mod tiles;
 
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 
 pub use self::adaptive::{Adaptive, SampleCounts, render_adaptive};
+pub use self::overscan::{checked_overscan, overscan_window};
 use self::tiles::tiles;
 use crate::accel::Accelerator;
 use crate::error::Result;

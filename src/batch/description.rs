@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::integrate::Relative;
 use crate::output::exr::Compression;
 use crate::scene::written::{
     Angles, MAX_COORDINATE, MIN_SIZE, MeshColorDescription, Name, Point, SmoothDescription,
@@ -57,6 +58,21 @@ pub struct JobFile {
     /// Picture width and height in pixels.
     #[schemars(inner(range(min = 1, max = 2147483647)))]
     pub size: Option<[u32; 2]>,
+    /// More pixels on every side of the picture, as for `--overscan`.
+    #[serde(default)]
+    #[schemars(range(max = 65536))]
+    pub overscan: u32,
+    /// Relative standard error above which the pixels around take more samples, as for `--noise`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
+    pub noise: Option<f64>,
+    /// What `noise` is relative to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noiseof: Option<Relative>,
+    /// Maximum number of samples of a pixel with `noise`, a power of two, as for `--max-spp`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 65536))]
+    pub maxspp: Option<u32>,
     /// Names of layers to add to the EXR, as for `--aov`.
     pub layers: Option<Vec<Name>>,
     /// Number of objects that one pixel of a cryptomatte can hold, as for `--crypto-ranks`.
@@ -180,6 +196,8 @@ pub struct OutputKeys {
     pub multipart: bool,
     /// Writes the object names of cryptomattes to files beside the EXR instead of its header.
     pub cryptosidecar: bool,
+    /// A frame with a NaN or infinite pixel fails and is not written.
+    pub strict: bool,
     /// Bits per channel of the PNG: 8 or 16.
     #[schemars(extend("enum" = [8, 16, null]))]
     pub pngbits: Option<u8>,

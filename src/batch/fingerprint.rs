@@ -5,9 +5,11 @@
 //! scene and the contents of its files. The second covers only the scene, so that a message can
 //! name what differs. Paths of files do not count.
 
+use crate::integrate::Relative;
 use crate::output::exr::Sequence;
 use crate::output::tonemap::Depth;
 use crate::picture::Storage;
+use crate::render::sampling::Sampling;
 use crate::scene::{Backend, EmbreeMode, Loaded};
 
 use super::job::Job;
@@ -22,6 +24,13 @@ pub struct Settings {
     pub repair: bool,
     /// Format of the pictures.
     pub storage: Storage,
+    /// True if a frame with a NaN or infinite pixel is not written. So a run with `--strict` keeps
+    /// no frame that was never checked.
+    pub strict: bool,
+    /// Adaptive sampling.
+    pub sampling: Sampling,
+    /// Pixels on every side of the camera's frame.
+    pub overscan: u32,
     /// Frame number and frame rate in the header.
     pub sequence: Sequence,
 }
@@ -29,27 +38,44 @@ pub struct Settings {
 impl Settings {
     /// Returns the settings of a job, with the sequence of its first frame.
     pub fn of(job: &Job) -> Self {
-        Self { repair: job.repair, storage: job.storage, sequence: job.sequence(0) }
+        let Job { repair, storage, strict, sampling, overscan, .. } = *job;
+        Self { repair, storage, strict, sampling, overscan, sequence: job.sequence(0) }
     }
 }
 
 /// Returns the fingerprint of a frame. `hash` is its [`crate::world::fingerprint`].
 pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
-    let Settings { repair, storage, sequence } = *settings;
+    let Settings { repair, storage, strict, sampling, overscan, sequence } = *settings;
     let (picture, scene) = (hash.get(..DIGITS).unwrap_or(hash), scene(loaded));
     let stored = if storage.float { "float" } else { "half" };
     let repair = if repair { ",repair" } else { "" };
     let parts = if storage.multipart { ",multipart" } else { "" };
     let sidecar = if storage.crypto_sidecar { ",sidecar" } else { "" };
     let deep = if storage.depth == Depth::Sixteen { ",png16" } else { "" };
+    let strict = if strict { ",strict" } else { "" };
+    let around = match overscan {
+        0 => String::new(),
+        pixels => format!(",overscan{pixels}"),
+    };
     let number = sequence.frame.map_or(String::new(), |frame| format!(",number{frame}"));
     let rate = sequence.per_second.map(|(above, below)| format!(",{above}/{below}"));
     let rate = rate.unwrap_or_default();
     let compression = storage.compression.name();
     let fast = if loaded.scene.backend == Backend::Embree(EmbreeMode::Fast) { ",fast" } else { "" };
-    let set = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{number}{rate}");
+    let stored = format!("{compression},{stored}{fast}{repair}{parts}{sidecar}{deep}{strict}");
+    let set = format!("{stored}{}{around}{number}{rate}", adaptive(&sampling));
     let program = env!("CARGO_PKG_VERSION");
     format!("picture={picture} scene={scene} settings={set} program={program}")
+}
+
+/// Returns the settings of adaptive sampling, each after a comma. Its defaults depend only on the
+/// scene and on the program.
+fn adaptive(sampling: &Sampling) -> String {
+    let Sampling { noise, noise_of, max_spp, .. } = sampling;
+    let noise = noise.map_or(String::new(), |noise| format!(",noise{noise}"));
+    let of = if *noise_of == Some(Relative::Picture) { ",picture" } else { "" };
+    let most = max_spp.map_or(String::new(), |most| format!(",most{most}"));
+    format!("{noise}{of}{most}")
 }
 
 /// Describes in words how two fingerprints differ.

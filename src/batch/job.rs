@@ -10,6 +10,7 @@ use crate::output::exr::Sequence;
 use crate::output::tonemap::Depth;
 use crate::picture::Storage;
 use crate::poses::Poses;
+use crate::render::sampling::Sampling;
 use crate::scene::written::Name;
 use crate::scene::{Overrides, escaped};
 use crate::studio::{Appearance, Axis, LightsFollow, MARGIN, Template, Turning, Turntable};
@@ -54,6 +55,12 @@ pub struct Job {
     pub no_mmap: bool,
     /// Format of the pictures: compression, bit depth, parts.
     pub storage: Storage,
+    /// A frame with a NaN or infinite pixel fails and is not written.
+    pub strict: bool,
+    /// Adaptive sampling.
+    pub sampling: Sampling,
+    /// Pixels that are rendered on every side of the camera's frame.
+    pub overscan: u32,
     /// Frame rate in frames per second, as numerator and denominator.
     pub per_second: Option<(i32, u32)>,
     /// Output folder, relative to the working folder.
@@ -187,6 +194,14 @@ impl Job {
                 depth,
                 crypto_sidecar: file.output.cryptosidecar,
             },
+            strict: file.output.strict,
+            sampling: Sampling {
+                noise: file.noise,
+                noise_of: file.noiseof,
+                max_spp: file.maxspp,
+                time: None,
+            },
+            overscan: file.overscan,
             per_second: rate,
             // Without `/.` at its end, which cannot be created.
             folder: file

@@ -14,14 +14,18 @@ use serde_json::Value;
 
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, Problem, Result};
-use crate::film::{Film, ReservedFilm, Window};
+use crate::film::{Film, ReservedFilm};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::mesh::Mesh;
+use crate::output::ValueCounts;
+use crate::paths;
 use crate::picture::{self, PictureFiles, PictureHeader, Storage};
-use crate::render::{RayCounts, RenderContext, render_layers};
+use crate::render::{
+    RayCounts, RenderContext, checked_overscan, render_adaptive, render_layers, sampling,
+};
 use crate::reserve::MemoryLimit;
-use crate::scene::{Backend, CheckedCamera, Scene};
+use crate::scene::{Backend, CheckedCamera, Scene, ToneOperator};
 use crate::threads::lock;
 use crate::world::{ContentHashes, LoadOptions, World};
 
@@ -113,6 +117,9 @@ impl Run<'_> {
             (self.tell)(Event::Framed { input: path, camera: &camera });
         }
         let mut messages = self.warn(path, &warnings);
+        if loaded.scene.tonemap.operator == ToneOperator::Max {
+            messages.extend(self.warn_of_flicker(path, &job.inputs[task.input]));
+        }
         let film_bytes = prediction.film_bytes.saturating_mul(films);
         let budget = self.options.max_memory.map(|_| Budget::new(share, prediction)).transpose()?;
         let hashed = frames.iter().all(|frame| frame.hash.is_some());
@@ -268,7 +275,13 @@ impl Run<'_> {
         // Made again here, while another frame is traced.
         let scene = &built.input.ready.frame(self.job, frame.number)?.scene;
         let plan = LayerPlan::new(scene);
-        let world = built.world.frame_of(scene);
+        let (overscan, window) = checked_overscan(self.job.overscan, &scene.camera)?;
+        let mut world = built.world.frame_of(scene).with_overscan(overscan);
+        let adaptive = sampling::adaptive(&self.job.sampling, scene)?;
+        if let Some(adaptive) = adaptive {
+            (world.spp, world.area_spp) = (adaptive.most, adaptive.first);
+        }
+        let size = [scene.camera.width, scene.camera.height];
         let monitor = Arc::new(self.monitor.part());
         let permit = self.permits.take(built.input.number);
         if self.stopped() {
@@ -280,26 +293,33 @@ impl Run<'_> {
         let files = create(frame, &plan, self.job.storage)
             .inspect_err(|error| self.end_if_shared(error))?;
         let film = match film {
-            Some(film) if film.frame == world.frame => film,
+            Some(film) if film.frame == size => film,
             film => {
                 // Its memory must be free before the new one takes its own.
                 *film = None;
-                let window = Window::full(world.frame[0], world.frame[1]);
-                let blank = ReservedFilm::new(world.frame, window, plan.layout.channels.clone())?;
+                let blank = ReservedFilm::new(size, window, plan.layout.channels.clone())?;
                 // Otherwise the film would need memory beside the memory that the build has freed.
                 memory::release_freed();
                 film.insert(self.pool.install(|| blank.film()))
             }
         };
+        film.overscan = overscan;
         self.status.began(&monitor);
         let began = Instant::now();
         let (isa, accelerator) = (scene.backend.isa(), built.accelerator);
         let context = RenderContext { world: &world, accelerator, isa, monitor: &monitor };
-        let counts = self.pool.install(|| render_layers(context, film, &plan, None));
+        let counts = self.pool.install(|| match adaptive {
+            Some(adaptive) => render_adaptive(context, film, &plan, adaptive).map(|(rays, _)| rays),
+            None => render_layers(context, film, &plan, None),
+        });
         let render_s = began.elapsed().as_secs_f64();
         drop(permit);
         let written = counts.map(|counts| {
+            let more = adaptive.as_ref().map(sampling::attributes).unwrap_or_default();
+            let spp = sampling::spp(adaptive.as_ref(), scene);
             let says = PictureHeader {
+                more: &more,
+                spp: Some(&spp),
                 backend_version: &built.info.version,
                 scene_hash: frame.hash.as_deref(),
                 sequence: self.job.sequence(frame.number),
@@ -308,7 +328,15 @@ impl Run<'_> {
                 ..PictureHeader::default()
             };
             let storage = self.job.storage;
-            let write = || picture::write(files, film, scene, says, storage, &monitor);
+            let write = || {
+                if self.job.strict {
+                    let name = paths::with_ending(&frame.prefix, ".exr").display().to_string();
+                    let counts = ValueCounts::count(film, |_, _| f32::MAX);
+                    let help = "without --strict, NaN is written as 0 and infinity is clamped";
+                    picture::check_finite(&counts, &name).map_err(|error| error.help(help))?;
+                }
+                picture::write(files, film, scene, says, storage, &monitor)
+            };
             (counts, self.pool.install(write))
         });
         self.status.ended(&monitor);

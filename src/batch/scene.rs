@@ -5,22 +5,25 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use crate::error::{Error, Problem, Result};
-use crate::film::Window;
 use crate::layers::LayerPlan;
 use crate::memory::{self, Prediction};
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::parallel;
 use crate::picture::{self, Manifest, PictureFiles};
+use crate::render::{checked_overscan, overscan_window, sampling};
 use crate::reserve::MemoryLimit;
-use crate::scene::{CheckedCamera, Loaded, Overrides, Scene, Source};
-use crate::studio::{self, MeshScene, Subject};
+use crate::scene::{CheckedCamera, Document, Loaded, Overrides, Scene, Source};
+use crate::studio::{self, MeshScene, Subject, Template};
 use crate::world::{self, ContentHashes};
 
 use super::fingerprint::{Settings, fingerprint};
 use super::job::{Job, JobInput, LEGEND};
 use super::resume::{self, Decision, Resume};
 use super::tasks::{self, Task};
+
+/// Pointer that `--tonemap` sets.
+const OPERATOR: &str = "/tonemap/operator";
 
 /// Number of frames whose files are checked in one parallel pass.
 const FRAMES_PER_CHECK: usize = 256;
@@ -76,7 +79,7 @@ pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);
     }
-    let window = Window::full(scene.camera.width, scene.camera.height);
+    let (_, window) = overscan_window(job.overscan, [scene.camera.width, scene.camera.height])?;
     let deeper = memory::deeper_png_bytes(window, job.storage.depth);
     let prediction = memory::predict(&scene, window)?.with_film_bytes(deeper);
     Ok((scene, prediction))
@@ -91,8 +94,8 @@ pub fn check_settings(job: &Job) -> Result<()> {
     let mut first = None;
     for input in &job.inputs {
         // With the legend of the whole job, which at least one input must be able to have.
-        let checked = placed_by_default(job, input, &input.overrides)
-            .and_then(|scene| picture::check_storage(&scene, job.storage));
+        let checked =
+            placed_by_default(job, input, &input.overrides).and_then(|scene| fits(job, &scene));
         let Err(error) = checked else { return Ok(()) };
         // Without overrides, only the job sets what a mesh is rendered with.
         let plain =
@@ -104,12 +107,39 @@ pub fn check_settings(job: &Job) -> Result<()> {
     first.map_or(Ok(()), Err)
 }
 
+/// Checks that the job's settings fit a scene. Cameras of a list are checked with their frames.
+fn fits(job: &Job, scene: &Scene) -> Result<()> {
+    picture::check_storage(scene, job.storage)?;
+    sampling::adaptive(&job.sampling, scene)?;
+    match job.poses {
+        Some(_) => Ok(()),
+        None => checked_overscan(job.overscan, &scene.camera).map(drop),
+    }
+}
+
 /// Returns the scene of an input without reading a mesh: the mesh is neither rotated nor framed.
 ///
 /// # Errors
 /// Errors of the scene.
 pub fn with_default_placement(job: &Job, input: &JobInput) -> Result<Scene> {
     placed_by_default(job, input, &overrides(job, input))
+}
+
+/// Returns a warning if nothing sets the tone curve of an input of a job with several pictures: by
+/// default each PNG is divided by its own largest value. An input that cannot be read has none.
+pub fn flicker(job: &Job, input: &JobInput) -> Option<Problem> {
+    if job.inputs.len() as u64 * u64::from(job.frames()) < 2 {
+        return None;
+    }
+    let own = (!studio::is_mesh(&input.path)).then(|| Template::file(&input.path));
+    let own = own.transpose().ok()?;
+    let Template { name, text, .. } = own.as_ref().unwrap_or(&job.template);
+    let mut document = Document::parse(name, text).ok()?;
+    overrides(job, input).apply(&mut document);
+    let message = "found no operator: each PNG is divided by its own largest value, so the frames \
+                   differ in brightness";
+    let problem = Problem::new("tonemap", message).help("--tonemap clamp, or in the scene");
+    document.get(OPERATOR).is_none().then_some(problem)
 }
 
 fn placed_by_default(job: &Job, input: &JobInput, overrides: &Overrides) -> Result<Scene> {

@@ -28,7 +28,7 @@ use crate::world::ReadFiles;
 use super::file_hashes::FileHashes;
 use super::fingerprint::Settings;
 use super::gate::{MemoryGate, RenderPermits};
-use super::job::Job;
+use super::job::{Job, JobInput};
 use super::journal::{Journal, JournalRecord};
 use super::status::{Event, Status};
 use super::tasks::Task;
@@ -115,6 +115,8 @@ pub struct Run<'a> {
     stop: AtomicBool,
     fatal: Mutex<Option<Error>>,
     failures: Mutex<Vec<(usize, Error)>>,
+    /// True if a run has warned of frames that differ in brightness.
+    told_of_flicker: AtomicBool,
 }
 
 /// Runs the tasks of a job and returns the outcome, which includes the errors of single inputs.
@@ -158,6 +160,7 @@ pub fn run(
         stop: AtomicBool::new(false),
         fatal: Mutex::default(),
         failures: Mutex::default(),
+        told_of_flicker: AtomicBool::new(false),
     };
     together((jobs + 1).min(tasks.len()), || run.work());
     let failures = run.failures.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -192,7 +195,7 @@ fn jobs(job: &Job, tasks: &[Task], options: &BatchOptions) -> usize {
     let Some(Ok((scene, _))) = first else {
         return 1;
     };
-    let tiles = |side: u32| side.div_ceil(32) as usize;
+    let tiles = |side: u32| (side + 2 * job.overscan).div_ceil(32) as usize;
     let tiles = tiles(scene.camera.width) * tiles(scene.camera.height);
     (TILES_PER_THREAD * threads / tiles).clamp(1, 2 * threads)
 }
@@ -206,7 +209,7 @@ impl Run<'_> {
             };
             let input = self.job.inputs[task.input].path.display().to_string();
             let predicted = match self.stopped() {
-                true => Ok(Prediction::default()),
+                true => Ok((Backend::default(), Prediction::default())),
                 false => guarded(|| self.predict(task)),
             };
             // Without `--max-memory`, a mesh must fit into what the machine had when the run began.
@@ -216,10 +219,15 @@ impl Run<'_> {
             // these do not fit.
             let most = (self.jobs + 1).min(task.frames.len()) as u64;
             let films_of = |p: &Prediction| p.films_within(limit.unwrap_or(u64::MAX), most);
-            let films = predicted.as_ref().map_or(1, films_of);
-            let bytes = predicted.as_ref().map_or(0, |p| p.clone().with_films(films).peak_bytes);
-            let predicted = predicted.and_then(|prediction| {
-                machine.map_or(Ok(()), |limit| limit.check(bytes, &input))?;
+            let films = predicted.as_ref().map_or(1, |(_, p)| films_of(p));
+            let of_films = |p: &Prediction| p.clone().with_films(films).peak_bytes;
+            let bytes = predicted.as_ref().map_or(0, |(_, p)| of_films(p));
+            let predicted = predicted.and_then(|(backend, prediction)| {
+                let build = prediction.accelerator_peak_bytes.unwrap_or(0);
+                machine.map_or(Ok(()), |limit| {
+                    let less = memory::less_than_predicted(backend, build, bytes, limit.bytes);
+                    limit.check(bytes, &input).map_err(|error| error.maybe_help(less))
+                })?;
                 Ok(prediction)
             });
             // Enters even after an error or a stop: the next mesh waits until this one has entered.
@@ -238,11 +246,11 @@ impl Run<'_> {
         }
     }
 
-    /// Predicts the memory of a task, accelerator included.
+    /// Predicts the memory of a task, accelerator included. Also returns its backend.
     ///
     /// # Errors
     /// `Limit` if it exceeds `--max-memory`; headers that cannot be read.
-    fn predict(&self, task: &Task) -> Result<Prediction> {
+    fn predict(&self, task: &Task) -> Result<(Backend, Prediction)> {
         let (scene, prediction) = scene::predict(self.job, task)?;
         let known = lock(&self.footprints).iter().find(|f| f.0 == scene.backend).map(|f| f.1);
         let footprint = match known {
@@ -258,7 +266,7 @@ impl Run<'_> {
         if let Some(limit) = self.options.max_memory {
             prediction.check(limit)?;
         }
-        Ok(prediction)
+        Ok((scene.backend, prediction))
     }
 
     /// Refuses outputs of this run that are files which an input has read.
@@ -340,6 +348,15 @@ impl Run<'_> {
             (self.tell)(Event::Warning { input, problem });
         }
         problems.iter().map(Problem::to_string).collect()
+    }
+
+    /// Warns of frames that differ in brightness, once in a run. Returns the text.
+    pub fn warn_of_flicker(&self, path: &str, input: &JobInput) -> Vec<String> {
+        let told = || self.told_of_flicker.swap(true, Relaxed);
+        match scene::flicker(self.job, input).filter(|_| !told()) {
+            Some(warning) => self.warn(path, &[warning]),
+            None => Vec::new(),
+        }
     }
 
     /// Removes part files that killed runs left beside the files of a frame.

@@ -14,8 +14,9 @@ use super::render::args::RenderArgs;
 use super::submit::SubmitArgs;
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done; 1 a check failed; 2 bad use or bad input; 3 a failure worth retrying (disk full, \
-out of memory); 130/143 stopped by SIGINT/SIGTERM. Results go to stdout, messages to stderr.";
+Exit codes: 0 done; 1 a check failed, in a batch an input; 2 bad use or bad input; 3 a failure worth \
+retrying (disk full, out of memory); 130, 143, 129, 131 stopped by SIGINT, SIGTERM, SIGHUP, SIGQUIT. \
+Results go to stdout, messages to stderr.";
 
 /// CPU ray tracer for big scanned meshes: scene.json or scan.ply -> EXR and PNG.
 #[derive(Debug, Parser)]

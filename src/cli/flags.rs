@@ -5,15 +5,17 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, Args, ValueHint};
 
-use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::error::{Error, Result};
+use crate::integrate::Relative;
 use crate::output::ValueCounts;
 use crate::output::exr::Compression;
+use crate::picture;
+use crate::render::sampling::Sampling;
 use crate::scene::written::{AcceleratorName, ColorMap, MeshColorDescription};
 use crate::scene::{SamplerKind, ToneOperator};
 use crate::simd::Isa;
 use crate::studio::{Appearance, Axis, Quality, Studio, smooth};
 use crate::threads::Pool;
-use crate::units::counted;
 use crate::units::{parse_angles, parse_bytes, parse_margin, parse_size, parse_smooth, parse_two};
 
 use super::{machine, print};
@@ -79,9 +81,10 @@ pub struct SceneArgs {
     #[arg(long)]
     pub legend: bool,
 
-    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, diffuse, specular,
-    /// ambient, reflection, background, light_GROUP, shadow_GROUP, variance, samples, primid,
-    /// objectid, cryptomatte... or all
+    /// Layers of the EXR: Z, distance, P, N, Ng, Ncam, facing, albedo, uv, ao, diffuse, specular,
+    /// ambient, reflection, background (components: these five), light_GROUP (light: of all
+    /// groups), shadow_GROUP (shadow), variance, samples, primid, objectid, cryptomatte; or all but
+    /// ao: all
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub aov: Option<Vec<String>>,
 
@@ -100,6 +103,32 @@ pub struct SceneArgs {
     /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
     #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
     pub overscan: u32,
+}
+
+/// Flags for an error of the picture, which decides the number of samples of each pixel.
+#[derive(Debug, Args)]
+pub struct NoiseArgs {
+    /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
+    /// 0.02. Every pixel gets at least --spp samples, or 16 if that is more
+    #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
+    pub noise: Option<f64>,
+
+    /// What TARGET is relative to: the pixel or the whole picture [default: pixel]
+    #[arg(long, value_name = "OF", requires = "noise")]
+    pub noise_of: Option<Relative>,
+
+    /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096
+    /// with --noise, else 65536]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub max_spp: Option<u32>,
+}
+
+impl NoiseArgs {
+    /// Returns the adaptive sampling that the flags ask for.
+    pub fn sampling(&self) -> Sampling {
+        let Self { noise, noise_of, max_spp } = *self;
+        Sampling { noise, noise_of, max_spp, time: None }
+    }
 }
 
 /// Flags for the look of meshes.
@@ -376,10 +405,9 @@ impl PrefixArgs {
     /// # Errors
     /// `Check` if some are NaN or infinite.
     pub fn check(&self, values: &ValueCounts) -> Result<()> {
-        let problem = values.first_non_finite.as_ref().filter(|_| self.strict).map(|spot| {
-            let count = counted(values.non_finite, ["pixel is", "pixels are"]);
-            Problem::new("--strict", format!("{count} NaN or infinite, the first {spot}"))
-        });
-        Error::check(ErrorKind::Check, problem.into_iter().collect())
+        match self.strict {
+            true => picture::check_finite(values, "--strict"),
+            false => Ok(()),
+        }
     }
 }

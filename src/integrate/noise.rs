@@ -11,6 +11,10 @@
 //! Condition for Monte Carlo Global Illumination". The measure is the relative squared error of
 //! Rousselle et al. 2011, "Adaptive Sampling and Reconstruction using Greedy Error Minimization".
 
+use clap::ValueEnum;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::sampler::SamplerKind;
 
 /// Sums and numbers of samples of one pixel.
@@ -32,7 +36,10 @@ pub struct PixelSamples {
 }
 
 /// What the error of a pixel is relative to.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum,
+)]
+#[serde(rename_all = "lowercase")]
 pub enum Relative {
     /// Each pixel's own radiance and a floor: all pixels get the same relative error.
     #[default]

@@ -22,6 +22,7 @@ mod batch {
     mod memory;
     mod origins;
     mod photographs;
+    mod settings;
     mod sheet;
 }
 

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::{Arg, Args, ValueHint};
 
 use crate::cli::flags::{
-    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, SceneArgs,
+    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, NoiseArgs, PlacementArgs,
+    SceneArgs,
 };
 use crate::cli::progress::ProgressMode;
 use crate::output::tonemap::Depth;
@@ -38,6 +39,9 @@ pub struct BatchArgs {
 
     #[command(flatten)]
     pub scene: SceneArgs,
+
+    #[command(flatten)]
+    pub sampling: BatchSamplingArgs,
 
     #[command(flatten)]
     pub run: RunArgs,
@@ -107,6 +111,10 @@ pub struct FrameArgs {
     #[arg(long)]
     pub crypto_sidecar: bool,
 
+    /// A frame with a NaN or infinite pixel fails (exit code 1) and is not written
+    #[arg(long)]
+    pub strict: bool,
+
     /// Frame rate for the EXRs: 24 or 24000/1001
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub fps: Option<(i32, u32)>,
@@ -128,6 +136,14 @@ pub struct BatchMeshArgs {
 
     #[command(flatten)]
     pub reading: MeshReadArgs,
+}
+
+/// Flags for the number of samples of each pixel.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sampling", mut_args = without_time)]
+pub struct BatchSamplingArgs {
+    #[command(flatten)]
+    pub noise: NoiseArgs,
 }
 
 #[derive(Debug, Args)]
@@ -167,6 +183,16 @@ pub struct RunArgs {
 fn parse_start(text: &str) -> Result<f64, String> {
     let degrees = text.parse().ok().filter(|degrees| (-360.0..=360.0).contains(degrees));
     degrees.ok_or_else(|| "expected a number in [-360, 360]".to_string())
+}
+
+/// Rewords the help of [`NoiseArgs`]: a batch has no `--time`.
+fn without_time(arg: Arg) -> Arg {
+    match arg.get_id().as_str() {
+        "max_spp" => arg.help(
+            "Maximum number of samples per pixel with --noise, a power of two [default: 4096]",
+        ),
+        _ => arg,
+    }
 }
 
 /// Rewords the help of [`PlacementArgs`] for many meshes.

@@ -189,11 +189,9 @@ fn options(args: &BatchArgs, limits: &LimitKeys) -> Result<BatchOptions> {
 
 /// Returns the job from flags and job file, and the limits of the job file.
 pub fn job(args: &BatchArgs) -> Result<(Job, LimitKeys)> {
-    let for_render =
-        [("--crop", args.scene.crop.is_some()), ("--overscan", args.scene.overscan > 0)];
-    if let Some((flag, _)) = for_render.into_iter().find(|(_, given)| *given) {
+    if args.scene.crop.is_some() {
         let message = "found with `batch`, expected with `render`";
-        return Err(Error::invalid(flag, message));
+        return Err(Error::invalid("--crop", message));
     }
     let (mut file, document) = match args.inputs.as_slice() {
         [one] => match read_job_file(one)? {
@@ -337,9 +335,17 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
     }
+    if args.scene.overscan > 0 {
+        file.overscan = args.scene.overscan;
+    }
+    let noise = args.sampling.noise.sampling();
+    file.noise = noise.noise.or(file.noise);
+    file.noiseof = noise.noise_of.or(file.noiseof);
+    file.maxspp = noise.max_spp.or(file.maxspp);
     file.output.float |= frames.values.float;
     file.output.multipart |= frames.parts.multipart;
     file.output.cryptosidecar |= frames.crypto_sidecar;
+    file.output.strict |= frames.strict;
     file.output.pngbits = frames.png_bits.map(Depth::bits).or(file.output.pngbits);
     if let Some(compression) = frames.values.compression {
         file.output.compression = compression;

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueHint};
 
 use crate::cli::flags::{
-    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, PlacementArgs, PrefixArgs,
-    SceneArgs,
+    ExrArgs, LookArgs, MachineArgs, MeshReadArgs, MultipartArgs, NoiseArgs, PlacementArgs,
+    PrefixArgs, SceneArgs,
 };
 use crate::cli::progress::ProgressMode;
 use crate::error::{Error, Result};
-use crate::integrate::Relative;
 use crate::output::exr::Sequence;
 use crate::output::tonemap::Depth;
 use crate::picture::Storage;
+use crate::render::sampling::Sampling;
 use crate::studio::Subject;
 use crate::units::parse_rate;
 
@@ -57,23 +57,19 @@ pub struct RenderArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampling")]
 pub struct SamplingArgs {
-    /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
-    /// 0.02. Every pixel gets at least --spp samples, or 16 if that is more
-    #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
-    pub noise: Option<f64>,
-
-    /// What TARGET is relative to: the pixel or the whole picture [default: pixel]
-    #[arg(long, value_name = "OF", requires = "noise")]
-    pub noise_of: Option<Relative>,
-
-    /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096
-    /// with --noise, else 65536]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub max_spp: Option<u32>,
+    #[command(flatten)]
+    pub noise: NoiseArgs,
 
     /// Take more samples until rendering has taken SECONDS; the picture is not reproducible
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     pub time: Option<f64>,
+}
+
+impl SamplingArgs {
+    /// Returns the adaptive sampling that the flags ask for.
+    pub fn sampling(&self) -> Sampling {
+        Sampling { time: self.time, ..self.noise.sampling() }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -8,7 +8,6 @@ mod options;
 pub mod part;
 mod plate;
 pub mod progress;
-mod sampling;
 mod stats;
 
 use std::path::PathBuf;
@@ -28,7 +27,9 @@ use crate::monitor::Monitor;
 use crate::output::atomic::PartFile;
 use crate::output::{Outputs, ValueCounts};
 use crate::picture::{self, PictureHeader};
-use crate::render::{RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers};
+use crate::render::{
+    RayCounts, RenderContext, SampleCounts, render_adaptive, render_layers, sampling,
+};
 use crate::studio;
 use crate::world::{ContentHashes, LoadOptions, MissingImage, Sources, World, fingerprint};
 

@@ -11,15 +11,15 @@ use crate::error::{Problem, Result};
 use crate::layers::LayerPlan;
 use crate::memory::{self, Budget};
 use crate::picture::{self, Storage};
-use crate::render::Adaptive;
+use crate::render::{Adaptive, sampling};
 use crate::scene::Overrides;
 use crate::{paths, studio};
 
 use super::args::RenderArgs;
 use super::dataset::DatasetPaths;
+use super::layers;
 use super::part::PicturePart;
 use super::plate::PlateImage;
-use super::{layers, sampling};
 
 /// Converts the arguments to a request for [`crate::cli::load::load`].
 ///
@@ -83,7 +83,7 @@ impl<'a> RenderOptions<'a> {
         picture::check_storage(scene, storage)?;
         let plan = LayerPlan::new(scene);
         let part = PicturePart::new(args, scene, &plan)?;
-        let adaptive = sampling::adaptive(&args.sampling, scene)?;
+        let adaptive = sampling::adaptive(&args.sampling.sampling(), scene)?;
         args.split.check_sampling(adaptive.is_some())?;
         let budget = args.machine.max_memory.map(|limit| {
             let window = part.window;

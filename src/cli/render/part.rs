@@ -3,15 +3,15 @@
 use std::ops::Range;
 
 use crate::accel::BuildInfo;
-use crate::camera::check_overscan;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::film::{Channel, Window};
-use crate::integrate::{Pattern, TILE};
+use crate::integrate::Pattern;
 use crate::layers::{LayerPlan, PartialSumsLayout, PixelLayout};
 use crate::merge::{PartDescription, PictureFormat, part};
 use crate::output::legend::Legend;
 use crate::picture::Storage;
-use crate::scene::{Backend, MAX_PIXELS, Scene};
+use crate::render::checked_overscan;
+use crate::scene::{Backend, Scene};
 use crate::units::plural;
 
 use super::args::RenderArgs;
@@ -48,7 +48,7 @@ impl PicturePart {
         let split = &args.split;
         let (overscan, whole) = match args.scene.overscan {
             0 => (0, window(args.scene.crop.as_deref(), scene)?),
-            pixels => with_overscan(pixels, scene)?,
+            pixels => checked_overscan(pixels, &scene.camera)?,
         };
         let window = match split.tile {
             Some([i, n]) if n <= whole.height() => part::band(whole, i, n),
@@ -182,36 +182,6 @@ fn window(crop: Option<&[u32]>, scene: &Scene) -> Result<Window> {
         (_, false) => format!("{found}, expected pixels within the frame of {width} x {height}"),
     };
     Err(Error::new(ErrorKind::Invalid, Problem::new("--crop", wrong)))
-}
-
-/// Returns `pixels` rounded up to whole tiles, and the window to render in the coordinates of the
-/// enlarged frame.
-///
-/// With an overscan of whole tiles, the packets of the frame stay the same.
-///
-/// # Errors
-/// More pixels than a picture may have.
-fn with_overscan(pixels: u32, scene: &Scene) -> Result<(u32, Window)> {
-    let (width, height) = (scene.camera.width, scene.camera.height);
-    let overscan = pixels.next_multiple_of(TILE);
-    let [x0, y0] = [overscan - pixels; 2];
-    let [x1, y1] = [width, height].map(|side| overscan + side + pixels);
-    let window = Window { x0, y0, x1, y1 };
-    if window.pixels() > MAX_PIXELS {
-        let [w, h] = [window.width(), window.height()];
-        let message = format!("found {pixels}, a picture of {w} x {h} pixels with the frame");
-        let message = format!("{message}, expected at most {MAX_PIXELS} pixels");
-        return Err(Error::invalid("--overscan", message));
-    }
-    // The other pixels of the tiles need no rays: no picture keeps them.
-    check_overscan(&scene.camera, pixels).map_err(|fold| {
-        let [x, y] = fold.raster.map(f64::floor);
-        let message = format!(
-            "found {pixels}, but the distortion of the camera folds around the frame, at pixel ({x}, {y})"
-        );
-        Error::invalid("--overscan", message).help("give fewer pixels")
-    })?;
-    Ok((overscan, window))
 }
 
 /// Refuses a range of samples that cuts a packet if the light of a sample depends on the packet:

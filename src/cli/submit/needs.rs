@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use crate::accel::memory_footprint;
 use crate::batch::{self, Job, JournalRecord};
 use crate::error::Result;
+use crate::render::sampling;
 use crate::scene::{CheckedLight, LightKind};
 
 /// Rays that one thread traces per second, and triangles that it reads and builds per second.
@@ -18,7 +19,8 @@ pub struct Needs {
     pub peak: u64,
     /// Time of a frame in seconds.
     pub frame_seconds: f64,
-    /// Camera rays per frame: one number for each size and `spp` of the job.
+    /// Camera rays per frame: one number for each size and `spp` of the job. Empty if the noise of
+    /// a frame decides.
     pub camera_rays: BTreeSet<u64>,
 }
 
@@ -50,18 +52,23 @@ impl Needs {
             let poses = job.poses.iter().flat_map(|poses| &poses.list);
             let sizes = poses.map(|pose| pose.camera.size());
             let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
-            let rays = sizes.map(|[width, height]| u64::from(width) * u64::from(height));
-            needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
+            let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
+            let rays = sizes.map(|[width, height]| around(width) * around(height));
+            let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
+            if adaptive.is_none() {
+                needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
+            }
             if needs.frame_seconds == 0.0 {
-                let pixels = f64::from(scene.camera.width) * f64::from(scene.camera.height);
+                let pixels = around(scene.camera.width) * around(scene.camera.height);
                 let points = |light: &CheckedLight| match light.kind {
                     LightKind::Point { .. } => 1.0,
                     LightKind::Area { samples, .. }
                     | LightKind::Sun { samples, .. }
                     | LightKind::Environment { samples, .. } => f64::from(samples),
                 };
+                let spp = adaptive.map_or(scene.spp, |adaptive| adaptive.first);
                 let lights: f64 = scene.lights.iter().map(points).sum();
-                let rays = pixels * f64::from(scene.spp) * (1.0 + lights);
+                let rays = pixels as f64 * f64::from(spp) * (1.0 + lights);
                 let triangles = prediction.primitives as f64 / f64::from(job.frames());
                 let alone = rays / RAYS_PER_SECOND + triangles / TRIANGLES_PER_SECOND;
                 needs.frame_seconds = alone / f64::from(cpus);
@@ -86,6 +93,7 @@ impl Needs {
 /// share of the median of loading and building a mesh for `per_mesh` frames. `None` without frames.
 ///
 /// Only frames with one of the numbers of `camera_rays` count: others have another size or `spp`.
+/// If there are none, all frames count.
 pub fn frame_seconds(
     journal: impl IntoIterator<Item = JournalRecord>,
     per_mesh: u64,
@@ -95,7 +103,8 @@ pub fn frame_seconds(
     for record in journal {
         match record {
             JournalRecord::Frame(frame)
-                if frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) =>
+                if camera_rays.is_empty()
+                    || frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) =>
             {
                 frames.push(frame.render_s + frame.write_s);
             }
@@ -139,5 +148,6 @@ mod tests {
         assert_eq!(frame_seconds([frame(3.0)], 1, &rays), Some(3.5));
         // Frames of a preview do not count.
         assert_eq!(frame_seconds(all(), 1, &BTreeSet::from([200])), None);
+        assert_eq!(frame_seconds(all(), 1, &BTreeSet::new()), Some(8.5));
     }
 }

@@ -1,4 +1,4 @@
-//! Checks `--noise`, `--max-spp` and `--time` together, and describes them in the EXR.
+//! Checks the settings of adaptive sampling together, and describes them in the EXR.
 
 use std::time::Duration;
 
@@ -6,10 +6,9 @@ use crate::error::{Error, Problem, Result};
 use crate::film::Window;
 use crate::integrate::{MIN_PASS_SAMPLES, Relative};
 use crate::layers::LayerPlan;
-use crate::render::Adaptive;
 use crate::scene::Scene;
 
-use super::args::SamplingArgs;
+use super::adaptive::Adaptive;
 
 /// Maximum number of samples per pixel: the length of one Sobol sequence.
 const MAX_SAMPLES: u32 = 1 << 16;
@@ -20,13 +19,29 @@ const DEFAULT_MAX_SPP: u32 = 4096;
 /// Maximum of `--time` in seconds: one year.
 const MAX_SECONDS: f64 = 31_536_000.0;
 
+/// Adaptive sampling as flags or a job file ask for it. Messages name the flags.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sampling {
+    /// `--noise`: the relative standard error at which a pixel needs no more samples.
+    pub noise: Option<f64>,
+    /// `--noise-of`: what `noise` is relative to.
+    pub noise_of: Option<Relative>,
+    /// `--max-spp`: the largest number of samples of a pixel.
+    pub max_spp: Option<u32>,
+    /// `--time`: the time limit in seconds.
+    pub time: Option<f64>,
+}
+
 /// Returns the settings of adaptive sampling, or `None` if every pixel gets the same number of
 /// samples.
 ///
 /// # Errors
 /// Values out of range; flags that contradict each other or the scene.
-pub fn adaptive(args: &SamplingArgs, scene: &Scene) -> Result<Option<Adaptive>> {
+pub fn adaptive(args: &Sampling, scene: &Scene) -> Result<Option<Adaptive>> {
     let (noise, time) = (args.noise, args.time);
+    if noise.is_none() && args.noise_of.is_some() {
+        return Err(Error::invalid("--noise-of", "found without --noise"));
+    }
     if let Some(noise) = noise.filter(|noise| !(*noise > 0.0 && *noise <= 1.0)) {
         let message = format!("found {noise}, expected a number above 0 and up to 1");
         return Err(Error::invalid("--noise", message).help("0.02 is 2% of a pixel's value"));
