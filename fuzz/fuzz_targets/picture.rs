@@ -8,6 +8,7 @@ mod folder;
 #[allow(dead_code)]
 #[path = "../../tests/library/fuzz/inputs.rs"]
 mod inputs;
+#[allow(dead_code)]
 #[path = "../../tests/library/fuzz/picture.rs"]
 mod picture;
 
