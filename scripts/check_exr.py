@@ -249,7 +249,7 @@ def storage(all_layers):
 def sudden_death():
     """Checks that a render killed while it writes leaves no file under a final name."""
     os.mkdir("out")
-    flags = ["render", "s.json", "-o", "out/x", "--size", "1500x1000", "--spp", "1", "--aov", "all"]
+    flags = ["render", "s.json", "-o", "out/x", "--size", "1500x1000", "--spp", "1", "--aov", "all", "--threads", "1"]
     child = subprocess.Popen([PROGRAM, *flags, "--progress", "json"], stderr=subprocess.PIPE, text=True)
     for line in child.stderr:
         if line.startswith("{") and json.loads(line).get("phase") == "write":

@@ -250,7 +250,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('program', nargs='?', default=os.path.join(ROOT, 'target', 'release', 'lightpath'))
     parser.add_argument('--seconds', type=float, default=40)
-    parser.add_argument('--only', help='measure only these: accuracy, bench, converge; none: only write the tables')
+    parser.add_argument('--only', help='measure only these (accuracy, bench, converge), on the machine and commit of the others; none: only write the '
+                        'tables')
     args = parser.parse_args()
     args.program = os.path.abspath(args.program)
     measure(args)

@@ -17,6 +17,9 @@ use super::job::Job;
 /// Hexadecimal digits kept of a hash: 128 bits.
 const DIGITS: usize = 32;
 
+/// The setting of frames that were checked for NaN.
+const STRICT: &str = ",strict";
+
 /// Settings outside the scene that change the files of a picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -52,7 +55,7 @@ pub fn fingerprint(loaded: &Loaded, settings: &Settings, hash: &str) -> String {
     let parts = if storage.multipart { ",multipart" } else { "" };
     let sidecar = if storage.crypto_sidecar { ",sidecar" } else { "" };
     let deep = if storage.depth == Depth::Sixteen { ",png16" } else { "" };
-    let strict = if strict { ",strict" } else { "" };
+    let strict = if strict { STRICT } else { "" };
     let around = match overscan {
         0 => String::new(),
         pixels => format!(",overscan{pixels}"),
@@ -76,6 +79,12 @@ fn adaptive(sampling: &Sampling) -> String {
     let of = if *noise_of == Some(Relative::Picture) { ",picture" } else { "" };
     let most = max_spp.map_or(String::new(), |most| format!(",most{most}"));
     format!("{noise}{of}{most}")
+}
+
+/// Returns true if a frame with the fingerprint `there` is what a run with `now` would make. A frame
+/// that `--strict` has checked is also one without it.
+pub fn serves(there: &str, now: &str) -> bool {
+    there == now || there.replacen(STRICT, "", 1) == now
 }
 
 /// Describes in words how two fingerprints differ.

@@ -7,7 +7,7 @@ use crate::output::finished::{self, FileState};
 use crate::picture::Manifest;
 
 use super::file_hashes::FileHashes;
-use super::fingerprint::difference;
+use super::fingerprint::{difference, serves};
 
 /// Which existing frames may stay.
 #[derive(Debug, Clone, Copy)]
@@ -54,7 +54,7 @@ pub fn decide(
     for (path, state) in found {
         let name = path.display();
         return Decision::Again(match state {
-            FileState::Whole(Some(there)) if there == fingerprint => continue,
+            FileState::Whole(Some(there)) if serves(&there, fingerprint) => continue,
             FileState::Whole(Some(there)) => {
                 format!("{name}: {}", difference(&there, fingerprint))
             }

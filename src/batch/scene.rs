@@ -70,7 +70,7 @@ pub struct Frame {
 /// Errors of the scene and of the headers.
 pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
     let scene = with_default_placement(job, &job.inputs[task.input])?;
-    picture::check_storage(&scene, job.storage)?;
+    fits(job, &scene)?;
     let mut scene = scene;
     let frames = task.frames.start as usize..task.frames.end as usize;
     let poses = job.poses.iter().flat_map(|poses| &poses.list[frames.clone()]);

@@ -352,6 +352,10 @@ impl Run<'_> {
 
     /// Warns of frames that differ in brightness, once in a run. Returns the text.
     pub fn warn_of_flicker(&self, path: &str, input: &JobInput) -> Vec<String> {
+        // To find it out, the scene is read once more.
+        if self.told_of_flicker.load(Relaxed) {
+            return Vec::new();
+        }
         let told = || self.told_of_flicker.swap(true, Relaxed);
         match scene::flicker(self.job, input).filter(|_| !told()) {
             Some(warning) => self.warn(path, &[warning]),

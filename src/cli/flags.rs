@@ -101,8 +101,8 @@ pub struct SceneArgs {
     pub crop: Option<Vec<u32>>,
 
     /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
-    #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536), default_value_t)]
-    pub overscan: u32,
+    #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536))]
+    pub overscan: Option<u32>,
 }
 
 /// Flags for an error of the picture, which decides the number of samples of each pixel.
@@ -114,7 +114,7 @@ pub struct NoiseArgs {
     pub noise: Option<f64>,
 
     /// What TARGET is relative to: the pixel or the whole picture [default: pixel]
-    #[arg(long, value_name = "OF", requires = "noise")]
+    #[arg(long, value_name = "OF")]
     pub noise_of: Option<Relative>,
 
     /// Maximum number of samples per pixel with --noise or --time, a power of two [default: 4096

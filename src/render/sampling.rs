@@ -53,7 +53,7 @@ pub fn adaptive(args: &Sampling, scene: &Scene) -> Result<Option<Adaptive>> {
     if noise.is_none() && time.is_none() {
         return match args.max_spp {
             None => Ok(None),
-            Some(_) => Err(Error::invalid("--max-spp", "found without --noise and --time")
+            Some(_) => Err(Error::invalid("--max-spp", "found without --noise")
                 .help("--spp N takes N samples of every pixel")),
         };
     }

@@ -93,7 +93,7 @@ fn the_bar_is_gone_before_anything_else_is_printed() {
         assert_eq!(code, 0, "{text}");
     }
     let commands = [
-        ("render s.json -o out --size 1200x800 --spp 8", "out.exr", "render"),
+        ("render s.json -o out --size 1200x800 --spp 8 --threads 2", "out.exr", "render"),
         ("merge p.exr q.exr -o merged", "merged.exr", ""),
         ("crosscheck s.json --backend bvh,brute --size 60x40", "the tree of bvh is valid", "check"),
         ("batch scans -o many --turntable 2 --backend bvh --spp 4", "many/index.html", "frames"),

@@ -59,21 +59,25 @@ fn the_package_carries_its_licences_and_its_lock_file() {
 #[test]
 fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     let root = env!("CARGO_MANIFEST_DIR");
-    let output = Command::new(env!("CARGO"))
-        .args(["tree", "--locked", "--offline", "-e", "normal", "--prefix", "none"])
-        .args(["--format", "{p}|{l}", "--manifest-path", &format!("{root}/Cargo.toml")])
-        .output()
-        .expect("cargo runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let tree = String::from_utf8(output.stdout).expect("text");
+    let crates = |manifest: &str| {
+        let output = Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "-e", "normal", "--prefix", "none"])
+            .args(["--format", "{p}|{l}", "--manifest-path", &format!("{root}/{manifest}")])
+            .output()
+            .expect("cargo runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let tree = crates("Cargo.toml");
     let table = fs::read_to_string(format!("{root}/THIRD_PARTY.md")).expect("a table");
     let texts = fs::read_to_string(format!("{root}/THIRD_PARTY_LICENSES.txt")).expect("texts");
     let texts: BTreeSet<&str> = texts.lines().flat_map(|line| line.split(", ")).collect();
-    let without_text: Vec<String> = tree
+    let all = [tree.as_str(), &crates("python/Cargo.toml")].concat();
+    let without_text: Vec<String> = all
         .lines()
         .filter_map(|line| line.split('|').next()?.split_once(" v"))
         .map(|(name, rest)| format!("{name} {}", rest.split(' ').next().unwrap_or_default()))
-        .filter(|crate_| !crate_.starts_with("lightpath ") && !texts.contains(crate_.as_str()))
+        .filter(|crate_| !crate_.starts_with("lightpath") && !texts.contains(crate_.as_str()))
         .collect();
     assert!(
         without_text.is_empty(),

@@ -335,9 +335,7 @@ fn apply_flags(args: &BatchArgs, file: &mut JobFile) -> Result<Appearance> {
     if let Some(name) = &args.name {
         file.output.name = Some(Name(name.clone()));
     }
-    if args.scene.overscan > 0 {
-        file.overscan = args.scene.overscan;
-    }
+    file.overscan = args.scene.overscan.unwrap_or(file.overscan);
     let noise = args.sampling.noise.sampling();
     file.noise = noise.noise.or(file.noise);
     file.noiseof = noise.noise_of.or(file.noiseof);

@@ -46,7 +46,7 @@ impl PicturePart {
     /// Tiles and samples that the picture does not have; flags that only work for a whole picture.
     pub fn new(args: &RenderArgs, scene: &Scene, plan: &LayerPlan) -> Result<Self> {
         let split = &args.split;
-        let (overscan, whole) = match args.scene.overscan {
+        let (overscan, whole) = match args.scene.overscan.unwrap_or(0) {
             0 => (0, window(args.scene.crop.as_deref(), scene)?),
             pixels => checked_overscan(pixels, &scene.camera)?,
         };

@@ -1,11 +1,11 @@
 //! What a task of a job needs: memory and time, estimated before it runs.
 
-use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 
 use crate::accel::memory_footprint;
 use crate::batch::{self, Job, JournalRecord};
 use crate::error::Result;
-use crate::render::sampling;
+use crate::render::{Adaptive, sampling};
 use crate::scene::{CheckedLight, LightKind};
 
 /// Rays that one thread traces per second, and triangles that it reads and builds per second.
@@ -19,9 +19,9 @@ pub struct Needs {
     pub peak: u64,
     /// Time of a frame in seconds.
     pub frame_seconds: f64,
-    /// Camera rays per frame: one number for each size and `spp` of the job. Empty if the noise of
-    /// a frame decides.
-    pub camera_rays: BTreeSet<u64>,
+    /// Camera rays per frame: one range for each size and `spp` of the job. Only the noise of a
+    /// frame makes a range more than a number.
+    pub camera_rays: Vec<RangeInclusive<u64>>,
 }
 
 impl Needs {
@@ -31,7 +31,7 @@ impl Needs {
     /// # Errors
     /// The first error, if no input can be read.
     pub fn of(job: &Job, cpus: u16) -> Result<Self> {
-        let mut needs = Self { peak: 0, frame_seconds: 0.0, camera_rays: BTreeSet::new() };
+        let mut needs = Self { peak: 0, frame_seconds: 0.0, camera_rays: Vec::new() };
         let mut first_error = None;
         for task in batch::tasks(job.inputs.len(), job.frames(), None)? {
             let (scene, prediction) = match batch::predict(job, &task) {
@@ -55,9 +55,13 @@ impl Needs {
             let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
             let rays = sizes.map(|[width, height]| around(width) * around(height));
             let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
-            if adaptive.is_none() {
-                needs.camera_rays.extend(rays.map(|pixels| pixels * u64::from(scene.spp)));
-            }
+            let [least, most] = match adaptive {
+                // The estimate of the brightness takes at most as many again as the first pass.
+                Some(Adaptive { first, most, .. }) => [first, first + most],
+                None => [scene.spp; 2],
+            };
+            let range = |pixels: u64| pixels * u64::from(least)..=pixels * u64::from(most);
+            needs.camera_rays.extend(rays.map(range));
             if needs.frame_seconds == 0.0 {
                 let pixels = around(scene.camera.width) * around(scene.camera.height);
                 let points = |light: &CheckedLight| match light.kind {
@@ -92,19 +96,18 @@ impl Needs {
 /// Returns the seconds per frame by the journals of earlier runs: the median of a frame, and its
 /// share of the median of loading and building a mesh for `per_mesh` frames. `None` without frames.
 ///
-/// Only frames with one of the numbers of `camera_rays` count: others have another size or `spp`.
-/// If there are none, all frames count.
+/// Only frames within one of the ranges of `camera_rays` count: others have another size or `spp`.
 pub fn frame_seconds(
     journal: impl IntoIterator<Item = JournalRecord>,
     per_mesh: u64,
-    camera_rays: &BTreeSet<u64>,
+    camera_rays: &[RangeInclusive<u64>],
 ) -> Option<f64> {
     let (mut frames, mut meshes) = (Vec::new(), Vec::new());
+    let is_of_job = |rays: &u64| camera_rays.iter().any(|range| range.contains(rays));
     for record in journal {
         match record {
             JournalRecord::Frame(frame)
-                if camera_rays.is_empty()
-                    || frame.rays.get("primary").is_some_and(|rays| camera_rays.contains(rays)) =>
+                if frame.rays.get("primary").is_some_and(|rays| is_of_job(rays)) =>
             {
                 frames.push(frame.render_s + frame.write_s);
             }
@@ -140,14 +143,14 @@ mod tests {
                     "peak_bytes": 1, "warnings": []}}"#
             ))
         };
-        let rays = BTreeSet::from([96, 200]);
+        let rays = [96..=96, 200..=300];
         let all = || [mesh.clone(), frame(9.0), frame(1.0), frame(2.0)];
         assert_eq!(frame_seconds(all(), 1, &rays), Some(8.5));
         assert_eq!(frame_seconds(all(), 4, &rays), Some(4.0));
         assert_eq!(frame_seconds([mesh.clone()], 1, &rays), None);
         assert_eq!(frame_seconds([frame(3.0)], 1, &rays), Some(3.5));
         // Frames of a preview do not count.
-        assert_eq!(frame_seconds(all(), 1, &BTreeSet::from([200])), None);
-        assert_eq!(frame_seconds(all(), 1, &BTreeSet::new()), Some(8.5));
+        assert_eq!(frame_seconds(all(), 1, &rays[1..]), None);
+        assert_eq!(frame_seconds(all(), 1, &[90..=100]), Some(8.5));
     }
 }

@@ -235,10 +235,7 @@ fn reading_stops_on_a_signal() {
 fn reading_a_silent_pipe_can_be_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pipe.ply");
-    if !make_pipe(&path) {
-        eprintln!("skipped: no mkfifo here");
-        return;
-    }
+    assert!(make_pipe(&path), "the program `mkfifo`");
     let bytes = sheet(50, true).write(Encoding::Little);
     let monitor = Monitor::default();
     std::thread::scope(|scope| {

@@ -93,17 +93,59 @@ fn frames_with_overscan_share_a_film() {
     batch(&scratch, &[&["a.json", "--turntable", "3"], &flags[..]].concat()).good();
     scratch.run(&["render", "a.json", "-o", "alone", "--overscan", "9"]).good();
     assert_eq!(scratch.channels("out/a/a.0000.exr"), scratch.channels("alone.exr"));
+    // At most two films exist, so the third frame has one of another frame.
+    let last = ["--turntable", "3", "--range", "2..3", "--name", "last/{frame}"];
+    batch(&scratch, &[&["a.json"], &last[..], &flags].concat()).good();
+    assert_eq!(scratch.channels("out/a/a.0002.exr"), scratch.channels("out/last/2.exr"));
     let view = |width: u32| {
         let mut camera = ball(1.0)["camera"].clone();
         camera["width"] = json!(width);
         json!({ "image": width.to_string(), "camera": camera })
     };
-    let list = json!({ "cameras": [view(40), view(33)] });
+    let sizes = [40, 33, 41, 32];
+    let list = json!({ "cameras": sizes.map(view) });
     scratch.write("list.json", &list.to_string());
-    batch(&scratch, &[&["a.json", "--cameras", "list.json"], &flags[..]].concat()).good();
+    let all = [&["a.json", "--cameras", "list.json"], &flags[..]].concat();
+    batch(&scratch, &all).good();
     assert_eq!(scratch.channels("out/a/40.exr"), scratch.channels("alone.exr"));
-    let size = image::image_dimensions(scratch.path("out/a/33.png")).unwrap();
-    assert_eq!(size, (33 + 18, 24 + 18));
+    for (i, width) in sizes.into_iter().enumerate() {
+        let range = format!("{i}..{}", i + 1);
+        let one = [&all[..], &["--range", &range, "--name", "one/{image}"]].concat();
+        batch(&scratch, &one).good();
+        let [shared, own] = ["a", "one"].map(|folder| format!("out/{folder}/{width}.exr"));
+        assert_eq!(scratch.channels(&shared), scratch.channels(&own));
+        let size = image::image_dimensions(scratch.path(&format!("out/a/{width}.png"))).unwrap();
+        assert_eq!(size, (width + 18, 24 + 18));
+    }
+}
+
+fn refused_job(scratch: &Scratch, said: &str) {
+    let done = batch(scratch, &["job.json"]);
+    assert!(done.code() == 2 && done.stderr().contains(said), "{said}: {}", done.stderr());
+}
+
+/// Settings that do not fit one input fail once, before its frames.
+#[test]
+fn an_input_that_the_settings_do_not_fit_fails_once() {
+    let scratch = scratch();
+    let mut many = ball(3.0);
+    many["spp"] = json!(64);
+    scratch.write("b.json", &many.to_string());
+    let flags = ["--turntable", "3", "--noise", "0.1", "--max-spp", "64"];
+    let done = batch(&scratch, &[&["a.json", "b.json"], &flags[..]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    let failed: Vec<&str> = journal.lines().filter(|line| line.contains("failed")).collect();
+    assert!(failed.len() == 1 && failed[0].contains("no room for more samples"), "{failed:?}");
+}
+
+/// A flag wins over the job file, also with its default.
+#[test]
+fn no_overscan_wins_over_the_job() {
+    let scratch = scratch();
+    scratch.write("job.json", &json!({ "inputs": ["a.json"], "overscan": 5 }).to_string());
+    batch(&scratch, &["job.json", "--overscan", "0"]).good();
+    assert_eq!(image::image_dimensions(scratch.path("out/a.png")).unwrap(), (40, 24));
 }
 
 #[test]
@@ -120,12 +162,18 @@ fn settings_that_fit_no_input_are_refused() {
     refused(&["--max-spp", "64"], "--max-spp: found without --noise");
     refused(&["--noise", "0.1", "--max-spp", "16"], "no room for more samples");
     refused(&["--crop", "0", "0", "1", "1"], "--crop: found with `batch`");
-    for (key, value) in [("noise", json!(2)), ("noiseof", json!("pixel")), ("maxspp", json!(3))] {
+    for (key, value, said) in [
+        ("noise", json!(2), "/noise"),
+        ("noiseof", json!("pixel"), "--noise-of: found without --noise"),
+        ("maxspp", json!(64), "--max-spp: found without --noise"),
+    ] {
         let job = json!({ "inputs": ["a.json"], key: value });
         scratch.write("job.json", &job.to_string());
-        let done = batch(&scratch, &["job.json"]);
-        assert!(done.code() == 2 && done.stderr().contains("noise"), "{key} {}", done.stderr());
+        refused_job(&scratch, said);
     }
+    let job = json!({ "inputs": ["a.json"], "noise": 0.1, "maxspp": 3 });
+    scratch.write("job.json", &job.to_string());
+    refused_job(&scratch, "expected a power of two");
 }
 
 /// The light is finite, its product with the material is not.
@@ -153,6 +201,9 @@ fn a_strict_batch_writes_no_frame_with_nan() {
     assert!(done.stderr().contains("NaN or infinite"), "{}", done.stderr());
     assert!(scratch.path("out/b.exr").exists());
     assert_eq!(strict().code(), 1);
+    // A frame that was checked is also one without the flag.
+    let done = batch(&scratch, &["a.json", "--resume"]).good();
+    assert!(done.stderr().contains("0 frames rendered, 1 kept"), "{}", done.stderr());
     let job = json!({ "inputs": ["b.json"], "output": { "strict": true } });
     scratch.write("job.json", &job.to_string());
     assert_eq!(batch(&scratch, &["job.json"]).code(), 1);

@@ -201,7 +201,7 @@ fn a_signal_that_the_shell_ignores_stops_nothing() {
     let _timed = crate::timed();
     let scratch = scratch();
     // As `nohup` does, and a script for a job that it starts with `&`.
-    let render = "trap '' HUP INT QUIT; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 4 --quiet";
+    let render = "trap '' HUP INT QUIT; exec \"$0\" render slow.json -o out/x --size 300x300 --spp 4 --threads 1 --quiet";
     let mut command = Command::new("sh");
     command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
     let mut child = Running(command.spawn().unwrap());

@@ -317,7 +317,7 @@ fn contradictions_are_refused() {
             assert!(done.stderr().contains(text), "{flags:?}: {}", done.stderr());
         }
     };
-    refused(&["--max-spp", "64"], &["--max-spp: found without --noise and --time"]);
+    refused(&["--max-spp", "64"], &["--max-spp: found without --noise"]);
     refused(&["--noise-of", "picture"], &["--noise <TARGET>"]);
     refused(&["--noise", "0.1", "--noise-of", "all"], &["pixel, picture"]);
     refused(&["--noise", "0"], &["--noise: found 0, expected a number above 0 and up to 1"]);
