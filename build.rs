@@ -168,7 +168,8 @@ fn embree(root: &Path) {
 }
 
 /// Returns whether `$ORIGIN/../..` and the two entries after it lead from the program and from the
-/// tests, a folder deeper, to the checkout. The loader takes `$ORIGIN` with symbolic links resolved.
+/// tests, a folder deeper, to the checkout. The loader takes `$ORIGIN` with symbolic links
+/// resolved.
 pub fn relative_entries_reach(root: &Path, out_dir: &Path) -> bool {
     let (Ok(root), Ok(out_dir)) = (root.canonicalize(), out_dir.canonicalize()) else {
         return false;

@@ -81,8 +81,8 @@ fn adaptive(sampling: &Sampling) -> String {
     format!("{noise}{of}{most}")
 }
 
-/// Returns true if a frame with the fingerprint `there` is what a run with `now` would make. A frame
-/// that `--strict` has checked is also one without it.
+/// Returns true if a frame with the fingerprint `there` is what a run with `now` would make. A
+/// frame that `--strict` has checked is also one without it.
 pub fn serves(there: &str, now: &str) -> bool {
     there == now || there.replacen(STRICT, "", 1) == now
 }

@@ -32,8 +32,8 @@ use crate::ray::NONE;
 use crate::reserve;
 use crate::simd::{self, Isa};
 
-/// Unit tests are not optimised, so what is done for large meshes begins there at a sixteenth of the
-/// size: sizes are shifted by this many bits less.
+/// Unit tests are not optimised, so what is done for large meshes begins there at a sixteenth of
+/// the size: sizes are shifted by this many bits less.
 const SMALLER: u32 = if cfg!(test) { 4 } else { 0 };
 
 /// Trees of more bytes are prefetched during traversal. The effect is in docs/notebook/bvh.md.
