@@ -106,9 +106,7 @@ pub fn frame_seconds(
     let is_of_job = |rays: &u64| camera_rays.iter().any(|range| range.contains(rays));
     for record in journal {
         match record {
-            JournalRecord::Frame(frame)
-                if frame.rays.get("primary").is_some_and(|rays| is_of_job(rays)) =>
-            {
+            JournalRecord::Frame(frame) if frame.rays.get("primary").is_some_and(&is_of_job) => {
                 frames.push(frame.render_s + frame.write_s);
             }
             JournalRecord::Mesh(mesh) => meshes.push(mesh.load_s + mesh.build_s),
