@@ -135,7 +135,8 @@ fn an_input_that_the_settings_do_not_fit_fails_once() {
     let done = batch(&scratch, &[&["a.json", "b.json"], &flags[..]].concat());
     assert_eq!(done.code(), 1, "{}", done.stderr());
     let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
-    let failed: Vec<&str> = journal.lines().filter(|line| line.contains("failed")).collect();
+    let failed = journal.lines().filter(|line| line.contains(r#""event":"failed""#));
+    let failed: Vec<&str> = failed.collect();
     assert!(failed.len() == 1 && failed[0].contains("no room for more samples"), "{failed:?}");
 }
 
