@@ -318,7 +318,7 @@ fn contradictions_are_refused() {
         }
     };
     refused(&["--max-spp", "64"], &["--max-spp: found without --noise"]);
-    refused(&["--noise-of", "picture"], &["--noise <TARGET>"]);
+    refused(&["--noise-of", "picture"], &["--noise-of: found without --noise"]);
     refused(&["--noise", "0.1", "--noise-of", "all"], &["pixel, picture"]);
     refused(&["--noise", "0"], &["--noise: found 0, expected a number above 0 and up to 1"]);
     refused(&["--noise", "-1"], &["--noise: found -1"]);
