@@ -657,13 +657,13 @@ mod tests {
     #[test]
     fn a_set_that_cannot_be_split_becomes_a_leaf_after_one_more_attempt() {
         let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let geometry = geometry(vec![soup(&vec![triangle; 20_000], false)]);
+        let geometry = geometry(vec![soup(&vec![triangle; 1_000_000], false)]);
         let trees = build(&geometry);
         let tree = trees.meshes[0].as_ref().unwrap();
         assert_eq!((tree.nodes.len(), depth(tree)), (3, 2));
         let mut visits = Visits::default();
         let hit = trees.closest_hit(&ray([0.2, 0.2, 1.0], [0.0, 0.0, -1.0]), &mut visits).unwrap();
-        assert_eq!((hit.prim, visits.primitives), (0, 20_000));
+        assert_eq!((hit.prim, visits.primitives), (0, 1_000_000));
     }
 
     #[test]

@@ -304,10 +304,6 @@ proptest! {
         }
     }
 
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(250))]
     #[test]
     fn the_distance_to_a_segment_is_the_minimum_over_its_points(p in prop::array::uniform2(-2f64..2.0), q in prop::array::uniform2(-2f64..2.0)) {
         let (p, q) = (glam::DVec2::from(p), glam::DVec2::from(q));

@@ -130,7 +130,7 @@ mod tests {
             low + (high - low) * ((state >> 11) as f64 / (1u64 << 53) as f64)
         };
         let (mut sure, mut hits, mut ordinary, mut ordinary_sure) = (0, 0, 0, 0);
-        for round in 0..100_000u32 {
+        for round in 0..400_000u32 {
             let scale = 10f64.powf(within(-3.0, 3.0));
             let thin = if round % 2 == 0 { 1.0 } else { 10f64.powf(within(-6.0, 0.0)) };
             let mut point = |s: f64| DVec3::from([0; 3].map(|_| within(-s, s)));

@@ -1,4 +1,4 @@
-//! Makes a scene of bytes and renders it on several ways. All must give the same bits: the tree and
+//! Makes a scene of bytes and renders it in several ways. All must give the same bits: the tree and
 //! the backend `brute`, the best and the portable instruction set, the whole frame and a crop.
 
 use std::path::Path;

@@ -157,6 +157,7 @@ const REFERENCE: Range<i64> = 1000..1032;
 fn the_mean_of_a_picture_does_not_depend_on_when_its_pixels_stop() {
     let worst = [
         (Kind::Slit, 0.1, 0.3, Relative::Pixel),
+        (Kind::Slit, 0.01, 0.1, Relative::Picture),
         (Kind::Slit, 0.01, 0.3, Relative::Pixel),
         (Kind::Grate, 0.1, 0.3, Relative::Pixel),
         (Kind::Glint, 0.1, 0.1, Relative::Picture),

@@ -197,7 +197,7 @@ fn a_damaged_baseline_is_refused_or_compared_with() {
         (random >> 33) as usize % n
     };
     let digits: Vec<usize> = (0..whole.len()).filter(|&i| whole[i].is_ascii_digit()).collect();
-    for n in 0..20 {
+    for n in 0..40 {
         let mut bytes = whole.clone();
         let at = below(bytes.len());
         let what = match n % 4 {

@@ -18,7 +18,7 @@ impl<T: Tier> Packet<'_, T> {
     ///   corners: the slope lies between those of the packet's rays.
     /// - Rounding moves the slope of such a ray and that of a ray of the packet by at most 3u each
     ///   (u = 2^-24). At a vertex v, seen from the origin o, this is 6u max|v - o|. The frustum's
-    ///   slack has more than that left.
+    ///   slack has 120u left for it.
     #[inline(always)]
     pub fn contents(&self) -> Cone {
         let frustum = (&self.frustum, self.end_depth);
