@@ -58,12 +58,12 @@ report: build ## measure the shipped scenes: docs/reports/, README's numbers (so
 
 lint: ## format, clippy, the library without Embree, shell scripts: no warnings; all lock files up to date
 	@scripts/setup.sh lint
-	@for folder in fuzz python benches/ply_readers benches/tinybvh; do \
+	@for folder in fuzz benches/ply_readers benches/tinybvh; do \
 	    cargo metadata --locked --format-version 1 --manifest-path $$folder/Cargo.toml >/dev/null || \
 	        { echo "refresh it: cargo update --workspace --manifest-path $$folder/Cargo.toml"; exit 1; }; \
 	done
 	cargo fmt --all --check
-	@for folder in fuzz python benches/ply_readers benches/tinybvh; do \
+	@for folder in fuzz benches/ply_readers benches/tinybvh; do \
 	    cargo fmt --check --manifest-path $$folder/Cargo.toml || exit 1; \
 	done
 	cargo clippy $(FLAGS) --workspace --all-targets -- -D warnings

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes THIRD_PARTY_LICENSES.txt: the licences of the crates in the program and in the Python module.
 
-    scripts/licences.py     after a change of Cargo.lock or python/Cargo.lock
+    scripts/licences.py     after a change of Cargo.lock
 
 The texts are the files that the crates carry. Where MIT is one of several to choose from, it is taken. The same
 lock files give the same bytes.

@@ -50,7 +50,7 @@ unset CARGO_ENCODED_RUSTFLAGS CFLAGS
 }
 cargo cyclonedx --quiet --format json --override-filename sbom --target x86_64-unknown-linux-gnu
 # It writes one for every package.
-rm -f tests/reference/sbom.json
+rm -f python/sbom.json tests/reference/sbom.json
 # Of one commit the same bytes: without the folder, the day and the random number of this run.
 python3 - "$PWD" sbom.json "$dist/lightpath-$version.cdx.json" <<'END'
 import json, os, sys, time

@@ -39,11 +39,8 @@ case ${1:-test} in
 test)
     venv=$target/python-venv
     environment "$venv" numpy pytest hypothesis
-    # Dependencies are those of the program, compiled once. The library itself is not optimised
-    # here: it compiles faster, and the tests are short.
-    cargo build --locked --release --manifest-path python/Cargo.toml --target-dir "$target" \
-        --config profile.release.package.lightpath.opt-level=0 \
-        --config profile.release.package.lightpath.codegen-units=64
+    # The library is the one of the program, compiled once.
+    cargo build --locked --release --package lightpath-python --target-dir "$target"
     packages=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
     rm -rf "$packages/lightpath"
     cp -r python/lightpath "$packages/lightpath"

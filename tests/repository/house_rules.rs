@@ -97,10 +97,10 @@ fn every_crate_that_is_compiled_in_is_named_with_its_licence() {
     assert!(tree.lines().count() > 20 && missing.is_empty(), "not in THIRD_PARTY.md: {missing:?}");
 }
 
-/// `make test` and `make lint` compile these packages into one target folder. Another version or
+/// `make lint` compiles the fuzz targets into the target folder of the program. Another version or
 /// profile would compile crates twice.
 #[test]
-fn packages_that_share_a_target_folder_share_crates() {
+fn the_fuzz_targets_share_crates() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |file: &str| fs::read_to_string(root.join(file)).expect("a file");
     let versions = |file: &str| -> BTreeSet<(String, String)> {
@@ -120,18 +120,33 @@ fn packages_that_share_a_target_folder_share_crates() {
         rest.split("\n\n").next().map(str::to_owned)
     };
     let ours = versions("Cargo.lock");
-    for folder in ["python", "fuzz"] {
-        let others: Vec<(String, String)> = versions(&format!("{folder}/Cargo.lock"))
-            .into_iter()
-            .filter(|(name, _)| ours.iter().any(|(other, _)| other == name))
-            .filter(|package| !ours.contains(package))
-            .collect();
-        assert!(
-            others.is_empty(),
-            "{folder}/Cargo.lock: not the versions of Cargo.lock: {others:?}"
-        );
-        assert_eq!(profile(&format!("{folder}/Cargo.toml")), profile("Cargo.toml"), "{folder}");
-    }
+    let others: Vec<(String, String)> = versions("fuzz/Cargo.lock")
+        .into_iter()
+        .filter(|(name, _)| ours.iter().any(|(other, _)| other == name))
+        .filter(|package| !ours.contains(package))
+        .collect();
+    assert!(others.is_empty(), "fuzz/Cargo.lock: not the versions of Cargo.lock: {others:?}");
+    assert_eq!(profile("fuzz/Cargo.toml"), profile("Cargo.toml"));
+}
+
+/// `make test` compiles the library once for the program and the Python package. Where a crate had
+/// other features with only one of them, it and all that depend on it would be compiled twice.
+#[test]
+fn the_python_package_shares_the_library() {
+    let features = |package: &str| -> BTreeSet<String> {
+        let output = Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "-e", "normal,build", "--prefix", "none"])
+            .args(["--no-dedupe", "--format", "{p}|{f}", "--package", package])
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output()
+            .expect("cargo runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text").lines().map(str::to_owned).collect()
+    };
+    let ours = features("lightpath");
+    let theirs = features("lightpath-python");
+    let alone: Vec<&String> = ours.difference(&theirs).collect();
+    assert!(ours.len() > 100 && alone.is_empty(), "other features for the package: {alone:?}");
 }
 
 /// Splits a line such as `glob v0.3.4|MIT OR Apache-2.0 (*)`. Old crates write `/` for `OR`.
