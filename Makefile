@@ -70,7 +70,7 @@ lint: ## format, clippy, the library without Embree, shell scripts: no warnings;
 	@# The fuzz targets use the library without Embree. Clippy would check both a second time.
 	CARGO_TERM_COLOR=never cargo check $(FLAGS) --manifest-path fuzz/Cargo.toml --target-dir $(CARGO_TARGET_DIR) 2>&1 | \
 	    awk '{ print } /^(warning|error)/ { bad = 1 } /^ *Finished/ { done = 1 } END { exit bad || !done }'
-	shellcheck scripts/*.sh farm/*.sh .ci/run .ci/programs
+	shellcheck scripts/*.sh farm/*.sh .ci/run .ci/beside
 
 docs: setup ## the API documentation, no warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
