@@ -104,4 +104,6 @@ pub use rays::{
     AllHits, ClosestPoints, Faces, FirstHits, Limits, MeshArrays, RayBackend, RayBatch, RayScene,
     Vertices,
 };
-pub use renderer::{Hit, LoadedScene, PictureWriter, Ray, Renderer, WrittenPicture};
+pub use renderer::{
+    Hit, LoadedScene, MakeMesh, PictureWriter, Ray, Renderer, Views, WrittenPicture,
+};

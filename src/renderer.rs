@@ -2,12 +2,14 @@
 //! -> files.
 
 mod ray_query;
+mod views;
 
 pub use ray_query::{Hit, Ray};
+pub use views::{MakeMesh, Views};
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use self::ray_query::{ShapeNumber, closest_of_packet, occlusion_of_packet};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
@@ -17,13 +19,15 @@ use crate::layers::LayerPlan;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
+use crate::output::legend::Legend;
 use crate::parallel;
 use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
 use crate::render::{RenderContext, render_layers};
 use crate::scene::{self, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh};
 use crate::studio::{self, MeshScene, Studio, Subject, Template};
-use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
+use crate::threads::lock;
+use crate::world::{ContentHashes, LoadOptions, ReadFiles, World, fingerprint};
 
 /// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
 ///
@@ -53,15 +57,31 @@ use crate::world::{ContentHashes, LoadOptions, World, fingerprint};
 /// ```
 #[derive(Debug)]
 pub struct LoadedScene {
-    loaded: Loaded,
+    shown: Arc<ShownScene>,
     world: World,
-    plan: LayerPlan,
-    /// How hits name the shapes of `scene`.
+    /// How hits name the shapes of the scene.
     numbers: Vec<ShapeNumber>,
+}
+
+/// What the files of a picture tell of its scene, without the world.
+#[derive(Debug)]
+struct ShownScene {
+    loaded: Loaded,
+    plan: LayerPlan,
     warnings: Vec<Problem>,
-    /// [`fingerprint`] of scene and files, once a picture was written. `None` for meshes from
-    /// memory, whose contents it does not cover.
-    hash: Option<OnceLock<Option<String>>>,
+    legend: Option<Legend>,
+    /// `None` if a mesh is from memory: a hash would not cover it.
+    files: Option<Arc<SceneFiles>>,
+    /// [`fingerprint`] of scene and files, once a picture was written.
+    hash: OnceLock<Option<String>>,
+}
+
+/// The files of a scene, which several pictures share.
+#[derive(Debug)]
+struct SceneFiles {
+    read: ReadFiles,
+    /// Filled once a picture was written.
+    contents: Mutex<ContentHashes>,
 }
 
 impl LoadedScene {
@@ -118,8 +138,7 @@ impl LoadedScene {
         meshes: Vec<(&str, &str, Mesh)>,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let source = Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") };
-        Self::load(source, overrides, meshes, monitor)
+        Self::load(of_text(text), overrides, meshes, monitor)
     }
 
     /// Makes a scene of a mesh alone, in its own coordinates, for tracing rays. It has no light, so
@@ -131,9 +150,12 @@ impl LoadedScene {
         let scene = r#"{ "camera": { "type": "pinhole", "width": 1, "height": 1, "fov": 40,
               "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
             "scene": { "materials": { "mesh": {} }, "shapes": [] } }"#;
-        let loaded = Self::with_meshes(scene, &[], vec![("mesh", "mesh", mesh)])?;
+        let mut loaded = Self::with_meshes(scene, &[], vec![("mesh", "mesh", mesh)])?;
         // Nobody uses the camera, so a warning that it does not see the mesh would be noise.
-        Ok(Self { warnings: Vec::new(), ..loaded })
+        if let Some(shown) = Arc::get_mut(&mut loaded.shown) {
+            shown.warnings.clear();
+        }
+        Ok(loaded)
     }
 
     /// Makes a scene of a mesh in the built-in studio: scaled, set on the ground, lit, with a
@@ -187,29 +209,8 @@ impl LoadedScene {
         mesh.check("mesh")?;
         let (subject, template, user) = in_default_studio(path.as_ref(), overrides);
         let shown = studio::show_mesh(&subject, mesh, &template, user, None).map_err(readable)?;
-        Self::with_shown(shown, monitor)
-    }
-
-    fn with_shown(shown: MeshScene, monitor: &Monitor) -> Result<Self> {
-        let loaded = Loaded { warnings: shown.warnings, ..shown.loaded };
-        Self::with_ready(loaded, vec![shown.mesh], monitor)
-    }
-
-    /// Reads a mesh file and shows it as [`LoadedScene::in_studio`] does. The overrides decide
-    /// which data of the file are read.
-    ///
-    /// # Errors
-    /// As [`LoadedScene::in_studio`]; a file that cannot be read; `Interrupted` if the monitor was
-    /// stopped.
-    #[doc(hidden)]
-    pub fn read_in_studio_watched(
-        path: &Path,
-        overrides: &[&str],
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let (subject, template, user) = in_default_studio(path, overrides);
-        let shown = studio::show(&subject, &template, user, None, monitor).map_err(readable)?;
-        Ok(Self { hash: Some(OnceLock::new()), ..Self::with_shown(shown, monitor)? })
+        let MeshScene { loaded, warnings, mesh, .. } = shown;
+        Self::with_ready(Loaded { warnings, ..loaded }, vec![mesh], monitor)
     }
 
     /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
@@ -222,7 +223,7 @@ impl LoadedScene {
 
     /// Warnings: problems that do not prevent a render.
     pub fn warnings(&self) -> &[Problem] {
-        &self.warnings
+        &self.shown.warnings
     }
 
     /// Builds the acceleration structure, with the backend that the scene names
@@ -242,7 +243,8 @@ impl LoadedScene {
     pub fn renderer_watched(&self, monitor: &Monitor) -> Result<Renderer<'_>> {
         let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
         let geometry = &self.world.geometry;
-        let accelerator = accel::build(geometry, self.loaded.scene.backend, &options, monitor)?;
+        let accelerator =
+            accel::build(geometry, self.shown.loaded.scene.backend, &options, monitor)?;
         Ok(Renderer { loaded: self, accelerator })
     }
 
@@ -252,65 +254,119 @@ impl LoadedScene {
         meshes: Vec<(&str, &str, Mesh)>,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
-        let mut loaded = scene::load(source, &overrides)?;
-        let Loaded { scene, warnings, .. } = &mut loaded;
-        let mut ready = Vec::new();
-        for (name, material, mesh) in meshes {
-            let of_name = |m: &scene::CheckedMaterial| m.name.as_deref() == Some(material);
-            let Some(index) = scene.materials.iter().position(of_name) else {
-                let message =
-                    format!("found the material {material:?}, which the scene does not have");
-                return Err(Error::invalid(name, message));
-            };
-            mesh.check(name)?;
-            warnings.retain(|warning| warning.message != scene::unused_material(material));
-            // No file name contains a NUL, so this path cannot be the path of a file. Meshes of the
-            // same name differ in their numbers of NULs.
-            let path = PathBuf::from(format!("{name}{}", "\0".repeat(ready.len() + 1)));
-            let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
-            let name = Some(name.to_string());
-            let (visible, role, semantic) = Default::default();
-            scene.shapes.push(CheckedShape {
-                name,
-                material: index,
-                kind,
-                visible,
-                role,
-                semantic,
-            });
-            ready.push((path, mesh));
-        }
-        let hash = ready.is_empty().then(OnceLock::new);
-        Ok(Self { hash, ..Self::with_ready(loaded, ready, monitor)? })
+        let mut loaded = load_with(source, overrides)?;
+        let ready = add_meshes(&mut loaded, meshes)?;
+        Self::with_ready(loaded, ready, monitor)
     }
 
     /// Loads the files of a scene, except the meshes in `ready`, by the path in the scene.
-    fn with_ready(
-        mut loaded: Loaded,
-        ready: Vec<(PathBuf, Mesh)>,
-        monitor: &Monitor,
-    ) -> Result<Self> {
+    fn with_ready(loaded: Loaded, ready: Vec<(PathBuf, Mesh)>, monitor: &Monitor) -> Result<Self> {
+        let is_of_files = ready.is_empty();
         let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (world, more) = World::load(&loaded.scene, options, monitor).map_err(readable)?;
+        let (mut world, more) = World::load(&loaded.scene, options, monitor).map_err(readable)?;
+        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        let files = is_of_files.then(|| SceneFiles::of(&mut world));
+        let legend = world.legend.clone();
+        let shown = Arc::new(ShownScene::new(loaded, more, legend, files));
+        Ok(Self { shown, world, numbers })
+    }
+}
+
+impl SceneFiles {
+    fn of(world: &mut World) -> Arc<Self> {
+        let (read, contents) = (std::mem::take(&mut world.read), Mutex::default());
+        Arc::new(Self { read, contents })
+    }
+}
+
+impl ShownScene {
+    /// `more` are warnings of the scene's files.
+    fn new(
+        mut loaded: Loaded,
+        more: impl IntoIterator<Item = Problem>,
+        legend: Option<Legend>,
+        files: Option<Arc<SceneFiles>>,
+    ) -> Self {
         let mut warnings = std::mem::take(&mut loaded.warnings);
         warnings.extend(more);
         warnings.iter_mut().for_each(drop_nuls);
         let plan = LayerPlan::new(&loaded.scene);
-        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
-        Ok(Self { loaded, world, plan, numbers, warnings, hash: None })
+        Self { loaded, plan, warnings, legend, files, hash: OnceLock::new() }
+    }
+
+    /// Renders the whole frame.
+    fn render(
+        &self,
+        world: &World,
+        accelerator: &dyn Accelerator,
+        monitor: &Monitor,
+    ) -> Result<Film> {
+        let [width, height] = world.frame;
+        let window = Window::full(width, height);
+        let channels = self.plan.layout.channels.clone();
+        let mut film = ReservedFilm::new([width, height], window, channels)?.film();
+        let isa = self.loaded.scene.backend.isa();
+        let context = RenderContext { world, accelerator, isa, monitor };
+        render_layers(context, &mut film, &self.plan, None)?;
+        Ok(film)
     }
 
     /// The hash of the scene and its files, unless a mesh is from memory or a pipe, or a file has
     /// changed since it was read.
     fn hash(&self) -> Option<&str> {
-        let hash = self.hash.as_ref()?.get_or_init(|| {
-            let mut contents = ContentHashes::default();
+        let files = self.files.as_ref()?;
+        let hash = self.hash.get_or_init(|| {
+            let mut contents = lock(&files.contents);
             let hash = fingerprint(&self.loaded, false, &mut contents).ok()??;
-            contents.check(&self.world.read).ok().map(|()| hash)
+            contents.check(&files.read).ok().map(|()| hash)
         });
         hash.as_deref()
     }
+}
+
+fn of_text(text: &str) -> Source<'_> {
+    Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") }
+}
+
+fn load_with(source: Source, overrides: &[&str]) -> Result<Loaded> {
+    let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
+    scene::load(source, &overrides)
+}
+
+/// Adds meshes from memory to a scene: name, material, mesh in world space. Returns the meshes with
+/// their paths in the scene.
+///
+/// # Errors
+/// A material that the scene does not have; arrays that do not fit each other.
+fn add_meshes(
+    loaded: &mut Loaded,
+    meshes: Vec<(&str, &str, Mesh)>,
+) -> Result<Vec<(PathBuf, Mesh)>> {
+    let Loaded { scene, warnings, .. } = loaded;
+    let mut ready = Vec::new();
+    for (name, material, mesh) in meshes {
+        let of_name = |m: &scene::CheckedMaterial| m.name.as_deref() == Some(material);
+        let Some(index) = scene.materials.iter().position(of_name) else {
+            let message = format!("found the material {material:?}, which the scene does not have");
+            return Err(Error::invalid(name, message));
+        };
+        mesh.check(name)?;
+        use_material(warnings, material);
+        // No file name contains a NUL, so this path cannot be the path of a file. Meshes of the
+        // same name differ in their numbers of NULs.
+        let path = PathBuf::from(format!("{name}{}", "\0".repeat(ready.len() + 1)));
+        let kind = ShapeKind::Trimesh(Box::new(in_world_space(name, &path, &mesh)));
+        let name = Some(name.to_string());
+        let (visible, role, semantic) = Default::default();
+        scene.shapes.push(CheckedShape { name, material: index, kind, visible, role, semantic });
+        ready.push((path, mesh));
+    }
+    Ok(ready)
+}
+
+/// Removes the warning that no shape uses a material.
+fn use_material(warnings: &mut Vec<Problem>, material: &str) {
+    warnings.retain(|warning| warning.message != scene::unused_material(material));
 }
 
 /// Returns what the studio shows of the mesh at `path`, the built-in studio, and the overrides.
@@ -412,15 +468,8 @@ impl Renderer<'_> {
     /// # Errors
     /// No memory for the film; `Interrupted` if the monitor was stopped.
     pub fn render_watched(&self, monitor: &Monitor) -> Result<Film> {
-        let LoadedScene { loaded: Loaded { scene, .. }, world, plan, .. } = self.loaded;
-        let [width, height] = world.frame;
-        let window = Window::full(width, height);
-        let channels = plan.layout.channels.clone();
-        let mut film = ReservedFilm::new([width, height], window, channels)?.film();
-        let (accelerator, isa) = (self.accelerator.as_ref(), scene.backend.isa());
-        let context = RenderContext { world, accelerator, isa, monitor };
-        render_layers(context, &mut film, plan, None)?;
-        Ok(film)
+        let LoadedScene { shown, world, .. } = self.loaded;
+        shown.render(world, self.accelerator.as_ref(), monitor)
     }
 
     /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
@@ -451,12 +500,13 @@ impl Renderer<'_> {
     /// # Errors
     /// A folder that cannot be written to; a full disk.
     pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
-        self.writer().write(self.loaded, film, prefix)
+        self.writer().write(film, prefix)
     }
 
-    /// Returns a writer for films of this renderer. It may outlive the renderer.
+    /// Returns a writer for films of this renderer. It may outlive renderer and scene.
     pub fn writer(&self) -> PictureWriter {
-        PictureWriter { info: self.accelerator.info(), float: false }
+        let shown = Arc::clone(&self.loaded.shown);
+        PictureWriter { shown, info: self.accelerator.info(), float: false }
     }
 }
 
@@ -472,9 +522,10 @@ pub struct WrittenPicture {
     pub png_warnings: Vec<Problem>,
 }
 
-/// Writes the films of a [`Renderer`], also after the renderer is dropped.
+/// Writes the films of a [`Renderer`], also after the renderer and its scene are dropped.
 #[derive(Debug, Clone)]
 pub struct PictureWriter {
+    shown: Arc<ShownScene>,
     info: BuildInfo,
     float: bool,
 }
@@ -485,18 +536,18 @@ impl PictureWriter {
         Self { float, ..self }
     }
 
-    /// Writes a film of `loaded`: see [`Renderer::write`].
+    /// Warnings of the scene, and of its files.
+    pub fn warnings(&self) -> &[Problem] {
+        &self.shown.warnings
+    }
+
+    /// Writes a film: see [`Renderer::write`].
     ///
     /// # Errors
     /// A film of another scene's size, or with too few values; a folder that cannot be written to;
     /// a full disk.
-    pub fn write(
-        &self,
-        loaded: &LoadedScene,
-        film: &Film,
-        prefix: impl AsRef<Path>,
-    ) -> Result<WrittenPicture> {
-        let LoadedScene { loaded: Loaded { scene, .. }, plan, .. } = loaded;
+    pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
+        let ShownScene { loaded: Loaded { scene, .. }, plan, legend, .. } = &*self.shown;
         film.check()?;
         let frame = [scene.camera.width, scene.camera.height];
         if film.frame != frame {
@@ -506,8 +557,8 @@ impl PictureWriter {
         }
         let header = PictureHeader {
             backend_version: &self.info.version,
-            scene_hash: loaded.hash(),
-            legend: loaded.world.legend.as_ref(),
+            scene_hash: self.shown.hash(),
+            legend: legend.as_ref(),
             ..PictureHeader::default()
         };
         let storage = Storage { float: self.float, ..Storage::default() };
@@ -557,7 +608,7 @@ mod tests {
         for (name, copies) in [("box", ["box.2", "box.3"]), ("box.2", ["box", "box.3"])] {
             let meshes = vec![(name, "clay", triangle())];
             let loaded = LoadedScene::with_meshes(&scene.to_string(), &[], meshes).unwrap();
-            let attributes = Mattes::objects(&loaded.loaded.scene).attributes();
+            let attributes = Mattes::objects(&loaded.shown.loaded.scene).attributes();
             let mut texts = attributes.into_iter().filter(|(key, _)| key.ends_with("/manifest"));
             let (_, manifest) = texts.next().unwrap();
             for name in copies.into_iter().chain([name]) {

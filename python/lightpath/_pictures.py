@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import errno
 import json
@@ -221,32 +222,24 @@ def render(
     >>> picture["RGBA"].shape
     (32, 48, 4)
     """
-    overrides = {}
-    for key, value in (camera or {}).items():
-        if "=" in str(key):
-            raise ValueError(f"camera: found {key!r}, expected a key without `=`")
-        overrides[f"/camera/{key}"] = value
-    if spp is not None:
-        overrides["/spp"] = spp
-    if layers is not None:
-        overrides["/output/layers"] = [layers] if isinstance(layers, str) else list(layers)
-    if backend is not None:
-        overrides["/scene/accelerator"] = backend
-    overrides.update(settings or {})
-    for pointer in overrides:
-        if "=" in pointer:
-            raise ValueError(f"settings: found {pointer!r}, expected a JSON pointer without `=`")
-    words = [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
-    subject = _subject(scene, meshes)
-    threads = _convert.threads(threads)
-    picture = Picture(_lightpath.render(subject, words, threads, progress))
-    picture.warnings += _convert.left_out(scene)
-    return picture
+    with contextlib.closing(_Views(scene, meshes, threads)) as views:
+        return views.render(camera, spp, layers, backend, settings, progress)
 
 
-def render_views(scene: Any, cameras: Iterable[Mapping[str, Any]],
-                 **options: Any) -> Iterator[Picture]:
+def render_views(
+    scene: Any,
+    cameras: Iterable[Mapping[str, Any]],
+    *,
+    meshes: Mapping[str, tuple[str, ArrayLike, ArrayLike]] | None = None,
+    threads: int | None = None,
+    **options: Any,
+) -> Iterator[Picture]:
     """Render one picture for each camera, one after the other.
+
+    Each is the picture that `render` returns. The scene is loaded and its tree is built for the
+    first one, and kept for the next. Both are made again for a camera that moves the origin of
+    float32, or whose `up` places a mesh in the studio anew. Without a `position`, such a mesh is
+    read again, to be framed. Arrays must not change before the generator ends.
 
     Parameters
     ----------
@@ -254,6 +247,8 @@ def render_views(scene: Any, cameras: Iterable[Mapping[str, Any]],
         As for `render`.
     cameras : iterable of dict
         For each picture, the `camera` of `render`.
+    meshes, threads
+        As for `render`.
     **options
         Other parameters of `render`.
 
@@ -269,8 +264,48 @@ def render_views(scene: Any, cameras: Iterable[Mapping[str, Any]],
     >>> [view["RGBA"].shape for view in lightpath.render_views(mesh, sizes, spp=1)]
     [(8, 8, 4), (8, 16, 4)]
     """
-    for camera in cameras:
-        yield render(scene, camera=camera, **options)
+    with contextlib.closing(_Views(scene, meshes, threads)) as views:
+        for camera in cameras:
+            yield views.render(camera, **options)
+
+
+class _Views:
+    """A scene or mesh for any number of cameras."""
+
+    def __init__(self, scene, meshes, threads):
+        self._left_out = _convert.left_out(scene)
+        self._views = _lightpath.Views(_subject(scene, meshes), _convert.threads(threads))
+
+    def render(self, camera, spp=None, layers=None, backend=None, settings=None, progress=None):
+        """Return the picture of one camera."""
+        words = _overrides(camera, spp, layers, backend, settings)
+        picture = Picture(self._views.render(words, progress))
+        picture.warnings += self._left_out
+        return picture
+
+    def close(self):
+        """Free the memory, even if the traceback of an exception keeps this object."""
+        self._views = None
+
+
+def _overrides(camera, spp, layers, backend, settings):
+    """Return the values of the scene to set, as texts /json/pointer=VALUE."""
+    overrides = {}
+    for key, value in (camera or {}).items():
+        if "=" in str(key):
+            raise ValueError(f"camera: found {key!r}, expected a key without `=`")
+        overrides[f"/camera/{key}"] = value
+    if spp is not None:
+        overrides["/spp"] = spp
+    if layers is not None:
+        overrides["/output/layers"] = [layers] if isinstance(layers, str) else list(layers)
+    if backend is not None:
+        overrides["/scene/accelerator"] = backend
+    overrides.update(settings or {})
+    for pointer in overrides:
+        if "=" in pointer:
+            raise ValueError(f"settings: found {pointer!r}, expected a JSON pointer without `=`")
+    return [f"{pointer}={json.dumps(_plain(value))}" for pointer, value in overrides.items()]
 
 
 def thumbnail(scene: Any) -> bytes:
@@ -279,7 +314,7 @@ def thumbnail(scene: Any) -> bytes:
 
 
 def _subject(scene, meshes):
-    """Return the subject of `_lightpath.render`.
+    """Return the subject of `_lightpath.Views`.
 
     That is (text, meshes), (vertices, faces, colors or None) or a path.
     """

@@ -19,7 +19,7 @@ fn _lightpath(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<errors::Error>())?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
-    module.add_function(wrap_pyfunction!(picture::render, module)?)?;
+    module.add_class::<picture::Views>()?;
     module.add_function(wrap_pyfunction!(mesh::check_mesh, module)?)?;
     module.add_function(wrap_pyfunction!(mesh::read_mesh, module)?)?;
     module.add_function(wrap_pyfunction!(program::main, module)?)

@@ -101,6 +101,7 @@ impl MeshArrays for NumpyMesh {
 }
 
 /// Colours of vertices.
+#[derive(Clone)]
 pub struct VertexColors {
     pub colors: Colors,
     /// `None` if all vertices are opaque, or none is visible: as in a PLY file.

@@ -1,105 +1,92 @@
 //! Renders a scene, mesh or file to a film, and converts the film to arrays and files.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use lightpath::scene::IN_MEMORY;
-use lightpath::{ChannelKind, Film, LoadedScene, MeshArrays, Monitor, PictureWriter, Problem};
+use lightpath::{
+    ChannelKind, Film, MakeMesh, MeshArrays, PictureWriter, Problem, Views as SceneViews,
+};
 use pyo3::prelude::*;
 
 use crate::arrays::copied;
 use crate::mesh::{NumpyMesh, VertexColors};
 use crate::{errors, pools, watch};
 
-/// A rendered film, with the scene and the settings that are needed to write it to files.
+/// A rendered film, with what is needed to write it to files.
 #[pyclass(frozen, module = "lightpath._lightpath")]
 pub struct Picture {
-    loaded: Arc<LoadedScene>,
     film: Film,
     writer: PictureWriter,
 }
+
+type Any<'py> = Bound<'py, PyAny>;
 
 /// What to render.
 #[derive(FromPyObject)]
 pub enum Subject<'py> {
     /// A scene as JSON text, and meshes: name, material, vertices, faces.
-    Text(String, Vec<(String, String, Bound<'py, PyAny>, Bound<'py, PyAny>)>),
+    Text(String, Vec<(String, String, Any<'py>, Any<'py>)>),
     /// Vertices and faces of a mesh, to show in the studio, and colours of its vertices.
-    Mesh(Bound<'py, PyAny>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>),
+    Mesh(Any<'py>, Any<'py>, Option<Any<'py>>),
     /// A scene file (`.json`), or a mesh file to show in the studio.
     File(PathBuf),
 }
 
-/// Renders a subject. `overrides` have the form `/json/pointer=VALUE`.
-#[pyfunction]
-pub fn render(
-    py: Python<'_>,
-    subject: Subject<'_>,
-    overrides: Vec<String>,
+/// A subject that is rendered from one camera after another.
+#[pyclass(module = "lightpath._lightpath")]
+pub struct Views {
+    views: SceneViews,
     threads: Option<usize>,
-    progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Picture> {
-    let pool = pools::pool(py, threads)?;
-    let source = Source::new(subject)?;
-    watch::run(py, &pool, usize::MAX, progress, |monitor| {
-        let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
-        let loaded = Arc::new(source.load(&overrides, monitor)?);
-        let renderer = loaded.renderer_watched(monitor)?;
-        let film = renderer.render_watched(monitor)?;
-        let writer = renderer.writer();
-        Ok(Picture { loaded: Arc::clone(&loaded), film, writer })
-    })
 }
 
-enum Source {
-    Text(String, Vec<(String, String, NumpyMesh)>),
-    Studio(NumpyMesh, Option<VertexColors>),
-    File(PathBuf),
-}
-
-impl Source {
-    fn new(subject: Subject<'_>) -> PyResult<Self> {
-        match subject {
-            Subject::File(path) => Ok(Self::File(path)),
+#[pymethods]
+impl Views {
+    #[new]
+    fn new(subject: Subject<'_>, threads: Option<usize>) -> PyResult<Self> {
+        let views = match subject {
+            Subject::File(path) => SceneViews::of_file(path),
             Subject::Mesh(vertices, faces, colors) => {
+                let mesh = NumpyMesh::new(&vertices, &faces)?;
                 let colors = colors.map(|colors| VertexColors::new(&colors)).transpose()?;
-                Ok(Self::Studio(NumpyMesh::new(&vertices, &faces)?, colors))
+                SceneViews::of_mesh(in_studio(mesh, colors))
             }
             Subject::Text(text, meshes) => {
-                let mut ready = Vec::new();
+                let mut ready: Vec<(String, String, MakeMesh)> = Vec::new();
                 for (name, material, vertices, faces) in meshes {
-                    ready.push((name, material, NumpyMesh::new(&vertices, &faces)?));
+                    let (mesh, place) = (NumpyMesh::new(&vertices, &faces)?, format!("{name}: "));
+                    ready.push((name, material, Box::new(move || mesh.to_mesh(&place))));
                 }
-                Ok(Self::Text(text, ready))
+                SceneViews::of_scene(&text, ready)
             }
-        }
+        };
+        Ok(Self { views, threads })
     }
 
-    fn load(self, overrides: &[&str], monitor: &Monitor) -> lightpath::Result<LoadedScene> {
-        match self {
-            Self::Text(text, meshes) => {
-                let mut ready = Vec::new();
-                for (name, material, arrays) in &meshes {
-                    ready.push((&name[..], &material[..], arrays.to_mesh(&format!("{name}: "))?));
-                }
-                LoadedScene::with_meshes_watched(&text, overrides, ready, monitor)
-            }
-            Self::Studio(arrays, colors) => {
-                let mut mesh = arrays.to_mesh("")?;
-                if let Some(VertexColors { colors, alpha }) = colors {
-                    (mesh.colors, mesh.alpha) = (Some(colors), alpha);
-                }
-                LoadedScene::in_studio_watched(mesh, IN_MEMORY, overrides, monitor)
-            }
-            Self::File(path) => {
-                let is_scene = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-                if is_scene {
-                    return LoadedScene::read_watched(path, overrides, monitor);
-                }
-                LoadedScene::read_in_studio_watched(&path, overrides, monitor)
-            }
-        }
+    /// Renders the picture of one camera. `overrides` have the form `/json/pointer=VALUE`.
+    fn render(
+        &mut self,
+        py: Python<'_>,
+        overrides: Vec<String>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Picture> {
+        let pool = pools::pool(py, self.threads)?;
+        let views = &mut self.views;
+        watch::run(py, &pool, usize::MAX, progress, |monitor| {
+            let overrides: Vec<&str> = overrides.iter().map(String::as_str).collect();
+            let (film, writer) = views.render(&overrides, monitor)?;
+            Ok(Picture { film, writer })
+        })
     }
+}
+
+/// Returns how to make a mesh for the studio: again for each camera that is framed anew.
+fn in_studio(arrays: NumpyMesh, colors: Option<VertexColors>) -> MakeMesh {
+    Box::new(move || {
+        let mut mesh = arrays.to_mesh("")?;
+        if let Some(VertexColors { colors, alpha }) = colors.clone() {
+            (mesh.colors, mesh.alpha) = (Some(colors), alpha);
+        }
+        Ok(mesh)
+    })
 }
 
 /// Returns warnings as texts, one each.
@@ -118,7 +105,7 @@ impl Picture {
     /// Warnings of the scene, as texts.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        texts(self.loaded.warnings().to_vec())
+        texts(self.writer.warnings().to_vec())
     }
 
     /// R, G, B, A of all pixels, row by row, as an array of one dimension.
@@ -148,7 +135,7 @@ impl Picture {
     ) -> PyResult<[(PathBuf, Vec<String>); 2]> {
         let pool = pools::pool(py, None)?;
         let writer = self.writer.clone().float(float);
-        let written = py.detach(|| pool.install(|| writer.write(&self.loaded, &self.film, prefix)));
+        let written = py.detach(|| pool.install(|| writer.write(&self.film, prefix)));
         let written = written.map_err(|error| errors::to_python(py, error))?;
         let [exr, png] = written.files;
         Ok([(exr, texts(written.warnings)), (png, texts(written.png_warnings))])

@@ -344,3 +344,58 @@ def test_views_are_made_one_by_one():
     assert next(views)["RGBA"].shape == (4, 8, 4)
 
 
+CAMERAS = [
+    {"width": 24, "height": 16},
+    {"width": 24, "height": 16, "position": [3, 2, 4], "target": [0, 0.5, 0]},
+    {"width": 12, "height": 20, "position": [3, 2, 4], "target": [0, 0.5, 0]},
+    {"width": 16, "height": 16, "fov": 70},
+    {"width": 16, "height": 16, "position": [0, 2, 5], "up": [0, -1, 0]},
+    {"width": 16, "height": 16, "position": [0, 50, 5], "target": [1, 90, 5]},
+    {"width": 16, "height": 16, "position": [-3, 2, 4], "target": [0, 0.5, 0]},
+]
+
+
+def test_views_have_the_bytes_of_render(tmp_path):
+    (tmp_path / "a.ply").write_text(TRIANGLE)
+    shape = {"type": "trimesh", "path": str(tmp_path / "a.ply"), "material": "clay"}
+    scene = {**SCENE, "scene": {**SCENE["scene"], "shapes": [shape]}}
+    (tmp_path / "s.json").write_text(json.dumps(scene))
+    for subject, options in [
+        (tmp_path / "s.json", {}),
+        (tmp_path / "a.ply", {}),
+        (SCENE, {"meshes": {"box": ("clay", *cube())}}),
+        (cube(), {"settings": {"/output/transparent": True}}),
+        (lightpath.RayScene(*cube()), {"backend": "brute"}),
+    ]:
+        options = {"spp": 2, "layers": ["Z", "N"], **options}
+        for camera, view in zip(CAMERAS, lightpath.render_views(subject, iter(CAMERAS), **options)):
+            alone = lightpath.render(subject, camera=camera, **options)
+            assert view.warnings == alone.warnings
+            both = [view.write(tmp_path / "view"), alone.write(tmp_path / "alone")]
+            for one, other in zip(*both):
+                assert one.read_bytes() == other.read_bytes(), (subject, camera)
+
+
+def test_views_end_with_an_exception_or_when_closed():
+    steps = []
+
+    def progress(done, total):
+        steps.append(done)
+        if len(steps) == stop:
+            raise KeyboardInterrupt
+
+    stop = 0
+    views = lightpath.render_views(cube(), iter(CAMERAS), spp=1, progress=progress)
+    next(views)
+    stop = len(steps) + 1
+    with pytest.raises(KeyboardInterrupt):
+        next(views)
+    assert list(views) == []
+    views = lightpath.render_views(cube(), iter(CAMERAS), spp=1)
+    next(views)
+    views.close()
+    assert list(views) == []
+    views = lightpath.render_views(cube(), [*CAMERAS[:1], {"fov": 400}], spp=1)
+    next(views)
+    with pytest.raises(lightpath.Error, match="fov"):
+        next(views)

@@ -5,6 +5,7 @@
 //! leave the traversal unchanged. They share the arrays of the geometry.
 
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Cone, Visits, over_limit};
+use super::geometry_ref::GeometryRef;
 use super::part::build_part;
 use super::shaft::Shaft;
 use crate::error::Result;
@@ -30,7 +31,7 @@ impl<'g> ByKind<'g> {
     /// # Errors
     /// See [`super::build`].
     pub fn build(
-        geometry: &'g Geometry,
+        geometry: GeometryRef<'g>,
         backend: Backend,
         options: &BuildOptions,
         monitor: &Monitor,
@@ -50,7 +51,7 @@ impl<'g> ByKind<'g> {
                 None => None,
             };
             let options = BuildOptions { max_bytes, ..*options };
-            let accelerator = build_part(geometry, unseen, backend, &options, monitor)?;
+            let accelerator = build_part((geometry.clone(), unseen), backend, &options, monitor)?;
             let info = accelerator.info();
             peak_bytes = peak_bytes.max(bytes + info.peak_bytes);
             bytes += info.bytes;

@@ -20,6 +20,7 @@
 use glam::{BVec3, DVec3};
 
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, Visits, over_limit};
+use super::geometry_ref::GeometryRef;
 use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
 use crate::geometry::{
@@ -33,7 +34,7 @@ const MAX_ATTEMPTS: u32 = 1;
 
 /// The coursework's trees over a scene: the accelerator of the backend `coursework`.
 pub struct Coursework<'g> {
-    geometry: &'g Geometry,
+    geometry: GeometryRef<'g>,
     shapes: Vec<TreeShape>,
     scene: BoxTree,
     /// One tree for each mesh; `None` if rays test all its triangles, or can hit none of them.
@@ -62,7 +63,7 @@ impl<'g> Coursework<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::build_part((geometry, &Unseen::NONE), options, monitor)
+        Self::build_part((geometry.into(), &Unseen::NONE), options, monitor)
     }
 
     /// [`Coursework::build`] without the primitives in `unseen`.
@@ -70,7 +71,7 @@ impl<'g> Coursework<'g> {
     /// # Errors
     /// See [`super::build`].
     pub fn build_part(
-        (geometry, unseen): (&'g Geometry, &Unseen),
+        (geometry, unseen): (GeometryRef<'g>, &Unseen),
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
@@ -145,7 +146,7 @@ impl<'g> Coursework<'g> {
         stacks: &mut [Vec<u32>; 2],
     ) -> Option<LaneHit> {
         let ray = PreparedRay::new(ray, self.reach);
-        let (geometry, mut best) = (self.geometry, None);
+        let (geometry, mut best) = (&self.geometry, None);
         let [outer, inner] = stacks;
         self.scene.each(&ray, visits, outer, |shape, visits| match self.shapes[shape as usize] {
             TreeShape::Quad(prim) => {

@@ -8,10 +8,16 @@ use crate::geometry::Geometry;
 /// A geometry that is borrowed, or shared with other owners. Its arrays do not move.
 #[derive(Clone)]
 pub enum GeometryRef<'g> {
-    /// The scene of a render outlives its accelerators.
+    /// The geometry outlives the accelerator.
     Borrowed(&'g Geometry),
     /// The accelerator keeps the geometry alive.
     Shared(Arc<Geometry>),
+}
+
+impl<'g> From<&'g Geometry> for GeometryRef<'g> {
+    fn from(geometry: &'g Geometry) -> Self {
+        Self::Borrowed(geometry)
+    }
 }
 
 impl Deref for GeometryRef<'_> {

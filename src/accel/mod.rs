@@ -24,10 +24,10 @@ pub use shaft::Shaft;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::geometry::{Geometry, Unseen};
+use crate::geometry::Geometry;
 use crate::monitor::Monitor;
 use crate::ray::RayKind;
-use crate::scene::{Backend, EmbreeMode};
+use crate::scene::Backend;
 
 /// Builds the accelerator of `backend` over `geometry`, or several if kinds of rays hit different
 /// primitives: see [`Accelerator::only`].
@@ -43,22 +43,31 @@ pub fn build<'g>(
     options: &BuildOptions,
     monitor: &Monitor,
 ) -> Result<Box<dyn Accelerator + 'g>> {
+    build_over(geometry.into(), backend, options, monitor)
+}
+
+/// Does the same as [`build`] with a geometry that the accelerator keeps alive.
+///
+/// # Errors
+/// The errors of [`build`].
+pub fn build_shared(
+    geometry: Arc<Geometry>,
+    backend: Backend,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator>> {
+    build_over(GeometryRef::Shared(geometry), backend, options, monitor)
+}
+
+fn build_over<'g>(
+    geometry: GeometryRef<'g>,
+    backend: Backend,
+    options: &BuildOptions,
+    monitor: &Monitor,
+) -> Result<Box<dyn Accelerator + 'g>> {
     let [camera, others @ ..] = RayKind::ALL.map(|kind| geometry.unseen(kind));
     if others.into_iter().any(|unseen| unseen != camera) {
         return Ok(Box::new(by_kind::ByKind::build(geometry, backend, options, monitor)?));
     }
-    part::build_part(geometry, camera, backend, options, monitor)
-}
-
-/// Builds Embree's tree, robust, over all primitives of a geometry that the tree keeps alive.
-///
-/// # Errors
-/// The errors of [`build`].
-pub fn build_shared_embree(
-    geometry: Arc<Geometry>,
-    options: &BuildOptions,
-    monitor: &Monitor,
-) -> Result<Box<dyn Accelerator>> {
-    let all = (GeometryRef::Shared(geometry), &Unseen::NONE);
-    part::build_embree(all, EmbreeMode::Robust, options, monitor)
+    part::build_part((geometry.clone(), camera), backend, options, monitor)
 }

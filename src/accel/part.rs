@@ -7,15 +7,14 @@ use super::footprint::MemoryFootprint;
 use super::geometry_ref::GeometryRef;
 use super::{brute, bvh, coursework};
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::geometry::{Geometry, PrimitiveCounts, Unseen};
+use crate::geometry::{PrimitiveCounts, Unseen};
 use crate::monitor::{Monitor, Phase};
 use crate::reserve;
 use crate::scene::{Backend, EmbreeMode};
 
 /// Builds the accelerator of `backend` over the primitives that are not in `unseen`.
 pub fn build_part<'g>(
-    geometry: &'g Geometry,
-    unseen: &'g Unseen,
+    (geometry, unseen): (GeometryRef<'g>, &Unseen),
     backend: Backend,
     options: &BuildOptions,
     monitor: &Monitor,
@@ -35,9 +34,7 @@ pub fn build_part<'g>(
         reserve::probe(footprint.peak_bytes(counts), backend.name())
     };
     match backend {
-        Backend::Embree(mode) => {
-            build_embree((GeometryRef::Borrowed(geometry), unseen), mode, options, monitor)
-        }
+        Backend::Embree(mode) => build_embree((geometry, unseen), mode, options, monitor),
         Backend::Bvh(isa) => {
             Ok(Box::new(bvh::Bvh::build_part((geometry, unseen), isa, options, monitor)?))
         }

@@ -138,7 +138,9 @@ impl Run<'_> {
             told: Mutex::default(),
         };
         let world = self.load(&input, &loaded.scene, mesh, &mut messages)?;
-        let (here, others) = origins::groups(&world.views, job.poses.is_none());
+        let cameras = input.cameras.iter();
+        let views: Vec<_> = cameras.map(|camera| world.view(&loaded.scene, camera)).collect();
+        let (here, others) = origins::groups(&views, job.poses.is_none());
         self.group(&input, (world, loaded.scene.backend), (&here, &frames), began, &mut messages)?;
         for group in others.iter().take_while(|_| !self.stopped()) {
             let again = || self.load_again(&input, (group, &frames), &mut messages);

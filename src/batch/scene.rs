@@ -199,7 +199,7 @@ pub fn read(
             memory_limit,
             ..Subject::new(path)
         };
-        let MeshScene { loaded, warnings, mesh, middle } =
+        let MeshScene { loaded, warnings, mesh, middle, .. } =
             studio::show(&subject, &job.template, overrides, samples, monitor)?;
         let folder = job.template.folder.clone();
         let pivot = job.pivot.unwrap_or(middle);

@@ -8,12 +8,13 @@ use glam::DVec3;
 
 use super::arrays::{self, MeshArrays};
 use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
-use crate::accel::{Accelerator, BuildInfo, BuildOptions, build_shared_embree};
+use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Box3, Geometry, TriangleMesh};
 use crate::monitor::{Monitor, Phase};
 use crate::parallel;
 use crate::reserve;
+use crate::scene::{Backend, EmbreeMode};
 use crate::simd::Isa;
 
 /// What traces the rays of a [`RayScene`].
@@ -150,7 +151,8 @@ impl RayScene {
                 let geometry = Arc::new(geometry);
                 let threads = rayon::current_num_threads();
                 let options = BuildOptions { threads, max_bytes: None };
-                let built = build_shared_embree(Arc::clone(&geometry), &options, monitor)?;
+                let embree = Backend::Embree(EmbreeMode::Robust);
+                let built = accel::build_shared(Arc::clone(&geometry), embree, &options, monitor)?;
                 SceneTree::Embree { accelerator: built.into(), geometry }
             }
         };

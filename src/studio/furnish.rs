@@ -13,7 +13,7 @@ use crate::world::{self, Bounds, OwnImage, moved_texture_warning, several_textur
 
 use super::axes::{main_axis, turn};
 use super::calibrated::keep_coordinates;
-use super::placing::place;
+use super::placing::{place, point};
 use super::points::UsedVertices;
 use super::subject::{Appearance, Subject};
 use super::template::{Template, trimesh};
@@ -28,6 +28,47 @@ pub struct FittedTemplate {
     /// Centre of the mesh's bounding box after placement, in world space. Zero if the subject is
     /// calibrated.
     pub middle: DVec3,
+    /// `None` if the subject is calibrated.
+    pub stand: Option<Stand>,
+}
+
+/// How a mesh stands in a template, whatever camera looks at it.
+#[derive(Debug)]
+pub struct Stand {
+    /// Overrides that turn the template into a scene of the mesh, without those of the camera.
+    overrides: Overrides,
+    /// The path of the mesh in the scene.
+    pub(super) path: PathBuf,
+    middle: DVec3,
+    /// The main axis of the camera's `up`, and its sign there: things stand along it.
+    up: (usize, bool),
+    /// Warnings about the mesh.
+    pub(super) warnings: Vec<Problem>,
+}
+
+impl Stand {
+    /// Fits the template to the mesh for another camera. `user` differs from the overrides that
+    /// the mesh was placed with only in this camera, and may not place it: without its `position`
+    /// or under another `up`, the mesh is needed again, and the answer is `None`.
+    ///
+    /// # Errors
+    /// Every problem of the scene.
+    pub(super) fn fit(&self, template: &Template, user: &Overrides) -> Result<Option<Overrides>> {
+        let loaded = load(template, &self.overrides, user)?;
+        let camera = &loaded.scene.camera;
+        let is_placed = user.touches("/camera/position") && camera.perspective().is_some();
+        if !is_placed || up_axis(camera.up) != self.up {
+            return Ok(None);
+        }
+        let mut ours = self.overrides.clone();
+        point((&loaded, user), camera.position, self.middle, &mut ours);
+        Ok(Some(ours))
+    }
+}
+
+fn up_axis(up: DVec3) -> (usize, bool) {
+    let axis = main_axis(up);
+    (axis, up[axis] > 0.0)
 }
 
 /// Returns the overrides that fit `template` to the mesh. The caller applies the user's overrides
@@ -61,7 +102,8 @@ pub fn furnish(
             keep_coordinates(subject, &mesh, (&loaded, &studio), &shape, &mut ours)?;
         }
         let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
-        return Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle: DVec3::ZERO });
+        let (mesh, middle) = ((path, mesh), DVec3::ZERO);
+        return Ok(FittedTemplate { overrides: ours, mesh, middle, stand: None });
     };
     let turned = match (subject.rotate, subject.up) {
         (Some(angles), _) => Some(("--rotate", angles)),
@@ -72,9 +114,17 @@ pub fn furnish(
         ours.flag(flag, &format!("{shape}/rotate"), Some(angles.to_vec()));
         loaded = load(template, &ours, user)?;
     }
-    let middle = place(subject, &points, (&loaded, user), &shape, &mut ours)?;
+    let (middle, position) = place(subject, &points, (&loaded, user), &shape, &mut ours)?;
     let path = trimesh(&loaded, &shape).map_or_else(PathBuf::new, |spec| spec.path.clone());
-    Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle })
+    let stand = Stand {
+        overrides: ours.clone(),
+        path: path.clone(),
+        middle,
+        up: up_axis(loaded.scene.camera.up),
+        warnings: warnings.clone(),
+    };
+    point((&loaded, user), position, middle, &mut ours);
+    Ok(FittedTemplate { overrides: ours, mesh: (path, mesh), middle, stand: Some(stand) })
 }
 
 /// Returns overrides for the path and the look of the mesh, which do not depend on its contents.

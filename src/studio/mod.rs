@@ -22,14 +22,14 @@ mod turntable;
 
 pub use builtin::Studio;
 pub use framing::{FieldOfView, frame, frame_turning};
-pub use furnish::{flags_win, with_default_placement};
+pub use furnish::{Stand, flags_win, with_default_placement};
 pub use points::{UsedVertices, is_mesh, is_named_mesh, read};
 pub use quality::Quality;
 pub use subject::{Appearance, Axis, MARGIN, Subject, smooth};
 pub use template::Template;
 pub use turntable::{LightsFollow, Turning, Turntable};
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
@@ -54,6 +54,8 @@ pub struct MeshScene {
     /// Centre of the mesh's bounding box after placement, in world space. Zero if the subject is
     /// calibrated.
     pub middle: DVec3,
+    /// How the mesh stands, for [`show_again`]. `None` if the subject is calibrated.
+    pub stand: Option<Stand>,
 }
 
 /// Makes a scene that shows a mesh in a template. The user's overrides take precedence.
@@ -90,10 +92,48 @@ pub fn show_mesh(
     subject: &Subject,
     mesh: Mesh,
     template: &Template,
-    mut user: Overrides,
+    user: Overrides,
     light_samples: Option<u32>,
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
+    let user = checked(subject, template, user)?;
+    let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
+    let (path, mesh) = furnished.mesh;
+    let ours = (furnished.overrides, path.as_path());
+    let loaded = around(subject, template, ours, user, light_samples, &mut warnings)?;
+    Ok(MeshScene {
+        loaded,
+        warnings,
+        mesh: (subject.path.to_owned(), mesh),
+        middle: furnished.middle,
+        stand: furnished.stand,
+    })
+}
+
+/// Makes the scene of [`show`] for another camera, without the mesh: see [`Stand`]. Also
+/// returns its warnings. `None` if it needs the mesh.
+///
+/// # Errors
+/// Every problem of the template and the overrides.
+pub fn show_again(
+    stand: &Stand,
+    subject: &Subject,
+    template: &Template,
+    user: Overrides,
+) -> Result<Option<(Loaded, Vec<Problem>)>> {
+    let user = checked(subject, template, user)?;
+    let Some(ours) = stand.fit(template, &user)? else { return Ok(None) };
+    let mut warnings = stand.warnings.clone();
+    let ours = (ours, stand.path.as_path());
+    let loaded = around(subject, template, ours, user, None, &mut warnings)?;
+    Ok(Some((loaded, warnings)))
+}
+
+/// Returns the overrides of the user after those of a quality.
+///
+/// # Errors
+/// A studio or a quality beside a template of the user.
+fn checked(subject: &Subject, template: &Template, mut user: Overrides) -> Result<Overrides> {
     if subject.looks.studio.is_some() && !template.builtin {
         let message = format!("found with {}, expected without a template", template.name);
         return Err(Error::invalid("--studio", message));
@@ -101,8 +141,20 @@ pub fn show_mesh(
     if let Some(quality) = subject.looks.quality {
         user.prepend(quality.overrides(template)?);
     }
-    let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
-    user.prepend(furnished.overrides);
+    Ok(user)
+}
+
+/// Loads the template around a mesh: with the overrides that fit it to the mesh, which has a path
+/// in it, and with those of the user.
+fn around(
+    subject: &Subject,
+    template: &Template,
+    (ours, path): (Overrides, &Path),
+    mut user: Overrides,
+    light_samples: Option<u32>,
+    warnings: &mut Vec<Problem>,
+) -> Result<Loaded> {
+    user.prepend(ours);
     let mut loaded = load_sampled(template.source(), user, light_samples)?;
     if subject.looks.no_ground || (template.builtin && subject.calibrated) {
         loaded = with_other_ground(loaded, template, |_| false)?;
@@ -115,9 +167,8 @@ pub fn show_mesh(
         })?;
     }
     // A ground that catches shadows uses the samples also of lights that are drawn.
-    take_warnings(&mut loaded, light_samples, &mut warnings);
+    take_warnings(&mut loaded, light_samples, warnings);
     // Messages name the mesh by the user's path, not relative to the template.
-    let (path, mesh) = furnished.mesh;
     for shape in &mut loaded.scene.shapes {
         if let ShapeKind::Trimesh(spec) = &mut shape.kind {
             if spec.path == path {
@@ -125,12 +176,7 @@ pub fn show_mesh(
             }
         }
     }
-    Ok(MeshScene {
-        loaded,
-        warnings,
-        mesh: (subject.path.to_owned(), mesh),
-        middle: furnished.middle,
-    })
+    Ok(loaded)
 }
 
 /// Returns the scene with `change` applied to every plane named `ground`. The plane is removed if

@@ -18,8 +18,8 @@ use super::template::{copies, trimesh};
 /// to see, but a flat mesh does not coincide with the ground plane.
 const GROUND_GAP: f64 = 1e-4;
 
-/// Adds overrides that place the mesh on the ground and move the camera. Instances are placed with
-/// it, and the camera sees all of them. Returns the centre of the bounding box in world space.
+/// Adds overrides that place the mesh on the ground. Instances are placed with it. Returns the
+/// centre of the bounding box in world space, and where the camera sees all of them.
 ///
 /// # Errors
 /// If there is no triangle, or if the camera is neither `pinhole` nor `thinlens`.
@@ -29,7 +29,7 @@ pub(super) fn place(
     (loaded, user): (&Loaded, &Overrides),
     shape: &str,
     ours: &mut Overrides,
-) -> Result<DVec3> {
+) -> Result<(DVec3, DVec3)> {
     let empty = || Error::invalid(subject.path.display().to_string(), "found no triangle to show");
     let spec = trimesh(loaded, shape).ok_or_else(empty)?;
     let (linear, middle) = placement(spec, points.bounds(|p| p));
@@ -83,8 +83,7 @@ pub(super) fn place(
     };
     let position = position.ok_or_else(empty)?;
     ours.flag("FILE.ply", &format!("{shape}/center"), Some(center.to_array().to_vec()));
-    point(loaded, user, position, middle, ours);
-    Ok(middle)
+    Ok((middle, position))
 }
 
 /// Returns `center` with the height at which a box around zero, from `low` to `high`, stands on the
@@ -101,7 +100,12 @@ pub(super) fn standing(loaded: &Loaded, mut center: DVec3, (low, high): (DVec3, 
 
 /// Adds overrides for the camera's new position, unless the user gives one. A lens is focused on
 /// the centre of the mesh.
-fn point(loaded: &Loaded, user: &Overrides, framed: DVec3, middle: DVec3, ours: &mut Overrides) {
+pub(super) fn point(
+    (loaded, user): (&Loaded, &Overrides),
+    framed: DVec3,
+    middle: DVec3,
+    ours: &mut Overrides,
+) {
     let camera = &loaded.scene.camera;
     let list = |v: DVec3| Some(v.to_array().to_vec());
     let z = camera.lookat.normalize();

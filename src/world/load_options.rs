@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::error::{Problem, Result};
+use crate::error::Result;
 use crate::mesh::{self, Mesh};
 use crate::monitor::Monitor;
 use crate::reserve::MemoryLimit;
-use crate::scene::{CheckedCamera, Layer, Scene, Trimesh};
+use crate::scene::{CheckedCamera, Trimesh};
 
-use super::{Bounds, color_request, positions};
+use super::color_request;
 
 /// Options for reading the scene's files.
 #[derive(Debug, Default)]
@@ -34,31 +34,12 @@ pub struct LoadOptions {
     /// Measures the [`Resolution`](super::Resolution) of every mesh. Without it, collapsed edges
     /// are searched only in meshes where they are likely.
     pub resolutions: bool,
-    /// All cameras of the render, for [`World::views`](super::World::views) and for warnings about
-    /// unseen meshes. The caller then warns about rounding. Empty: the scene's camera alone.
+    /// All cameras of the render, for warnings. The caller then warns about rounding. Empty: the
+    /// scene's camera alone.
     pub cameras: Vec<CheckedCamera>,
 }
 
 impl LoadOptions {
-    /// Returns whether a box lies outside the view of every camera.
-    pub(super) fn outside_views(&self, scene: &Scene, bounds: Bounds) -> bool {
-        match self.cameras.as_slice() {
-            [] => bounds.outside_view(&scene.camera),
-            all => all.iter().all(|camera| bounds.outside_view(camera)),
-        }
-    }
-
-    /// Returns a warning if the layer of positions is too coarse for a camera.
-    pub(super) fn coarse_positions(&self, scene: &Scene, bounds: Bounds) -> Option<Problem> {
-        let cameras = match self.cameras.as_slice() {
-            [] => std::slice::from_ref(&scene.camera),
-            all => all,
-        };
-        let wanted = scene.layers.contains(&Layer::Position);
-        let mut cameras = cameras.iter().filter(|_| wanted);
-        cameras.find_map(|camera| positions::warning(camera, bounds))
-    }
-
     /// Reads a mesh, or takes it if it is in memory already.
     pub(super) fn mesh(
         &mut self,

@@ -2,6 +2,7 @@
 //! relative to one origin in f64.
 
 mod bounds;
+mod cameras;
 mod colors;
 mod fingerprint;
 mod gather;
@@ -16,7 +17,6 @@ mod resolution;
 mod sources;
 mod textures;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -102,8 +102,8 @@ pub struct World {
     pub resolutions: Vec<Resolution>,
     /// Origin of the coordinates, and the precision near the camera.
     pub origin: Origin,
-    /// What each of [`LoadOptions::cameras`] sees of the loaded world.
-    pub views: Vec<View>,
+    /// The box of each shape of the scene, in world space.
+    pub bounds: Arc<[Bounds]>,
     /// The files that were opened, with their stamps.
     pub read: ReadFiles,
     /// The colour map of the first mesh that shows a property.
@@ -121,6 +121,24 @@ impl World {
         mut options: LoadOptions,
         monitor: &Monitor,
     ) -> Result<(Self, Vec<Problem>)> {
+        let cameras = std::mem::take(&mut options.cameras);
+        let (world, mut warnings) = Self::load_unseen(scene, options, monitor)?;
+        let own = std::slice::from_ref(&scene.camera);
+        let all = if cameras.is_empty() { own } else { &cameras };
+        warnings.extend(world.camera_warnings(scene, all));
+        warnings.extend(world.origin.warning().filter(|_| cameras.is_empty()));
+        Ok((world, warnings))
+    }
+
+    /// Does the same as [`World::load`] without the warnings about cameras.
+    ///
+    /// # Errors
+    /// Those of [`World::load`].
+    pub fn load_unseen(
+        scene: &Scene,
+        mut options: LoadOptions,
+        monitor: &Monitor,
+    ) -> Result<(Self, Vec<Problem>)> {
         monitor.begin(Phase::Load, scene.shapes.len() as u64);
         let (mut log, mut failures) = (LoadLog::default(), Failures::default());
         let asked = options.texture_bytes.map(|bytes| MemoryLimit { bytes, set_by_user: true });
@@ -133,8 +151,6 @@ impl World {
         let mut bounds = Vec::with_capacity(scene.shapes.len());
         let mut meshes = Vec::new();
         let mut mesh_images = Vec::new();
-        // Warnings about meshes, by their shape. One that the camera may see in a copy has none.
-        let mut unseen = BTreeMap::new();
         for (index, shape) in scene.shapes.iter().enumerate() {
             let mut own = Bounds::from_shape(&shape.kind);
             if let ShapeKind::Trimesh(spec) = &shape.kind {
@@ -154,14 +170,6 @@ impl World {
                 if let Some(first) = &spec.transform {
                     own = own.transformed(first);
                 }
-                if options.outside_views(scene, own) {
-                    let whose = match options.cameras.len() {
-                        0 | 1 => "the camera's view".to_string(),
-                        count => format!("the view of all {count} cameras"),
-                    };
-                    let message = format!("{} lies outside {whose}", spec.path.display());
-                    unseen.insert(index, Problem::new(&spec.place, message));
-                }
                 meshes.push((index, mesh));
             }
             if let ShapeKind::Instance { of, transform } = &shape.kind {
@@ -169,33 +177,22 @@ impl World {
                 if let Ok(mesh) = meshes.binary_search_by_key(of, |(index, _)| *index) {
                     own = meshes[mesh].1.bounds().transformed(transform);
                 }
-                if unseen.contains_key(of) && !options.outside_views(scene, own) {
-                    unseen.remove(of);
-                }
             }
             bounds.push(own);
             monitor.set_done(index as u64 + 1);
             monitor.check()?;
         }
         failures.check()?;
-        log.warnings.extend(unseen.into_values());
         let mut looks = looks.unwrap_or_default();
         let mesh_materials =
             textures::load_mesh_images(mesh_images, scene, limits, &mut looks, &mut log)?;
         let (textures, materials) = looks;
         let whole = bounds.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         check_size(whole, &mut log.warnings)?;
-        log.warnings.extend(options.coarse_positions(scene, whole));
         log.warnings.extend(lights::facing_warnings(scene, &bounds));
         let shapes = scene.shapes.iter().map(|shape| &shape.kind);
-        let boxed: Vec<_> = shapes.zip(bounds).collect();
+        let boxed: Vec<_> = shapes.zip(bounds.iter().copied()).collect();
         let chosen = Origin::choose(&scene.camera, &boxed);
-        let views = options.cameras.iter().map(|camera| View {
-            own: Origin::choose(camera, &boxed),
-            here: chosen.seen_by(camera, &boxed),
-        });
-        let views: Vec<View> = views.collect();
-        log.warnings.extend(chosen.warning().filter(|_| views.is_empty()));
         let origin = chosen.position;
         // Meshes of instances keep an origin of their own.
         let faces =
@@ -243,14 +240,14 @@ impl World {
             Ok(recentre(light, &geometry, &maps, None))
         });
         let lights = lights.collect::<Result<_>>()?;
-        let world = Self::over((Arc::new(geometry), Arc::new(shapes), maps), lights, chosen, scene);
-        let world = Self { resolutions, views, read: log.read, legend, ..world };
-        Ok((world, log.warnings))
+        let shared = (Arc::new(geometry), Arc::new(shapes), maps, bounds.into());
+        let world = Self::over(shared, lights, chosen, scene);
+        Ok((Self { resolutions, read: log.read, legend, ..world }, log.warnings))
     }
 
     /// Makes the world of a scene whose geometry, shapes, maps and lights are loaded.
     fn over(
-        (geometry, shapes, maps): (Arc<Geometry>, Arc<Shapes>, Maps),
+        (geometry, shapes, maps, bounds): (Arc<Geometry>, Arc<Shapes>, Maps, Arc<[Bounds]>),
         lights: Vec<Light>,
         chosen: Origin,
         scene: &Scene,
@@ -281,7 +278,7 @@ impl World {
             transparent: scene.transparent,
             resolutions: Vec::new(),
             origin: chosen,
-            views: Vec::new(),
+            bounds,
             geometry,
             read: ReadFiles::default(),
             legend: None,
@@ -292,7 +289,8 @@ impl World {
     /// shapes. An accelerator over this world's geometry serves the new world, too. `scene` must
     /// not differ from the loaded scene in shapes, materials or images.
     pub fn frame_of(&self, scene: &Scene) -> Self {
-        let shared = (Arc::clone(&self.geometry), Arc::clone(&self.shapes), self.maps.clone());
+        let (geometry, shapes) = (Arc::clone(&self.geometry), Arc::clone(&self.shapes));
+        let shared = (geometry, shapes, self.maps.clone(), Arc::clone(&self.bounds));
         let lights = scene.lights.iter().enumerate().map(|(index, light)| {
             recentre(light, &self.geometry, &self.maps, self.lights.get(index))
         });

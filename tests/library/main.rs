@@ -104,6 +104,7 @@ mod scene {
     mod errors;
     mod fingerprint;
     mod mesh_alone;
+    mod views;
     mod warnings;
     mod watched;
 }

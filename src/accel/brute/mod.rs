@@ -23,6 +23,7 @@ use glam::DVec3;
 use self::blocks::{Blocks, ROUNDING};
 use self::triangle::{compare, crossing};
 use super::accelerator::{Accelerator, BuildInfo, BuildOptions, over_limit};
+use super::geometry_ref::GeometryRef;
 use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
 use crate::geometry::{Box3, Geometry, GeometryKind, Unseen};
@@ -32,7 +33,7 @@ use crate::ray::{Coherence, Mask, RayPacket, Rays};
 
 /// The oracle: closest hits and occlusion by exact tests of every primitive.
 pub struct Brute<'g> {
-    geometry: &'g Geometry,
+    geometry: GeometryRef<'g>,
     blocks: Blocks,
     peak_bytes: u64,
 }
@@ -56,7 +57,7 @@ impl<'g> Brute<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::build_part((geometry, &Unseen::NONE), options, monitor)
+        Self::build_part((geometry.into(), &Unseen::NONE), options, monitor)
     }
 
     /// [`Brute::build`] without the primitives in `unseen`.
@@ -64,7 +65,7 @@ impl<'g> Brute<'g> {
     /// # Errors
     /// See [`super::build`].
     pub fn build_part(
-        (geometry, unseen): (&'g Geometry, &Unseen),
+        (geometry, unseen): (GeometryRef<'g>, &Unseen),
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
@@ -75,7 +76,7 @@ impl<'g> Brute<'g> {
         let all = 0..geometry.count() as u32;
         let boxes = |count, primitive: &(dyn Fn(usize) -> u32 + Sync)| {
             let mut boxes = vec![Box3::EMPTY; count];
-            parallel::fill(&mut boxes, |i| bounds(geometry, primitive(i)));
+            parallel::fill(&mut boxes, |i| bounds(&geometry, primitive(i)));
             boxes
         };
         let blocks = if unseen.is_empty() {
@@ -89,8 +90,8 @@ impl<'g> Brute<'g> {
     }
 
     /// Returns the geometry that the oracle was built over.
-    pub fn geometry(&self) -> &'g Geometry {
-        self.geometry
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
     }
 
     /// Returns all hits of the ray, nearest first. Ties are sorted by scene-wide primitive index.
@@ -124,7 +125,7 @@ impl<'g> Brute<'g> {
     /// A sphere gives one entry for each of its roots. A flat primitive that the ray leaves gives
     /// none. Returns `None` if there are more than `most` entries.
     pub fn near(&self, ray: &LaneRay, factor: f64, most: usize) -> Option<Vec<Near>> {
-        near::near(self.geometry, &self.blocks, ray, factor, most)
+        near::near(&self.geometry, &self.blocks, ray, factor, most)
     }
 
     fn each_hit(&self, ray: &LaneRay, mut found: impl FnMut(ExactHit)) {

@@ -37,7 +37,7 @@ impl<T: Tier> Kernel for InterleavedClosest<'_, T> {
         let mut found = ClosestHits::new(&packet.rays);
         let rays = Interleaved::new(tier, bvh, &query, &packet.rays);
         rays.closest(tier.bits(active), &mut found);
-        found.store(bvh.geometry, packet);
+        found.store(&bvh.geometry, packet);
     }
 }
 
@@ -93,7 +93,7 @@ pub struct Interleaved<'a, T> {
 impl<'a, T: Tier> Interleaved<'a, T> {
     #[inline(always)]
     pub fn new(tier: T, bvh: &'a Bvh, query: &'a Query, rays: &'a Rays) -> Self {
-        Self { tier, tree: &bvh.tree, geometry: bvh.geometry, query, rays }
+        Self { tier, tree: &bvh.tree, geometry: &bvh.geometry, query, rays }
     }
 
     #[inline(always)]

@@ -102,7 +102,7 @@ impl<T: Tier> Kernel for SingleClosest<'_, T> {
                 best.store(&mut found, i);
             }
         }
-        found.store(bvh.geometry, packet);
+        found.store(&bvh.geometry, packet);
     }
 }
 
@@ -124,7 +124,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, packet } = self;
         let query = Query::new(&packet.rays, &bvh.tree.bounds);
-        let scene = (&*bvh.tree, bvh.geometry);
+        let scene = (&*bvh.tree, &*bvh.geometry);
         let mut found = ClosestHits::new(&packet.rays);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (tier.bits(active), 0);
@@ -143,7 +143,7 @@ impl<T: Tier> Kernel for PacketClosest<'_, T> {
             best.store(&mut found, i);
         }
         stacks.keep();
-        found.store(bvh.geometry, packet);
+        found.store(&bvh.geometry, packet);
     }
 }
 
@@ -185,7 +185,7 @@ impl<T: Tier> Kernel for PacketOccluded<'_, T> {
     fn run(self) {
         let Self { tier, bvh, active, rays } = self;
         let query = Query::new(rays, &bvh.tree.bounds);
-        let scene = (&*bvh.tree, bvh.geometry);
+        let scene = (&*bvh.tree, &*bvh.geometry);
         let mut stacks = Stacks::take();
         let (mut rest, mut alone) = (tier.bits(active), 0);
         while rest != 0 {
@@ -230,7 +230,7 @@ impl<T: Tier> Kernel for InCone<'_, T> {
         if active & !tier.bits(&query.aligned(active.trailing_zeros() as usize)) != 0 {
             return Cone::Any;
         }
-        Packet::new(tier, (&*bvh.tree, bvh.geometry), (&query, rays), active).contents()
+        Packet::new(tier, (&*bvh.tree, &*bvh.geometry), (&query, rays), active).contents()
     }
 }
 

@@ -37,6 +37,7 @@ impl OwnedBvh {
     /// Returns the tree as an accelerator.
     pub fn bvh(&self) -> Bvh<'_> {
         let Self { geometry, tree, isa, peak_bytes } = self;
+        let geometry = geometry.into();
         Bvh { geometry, tree: Arc::clone(tree), isa: *isa, peak_bytes: *peak_bytes }
     }
 

@@ -7,6 +7,7 @@ use super::query::Query;
 use super::simd::Tier;
 use super::single::Single;
 use crate::accel::accelerator::BuildOptions;
+use crate::accel::geometry_ref::GeometryRef;
 use crate::error::Result;
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
@@ -15,7 +16,7 @@ use crate::simd::Isa;
 
 /// A tree over the primitives of a scene.
 pub struct Bvh<'g> {
-    pub(super) geometry: &'g Geometry,
+    pub(super) geometry: GeometryRef<'g>,
     pub(super) tree: Arc<Tree>,
     /// Instruction set of the kernels.
     pub(super) isa: Isa,
@@ -35,7 +36,7 @@ impl<'g> Bvh<'g> {
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
-        Self::build_part((geometry, &Unseen::NONE), isa, options, monitor)
+        Self::build_part((geometry.into(), &Unseen::NONE), isa, options, monitor)
     }
 
     /// [`Bvh::build`] without the primitives in `unseen`.
@@ -43,13 +44,13 @@ impl<'g> Bvh<'g> {
     /// # Errors
     /// See [`crate::accel::build`].
     pub fn build_part(
-        (geometry, unseen): (&'g Geometry, &Unseen),
+        (geometry, unseen): (GeometryRef<'g>, &Unseen),
         isa: Isa,
         options: &BuildOptions,
         monitor: &Monitor,
     ) -> Result<Self> {
         let isa = isa.min(Isa::detect());
-        let part = (geometry, unseen);
+        let part = (&*geometry, unseen);
         let (tree, peak_bytes) = build::build(part, isa, options.max_bytes, monitor)?;
         Ok(Self { geometry, tree: Arc::new(tree), isa, peak_bytes })
     }
@@ -63,6 +64,6 @@ impl<'g> Bvh<'g> {
         rays: &'a Rays,
         i: usize,
     ) -> Single<'a, T> {
-        Single::new(tier, (&self.tree, self.geometry), query.lane(i), rays)
+        Single::new(tier, (&self.tree, &self.geometry), query.lane(i), rays)
     }
 }

@@ -136,7 +136,7 @@ impl Validator<'_> {
 
     /// Checks a leaf of triangles. Returns its box.
     fn triangles(&mut self, index: usize) -> Result<Bounds3, String> {
-        let (tree, geometry) = (&*self.bvh.tree, self.bvh.geometry);
+        let (tree, geometry) = (&*self.bvh.tree, &*self.bvh.geometry);
         let place = |what: String| format!("leaf {index}: {what}");
         let block = tree.blocks.get(index).ok_or_else(|| place("does not exist".into()))?;
         let mut bounds = Bounds3::EMPTY;
@@ -170,7 +170,7 @@ impl Validator<'_> {
 
     /// Checks a leaf of spheres. Returns its box.
     fn spheres(&mut self, index: usize) -> Result<Bounds3, String> {
-        let (tree, geometry) = (&*self.bvh.tree, self.bvh.geometry);
+        let (tree, geometry) = (&*self.bvh.tree, &*self.bvh.geometry);
         let place = |what: String| format!("sphere leaf {index}: {what}");
         let leaf = tree.spheres.get(index).ok_or_else(|| place("does not exist".into()))?;
         let len = leaf.0.iter().take_while(|&&id| id != NONE).count();
@@ -218,7 +218,7 @@ impl Validator<'_> {
 
     /// Checks that every primitive was seen and that the counts match those of the tree.
     fn finish(self) -> Result<TreeStats, String> {
-        let (tree, geometry, stats) = (&*self.bvh.tree, self.bvh.geometry, self.stats);
+        let (tree, geometry, stats) = (&*self.bvh.tree, &*self.bvh.geometry, self.stats);
         for (primitive, &seen) in self.seen.iter().enumerate() {
             let (geom, prim) = geometry.place(primitive as u32);
             let whole = if geometry.kind(geom) == GeometryKind::Quads { 3 } else { 1 };

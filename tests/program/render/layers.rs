@@ -350,7 +350,7 @@ fn the_library_warns_of_values_that_a_file_does_not_hold() {
     let renderer = scene.renderer().unwrap();
     let film = renderer.render().unwrap();
     let warnings = |writer: lightpath::PictureWriter| {
-        let written = writer.write(&scene, &film, scratch.path("x")).unwrap();
+        let written = writer.write(&film, scratch.path("x")).unwrap();
         written.warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(warnings(renderer.writer().float(true)), [""; 0]);
@@ -372,7 +372,7 @@ fn the_library_writes_what_the_program_writes() {
     renderer.write(&renderer.render().unwrap(), scratch.path("library")).unwrap();
     assert!(scratch.read("library.png") == scratch.read("program.png"));
     let writer = renderer.writer().float(true);
-    writer.write(&scene, &renderer.render().unwrap(), scratch.path("floats")).unwrap();
+    writer.write(&renderer.render().unwrap(), scratch.path("floats")).unwrap();
     assert_eq!(render(&scratch, &["-o", "program_floats", "--float"]).code(), 0);
     assert_eq!(scratch.channels("floats.exr"), scratch.channels("program_floats.exr"));
     assert_ne!(scratch.channels("floats.exr"), scratch.channels("library.exr"));
