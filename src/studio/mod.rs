@@ -96,11 +96,11 @@ pub fn show_mesh(
     light_samples: Option<u32>,
 ) -> Result<MeshScene> {
     let mut warnings = Vec::new();
-    let user = checked(subject, template, user)?;
+    let user = with_quality(subject, template, user)?;
     let furnished = furnish::furnish(subject, mesh, template, &user, &mut warnings)?;
     let (path, mesh) = furnished.mesh;
     let ours = (furnished.overrides, path.as_path());
-    let loaded = around(subject, template, ours, user, light_samples, &mut warnings)?;
+    let loaded = load_around(subject, template, ours, user, light_samples, &mut warnings)?;
     Ok(MeshScene {
         loaded,
         warnings,
@@ -121,19 +121,19 @@ pub fn show_again(
     template: &Template,
     user: Overrides,
 ) -> Result<Option<(Loaded, Vec<Problem>)>> {
-    let user = checked(subject, template, user)?;
+    let user = with_quality(subject, template, user)?;
     let Some(ours) = stand.fit(template, &user)? else { return Ok(None) };
     let mut warnings = stand.warnings.clone();
     let ours = (ours, stand.path.as_path());
-    let loaded = around(subject, template, ours, user, None, &mut warnings)?;
+    let loaded = load_around(subject, template, ours, user, None, &mut warnings)?;
     Ok(Some((loaded, warnings)))
 }
 
-/// Returns the overrides of the user after those of a quality.
+/// Returns the overrides of the user after those of the quality that the subject asks for.
 ///
 /// # Errors
 /// A studio or a quality beside a template of the user.
-fn checked(subject: &Subject, template: &Template, mut user: Overrides) -> Result<Overrides> {
+fn with_quality(subject: &Subject, template: &Template, mut user: Overrides) -> Result<Overrides> {
     if subject.looks.studio.is_some() && !template.builtin {
         let message = format!("found with {}, expected without a template", template.name);
         return Err(Error::invalid("--studio", message));
@@ -146,7 +146,7 @@ fn checked(subject: &Subject, template: &Template, mut user: Overrides) -> Resul
 
 /// Loads the template around a mesh: with the overrides that fit it to the mesh, which has a path
 /// in it, and with those of the user.
-fn around(
+fn load_around(
     subject: &Subject,
     template: &Template,
     (ours, path): (Overrides, &Path),
