@@ -2,32 +2,29 @@
 //! -> files.
 
 mod ray_query;
+mod shown;
 mod views;
 
 pub use ray_query::{Hit, Ray};
+pub use shown::{PictureWriter, WrittenPicture};
 pub use views::{MakeMesh, Views};
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::Arc;
 
 use self::ray_query::{ShapeNumber, closest_of_packet, occlusion_of_packet};
-use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
+use self::shown::{SceneFiles, ShownScene, drop_nuls};
+use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Problem, Result};
-use crate::film::{Film, ReservedFilm, Window};
-use crate::layers::LayerPlan;
+use crate::film::Film;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
-use crate::output::Outputs;
-use crate::output::legend::Legend;
 use crate::parallel;
-use crate::picture::{self, PictureHeader, Storage};
 use crate::ray::LANES;
-use crate::render::{RenderContext, render_layers};
 use crate::scene::{self, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh};
 use crate::studio::{self, MeshScene, Studio, Subject, Template};
-use crate::threads::lock;
-use crate::world::{ContentHashes, LoadOptions, ReadFiles, World, fingerprint};
+use crate::world::{LoadOptions, World};
 
 /// A scene whose files are in memory. [`LoadedScene::renderer`] makes it ready for rays.
 ///
@@ -61,27 +58,6 @@ pub struct LoadedScene {
     world: World,
     /// How hits name the shapes of the scene.
     numbers: Vec<ShapeNumber>,
-}
-
-/// What the files of a picture tell of its scene, without the world.
-#[derive(Debug)]
-struct ShownScene {
-    loaded: Loaded,
-    plan: LayerPlan,
-    warnings: Vec<Problem>,
-    legend: Option<Legend>,
-    /// `None` if a mesh is from memory: a hash would not cover it.
-    files: Option<Arc<SceneFiles>>,
-    /// [`fingerprint`] of scene and files, once a picture was written.
-    hash: OnceLock<Option<String>>,
-}
-
-/// The files of a scene, which several pictures share.
-#[derive(Debug)]
-struct SceneFiles {
-    read: ReadFiles,
-    /// Filled once a picture was written.
-    contents: Mutex<ContentHashes>,
 }
 
 impl LoadedScene {
@@ -150,12 +126,12 @@ impl LoadedScene {
         let scene = r#"{ "camera": { "type": "pinhole", "width": 1, "height": 1, "fov": 40,
               "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
             "scene": { "materials": { "mesh": {} }, "shapes": [] } }"#;
-        let mut loaded = Self::with_meshes(scene, &[], vec![("mesh", "mesh", mesh)])?;
+        let mut loaded = load_with(of_text(scene), &[])?;
+        let ready = add_meshes(&mut loaded, vec![("mesh", "mesh", mesh)])?;
+        let (world, _) = load_world(&loaded, ready, &Monitor::default())?;
         // Nobody uses the camera, so a warning that it does not see the mesh would be noise.
-        if let Some(shown) = Arc::get_mut(&mut loaded.shown) {
-            shown.warnings.clear();
-        }
-        Ok(loaded)
+        loaded.warnings.clear();
+        Ok(Self::new(loaded, world, [], None))
     }
 
     /// Makes a scene of a mesh in the built-in studio: scaled, set on the ground, lit, with a
@@ -262,66 +238,33 @@ impl LoadedScene {
     /// Loads the files of a scene, except the meshes in `ready`, by the path in the scene.
     fn with_ready(loaded: Loaded, ready: Vec<(PathBuf, Mesh)>, monitor: &Monitor) -> Result<Self> {
         let is_of_files = ready.is_empty();
-        let options = LoadOptions { ready, ..LoadOptions::default() };
-        let (mut world, more) = World::load(&loaded.scene, options, monitor).map_err(readable)?;
-        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        let (mut world, warnings) = load_world(&loaded, ready, monitor)?;
         let files = is_of_files.then(|| SceneFiles::of(&mut world));
-        let legend = world.legend.clone();
-        let shown = Arc::new(ShownScene::new(loaded, more, legend, files));
-        Ok(Self { shown, world, numbers })
+        Ok(Self::new(loaded, world, warnings, files))
     }
-}
 
-impl SceneFiles {
-    fn of(world: &mut World) -> Arc<Self> {
-        let (read, contents) = (std::mem::take(&mut world.read), Mutex::default());
-        Arc::new(Self { read, contents })
-    }
-}
-
-impl ShownScene {
-    /// `more` are warnings of the scene's files.
     fn new(
-        mut loaded: Loaded,
-        more: impl IntoIterator<Item = Problem>,
-        legend: Option<Legend>,
+        loaded: Loaded,
+        world: World,
+        warnings: impl IntoIterator<Item = Problem>,
         files: Option<Arc<SceneFiles>>,
     ) -> Self {
-        let mut warnings = std::mem::take(&mut loaded.warnings);
-        warnings.extend(more);
-        warnings.iter_mut().for_each(drop_nuls);
-        let plan = LayerPlan::new(&loaded.scene);
-        Self { loaded, plan, warnings, legend, files, hash: OnceLock::new() }
+        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        let legend = world.legend.clone();
+        let shown = Arc::new(ShownScene::new(loaded, warnings, legend, files));
+        Self { shown, world, numbers }
     }
+}
 
-    /// Renders the whole frame.
-    fn render(
-        &self,
-        world: &World,
-        accelerator: &dyn Accelerator,
-        monitor: &Monitor,
-    ) -> Result<Film> {
-        let [width, height] = world.frame;
-        let window = Window::full(width, height);
-        let channels = self.plan.layout.channels.clone();
-        let mut film = ReservedFilm::new([width, height], window, channels)?.film();
-        let isa = self.loaded.scene.backend.isa();
-        let context = RenderContext { world, accelerator, isa, monitor };
-        render_layers(context, &mut film, &self.plan, None)?;
-        Ok(film)
-    }
-
-    /// The hash of the scene and its files, unless a mesh is from memory or a pipe, or a file has
-    /// changed since it was read.
-    fn hash(&self) -> Option<&str> {
-        let files = self.files.as_ref()?;
-        let hash = self.hash.get_or_init(|| {
-            let mut contents = lock(&files.contents);
-            let hash = fingerprint(&self.loaded, false, &mut contents).ok()??;
-            contents.check(&files.read).ok().map(|()| hash)
-        });
-        hash.as_deref()
-    }
+/// Loads the files of a scene, except the meshes in `ready`, by the path in the scene. Returns
+/// warnings, too.
+fn load_world(
+    loaded: &Loaded,
+    ready: Vec<(PathBuf, Mesh)>,
+    monitor: &Monitor,
+) -> Result<(World, Vec<Problem>)> {
+    let options = LoadOptions { ready, ..LoadOptions::default() };
+    World::load(&loaded.scene, options, monitor).map_err(readable)
 }
 
 fn of_text(text: &str) -> Source<'_> {
@@ -374,13 +317,6 @@ fn in_default_studio<'a>(path: &'a Path, overrides: &[&str]) -> (Subject<'a>, Te
     let mut user = Overrides::default();
     overrides.iter().for_each(|set| user.set(set));
     (Subject::new(path), Template::studio(Studio::default()), user)
-}
-
-/// Removes the NULs of the paths of meshes from memory.
-fn drop_nuls(problem: &mut Problem) {
-    for text in [&mut problem.place, &mut problem.message] {
-        text.retain(|c| c != '\0');
-    }
 }
 
 fn readable(mut error: Error) -> Error {
@@ -505,71 +441,7 @@ impl Renderer<'_> {
 
     /// Returns a writer for films of this renderer. It may outlive renderer and scene.
     pub fn writer(&self) -> PictureWriter {
-        let shown = Arc::clone(&self.loaded.shown);
-        PictureWriter { shown, info: self.accelerator.info(), float: false }
-    }
-}
-
-/// The files that a [`PictureWriter`] wrote.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct WrittenPicture {
-    /// Paths of the EXR and the PNG.
-    pub files: [PathBuf; 2],
-    /// Warnings about values that the EXR does not hold: numbers that are not finite or beyond a
-    /// half, coverage beyond the ranks of cryptomattes.
-    pub warnings: Vec<Problem>,
-    /// Warnings about what the PNG does not show: a legend for which it is too small.
-    pub png_warnings: Vec<Problem>,
-}
-
-/// Writes the films of a [`Renderer`], also after the renderer and its scene are dropped.
-#[derive(Debug, Clone)]
-pub struct PictureWriter {
-    shown: Arc<ShownScene>,
-    info: BuildInfo,
-    float: bool,
-}
-
-impl PictureWriter {
-    /// Selects 32-bit floats for the EXR, or 16-bit floats, the default.
-    pub fn float(self, float: bool) -> Self {
-        Self { float, ..self }
-    }
-
-    /// Warnings of the scene, and of its files.
-    pub fn warnings(&self) -> &[Problem] {
-        &self.shown.warnings
-    }
-
-    /// Writes a film: see [`Renderer::write`].
-    ///
-    /// # Errors
-    /// A film of another scene's size, or with too few values; a folder that cannot be written to;
-    /// a full disk.
-    pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
-        let ShownScene { loaded: Loaded { scene, .. }, plan, legend, .. } = &*self.shown;
-        film.check()?;
-        let frame = [scene.camera.width, scene.camera.height];
-        if film.frame != frame {
-            let [found, expected] = [film.frame, frame].map(|[w, h]| format!("{w} x {h}"));
-            let message = format!("found a film of {found} pixels, expected {expected}");
-            return Err(Error::invalid("film", message));
-        }
-        let header = PictureHeader {
-            backend_version: &self.info.version,
-            scene_hash: self.shown.hash(),
-            legend: legend.as_ref(),
-            ..PictureHeader::default()
-        };
-        let storage = Storage { float: self.float, ..Storage::default() };
-        let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
-        let (_, oddities) =
-            picture::write(files, film, scene, header, storage, &Monitor::default())?;
-        Ok(WrittenPicture {
-            files: Outputs::names(prefix.as_ref()),
-            warnings: picture::exr_warnings(&oddities),
-            png_warnings: picture::png_warnings(&oddities),
-        })
+        PictureWriter::new(&self.loaded.shown, self.accelerator.info())
     }
 }
 

@@ -4,10 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fmt, mem};
 
-use super::{
-    PictureWriter, SceneFiles, ShownScene, add_meshes, in_default_studio, load_with, of_text,
-    readable, use_material,
-};
+use super::shown::{PictureWriter, SceneFiles, ShownScene};
+use super::{add_meshes, in_default_studio, load_with, of_text, readable, use_material};
 use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Problem, Result};
 use crate::film::Film;
@@ -247,8 +245,7 @@ impl Kept {
     fn render(&self, monitor: &Monitor) -> Result<(Film, PictureWriter)> {
         let world = self.world.frame_of(&self.shown.loaded.scene);
         let film = self.shown.render(&world, self.accelerator.as_ref(), monitor)?;
-        let (shown, info) = (Arc::clone(&self.shown), self.accelerator.info());
-        Ok((film, PictureWriter { shown, info, float: false }))
+        Ok((film, PictureWriter::new(&self.shown, self.accelerator.info())))
     }
 }
 
