@@ -37,6 +37,18 @@ def test_a_scene_as_a_dict_with_a_mesh_from_memory():
     assert lightpath.render(scene, spp=1, camera={"width": 8, "height": 8})["RGBA"].shape == (8, 8, 4)
 
 
+def test_a_scene_of_several_meshes_shows_all_of_them():
+    vertices, faces = cube()
+    moved = vertices * 0.5 + [2, 0, 0]
+    options = {"camera": {"width": 24, "height": 16}, "spp": 1, "layers": "primid"}
+    scene = lightpath.RayScene.from_meshes([(vertices, faces), (moved, faces)])
+    several = lightpath.render(scene, **options)
+    one = lightpath.render((np.concatenate([vertices, moved]), np.concatenate([faces, faces + 8])), **options)
+    assert all((several[name] == one[name]).all() for name in one)
+    # Each mesh has 12 faces, numbered from 1.
+    assert {0, 1} <= set(((several["primid"].astype(int) - 1) // 12).ravel().tolist())
+
+
 def test_all_problems_of_a_scene_are_listed():
     scene = {**SCENE, "camera": {**SCENE["camera"], "fov": 400, "widht": 3}}
     with pytest.raises(lightpath.Error) as caught:

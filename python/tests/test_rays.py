@@ -168,6 +168,29 @@ def test_an_open_mesh_uses_winding_numbers():
     assert soup.is_closed == [True]
 
 
+def test_open_meshes_count_together_and_may_be_inside_out():
+    vertices, faces = cube()
+    inside_out = lightpath.RayScene(vertices, faces[2:, ::-1])
+    assert inside_out.contains([[0, 0, 0.5], [0, 0, -3]]).tolist() == [True, False]
+    assert -1 < inside_out.winding_number([0, 0, 0.5])[0] < -0.5
+    halves = lightpath.RayScene.from_meshes([(vertices, faces[:6]), (vertices, faces[6:])])
+    assert halves.is_closed == [False, False]
+    assert halves.contains([[0, 0, 0], [3, 0, 0]]).tolist() == [True, False]
+    assert np.allclose(halves.winding_number([[0, 0, 0], [3, 0, 0]]), [1, 0], atol=0.02)
+    # A solid that is there twice has nothing inside.
+    twice = lightpath.RayScene(vertices, np.concatenate([faces, faces]))
+    assert twice.is_closed == [True] and not twice.contains([0, 0, 0]).any()
+
+
+def test_of_equally_near_faces_the_first_one_of_the_first_mesh_counts():
+    vertices, faces = cube()
+    scene = lightpath.RayScene.from_meshes([(vertices, faces), (vertices, faces)])
+    hits = scene.closest([[0.1, 0.2, 5], [1, 1, 5]], [0, 0, -1])
+    assert hits.mesh.tolist() == [0, 0] and hits.primitive.tolist() == [3, 2]
+    nearest = scene.closest_point([[0, 0, 0], [5, 5, 5]])
+    assert nearest.mesh.tolist() == [0, 0] and nearest.primitive.tolist() == [0, 2]
+
+
 def test_several_meshes():
     vertices, faces = cube()
     both = lightpath.RayScene.from_meshes([(vertices, faces), (vertices.astype(np.float32) + 5, faces)])

@@ -392,6 +392,24 @@ fn an_image_above_the_limit_of_memory_is_refused_by_its_header() {
     assert!(error.to_string().contains("--max-memory leaves") && error.exit_code() == 2, "{error}");
 }
 
+/// Other PNGs are sRGB.
+#[test]
+fn a_png_of_linear_values_is_as_bright_as_it_says() {
+    let folder = Scratch::new();
+    let path = folder.path("sky.png");
+    let around = json!({ "type": "panorama", "width": 8, "height": 4, "position": [0, 0, 0],
+                         "lookat": [0, 0, -1], "up": [0, 1, 0] });
+    for (gamma, expected) in [(Some(1.0), 0.2), (None, (0.255f64 / 1.055).powf(2.4))] {
+        let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 8, 4);
+        if let Some(gamma) = gamma {
+            encoder.set_source_gamma(png::ScaledFloat::new(gamma));
+        }
+        encoder.write_header().unwrap().write_image_data(&[51; 8 * 4]).unwrap();
+        let seen = render(&around, environment(&path), &[], &[])[8 + 3];
+        assert!(seen.iter().all(|value| (value - expected).abs() < 1e-6), "{gamma:?}: {seen:?}");
+    }
+}
+
 /// Editors write XMP texts of many kilobytes, more than a small image needs.
 #[test]
 fn an_image_may_have_metadata() {

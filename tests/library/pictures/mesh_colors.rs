@@ -240,6 +240,28 @@ fn faces_have_the_textures_of_their_numbers() {
     assert!(error.contains("m.ply: face 1: texnumber 2 is out of range"), "{error}");
 }
 
+/// A texture of the material hides all of these.
+#[test]
+fn colours_on_request_hide_the_image_of_the_file() {
+    let names = ["float red", "float green", "float blue"];
+    let of_vertex = [&["float s", "float t"], &names[..]].concat();
+    let vertex = |_: [f64; 2], k: usize| [0.5, 0.5, 0.0, 0.0, 1.0][k];
+    let face = |_: usize, k: usize| [1.0, 1.0, 0.0][k];
+    let ply = square(&of_vertex, vertex, &names, face);
+    let ply = ply.comment(b"comment TextureFile red.ppm");
+    let textured = json!({ "kd": 0, "ka": 1, "tPath": "green.ppm" });
+    for (more, expected) in [
+        (json!({}), [1.0, 0.0, 0.0]),
+        (json!({ "color": "none" }), [1.0; 3]),
+        (json!({ "color": "vertex" }), [0.0, 0.0, 1.0]),
+        (json!({ "color": "face" }), [1.0, 1.0, 0.0]),
+        (json!({ "material": textured, "color": "vertex" }), [0.0, 1.0, 0.0]),
+    ] {
+        let (film, _) = render(&ply, more).unwrap();
+        check(&film, |_, _| expected);
+    }
+}
+
 /// The settings of a material apply to the images of the mesh file, one or several.
 #[test]
 fn images_of_the_file_have_the_settings_of_the_material() {

@@ -181,6 +181,101 @@ fn every_format_gives_pictures_whose_points_project_to_their_pixels() {
     }
 }
 
+/// Renders the mesh from two lists of cameras that name the same lenses, and compares the pictures.
+#[track_caller]
+fn same_pictures(scratch: &Scratch, lists: [&str; 2], names: &[&str]) {
+    for (list, out) in lists.into_iter().zip(["one", "other"]) {
+        batch(scratch, list, &["-o", out, "--no-sheet"]).good();
+    }
+    for name in names {
+        let [one, other] =
+            ["one", "other"].map(|out| scratch.channels(&format!("{out}/scan/{name}.exr")));
+        assert!(one == other, "{name}");
+    }
+}
+
+#[test]
+fn every_model_of_colmap_has_its_own_parameters() {
+    let scratch = scratch();
+    let lens = [0.05, -0.02, 0.004, -0.003, 0.006, 0.01, 0.02, 0.03];
+    let brown = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"];
+    let fisheye = ["k1", "k2", "k3", "k4"];
+    // Name, number of focal lengths, coefficients.
+    let models: [(&str, usize, &[&str]); 9] = [
+        ("SIMPLE_PINHOLE", 1, &[]),
+        ("PINHOLE", 2, &[]),
+        ("SIMPLE_RADIAL", 1, &brown[..1]),
+        ("RADIAL", 1, &brown[..2]),
+        ("OPENCV", 2, &brown[..4]),
+        ("FULL_OPENCV", 2, &brown),
+        ("SIMPLE_RADIAL_FISHEYE", 1, &fisheye[..1]),
+        ("RADIAL_FISHEYE", 1, &fisheye[..2]),
+        ("OPENCV_FISHEYE", 2, &fisheye),
+    ];
+    let (mut cameras, mut images, mut own) = (String::new(), String::new(), Vec::new());
+    for (i, (model, count, names)) in models.into_iter().enumerate() {
+        let focal = [20.0, 21.0];
+        let params = [&focal[..count], &[16.5, 11.25][..], &lens[..names.len()]].concat();
+        let params: Vec<String> = params.iter().map(f64::to_string).collect();
+        cameras += &format!("{i} {model} 32 24 {}\n", params.join(" "));
+        images += &format!("{i} 0 1 0 0 0.1 0.2 4 {i} {model}.png\n\n");
+        let mut camera = json!({ "type": "intrinsics", "width": 32, "height": 24,
+            "fx": focal[0], "fy": focal[count - 1], "cx": 16.0, "cy": 10.75,
+            "world_to_camera": [[1, 0, 0, 0.1], [0, -1, 0, 0.2], [0, 0, -1, 4], [0, 0, 0, 1]] });
+        if !names.is_empty() {
+            let kind = if model.ends_with("FISHEYE") { "fisheye" } else { "brownconrady" };
+            camera["distortion"] = json!({ "type": kind });
+        }
+        for (name, value) in names.iter().zip(lens) {
+            camera["distortion"][*name] = json!(value);
+        }
+        own.push(json!({ "image": format!("{model}.png"), "camera": camera }));
+    }
+    scratch.write("models/cameras.txt", &cameras);
+    scratch.write("models/images.txt", &images);
+    scratch.write("own.json", &json!({ "cameras": own }).to_string());
+    same_pictures(&scratch, ["models", "own.json"], &models.map(|(model, ..)| model));
+}
+
+/// A key of a frame wins over the same key of the file.
+#[test]
+fn lenses_of_transforms_are_those_of_opencv() {
+    let scratch = scratch();
+    let view = &views()[2];
+    let with = |mut all: Value, more: Value| {
+        all.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        all
+    };
+    let frame = |name: &str, more: Value| {
+        let all =
+            json!({ "file_path": name, "transform_matrix": view.transform(), "w": 24, "h": 28 });
+        with(all, more)
+    };
+    let bent = json!({ "is_fisheye": true, "k2": -0.01, "k3": 0.02, "k4": 0.03 });
+    let list = json!({ "fl_x": 26, "k1": 0.05, "frames": [
+        frame("file.png", json!({})),
+        frame("frame.png", json!({ "fl_x": 30, "k1": 0.02, "k3": 0.01 })),
+        frame("flag.png", bent),
+        frame("model.png", json!({ "camera_model": "OPENCV_FISHEYE", "fl_y": 27 })) ] });
+    scratch.write("lenses.json", &list.to_string());
+    let own = |name: &str, [fx, fy]: [u32; 2], distortion: Value| {
+        json!({ "image": name, "camera": { "type": "intrinsics", "width": 24, "height": 28,
+            "fx": fx, "fy": fy, "cx": 11.5, "cy": 13.5, "axes": "opengl",
+            "camera_to_world": view.transform(), "distortion": distortion } })
+    };
+    let (brown, fisheye) = (json!({ "type": "brownconrady" }), json!({ "type": "fisheye" }));
+    let all = json!({ "k1": 0.05, "k2": -0.01, "k3": 0.02, "k4": 0.03 });
+    let list = [
+        own("file", [26, 26], with(brown.clone(), json!({ "k1": 0.05 }))),
+        own("frame", [30, 30], with(brown, json!({ "k1": 0.02, "k3": 0.01 }))),
+        own("flag", [26, 26], with(fisheye.clone(), all)),
+        own("model", [26, 27], with(fisheye, json!({ "k1": 0.05 }))),
+    ];
+    scratch.write("own.json", &json!({ "cameras": list }).to_string());
+    let names = ["file", "frame", "flag", "model"];
+    same_pictures(&scratch, ["lenses.json", "own.json"], &names);
+}
+
 /// Pictures of 40 x 30, 52 x 24 and 24 x 28 pixels are shown in cells of 52 x 30.
 #[test]
 fn the_contact_sheet_shows_pictures_of_several_sizes() {

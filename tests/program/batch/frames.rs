@@ -830,3 +830,38 @@ fn the_mesh_stays_in_the_picture_on_its_circle_around_any_pivot() {
         }
     }
 }
+
+/// Without `--pivot` the axis goes through the camera's target, parallel to the axis nearest to
+/// `up`: a quarter turn counterclockwise takes (x, y) from the target to (-y, x).
+#[test]
+fn a_turntable_of_a_scene_turns_about_its_target() {
+    let scratch = Scratch::new();
+    let write = |name: &str, camera: [f64; 3], up: [f64; 3], lamp: [f64; 3], sun: [f64; 3]| {
+        let scene = serde_json::json!({
+            "camera": { "type": "pinhole", "fov": 40, "position": camera, "target": [1, 1, 0.5],
+                        "up": up },
+            "scene": { "attenuation": "none", "lightsources": [
+                { "type": "pointlight", "position": lamp, "id": [1, 1, 1] },
+                { "type": "directional", "direction": sun, "id": [0.5, 0.2, 0.1] }], "shapes": [
+                { "type": "sphere", "center": [1.5, 1, 0.5], "radius": 0.5, "material": {} },
+                { "type": "plane", "v0": [-4, -4, 0], "v1": [6, -4, 0], "v2": [6, 6, 0],
+                  "v3": [-4, 6, 0], "material": { "kd": 0.5 } }] } });
+        scratch.write(&format!("{name}.json"), &scene.to_string());
+    };
+    let (lamp, sun) = ([5.0, -3.0, 6.0], [1.0, 2.0, -3.0]);
+    write("s", [3.0, 2.0, 4.0], [0.2, 0.3, 1.0], lamp, sun);
+    // The lights stay with the object.
+    write("camera", [0.0, 3.0, 4.0], [-0.3, 0.2, 1.0], lamp, sun);
+    // The object turns this way under lights that stay with the camera, or these turn the other
+    // way.
+    let around = ([-3.0, -3.0, 6.0], [2.0, -1.0, -3.0]);
+    write("object", [2.0, -1.0, 4.0], [0.3, -0.2, 1.0], around.0, around.1);
+    for turn in ["camera", "object"] {
+        let args = ["s.json", "-o", turn, "--turntable", "4", "--turn", turn, "--range", "1..2"];
+        batch(&scratch, &[&args[..], &["--no-sheet"]].concat()).good();
+        let scene = format!("{turn}.json");
+        scratch.run(&[&["render", &scene, "-o", "alone"], &SMALL[..]].concat()).good();
+        let turned = scratch.channels(&format!("{turn}/s/s.0001.exr"));
+        assert!(turned == scratch.channels("alone.exr"), "{turn}");
+    }
+}

@@ -199,6 +199,20 @@ fn a_folder_stands_for_the_names_of_meshes_or_scenes() {
     assert_eq!(inputs("scenes"), ["scenes/a.json"]);
 }
 
+/// A dry run reads no mesh.
+#[test]
+fn a_folder_stands_for_packed_meshes_too() {
+    let scratch = Scratch::new();
+    for name in ["a.ply.gz", "b.PLY.ZST", "c.ply", "d.gz", "e.json"] {
+        scratch.write(&format!("scans/{name}"), PYRAMID);
+    }
+    let lines = scratch.run(&["batch", "scans", "--dry-run"]).good().stdout();
+    let frames: Vec<Value> =
+        lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found: Vec<&Value> = frames.iter().map(|frame| &frame["outputs"][0]).collect();
+    assert_eq!(found, ["out/a.exr", "out/b.exr", "out/c.exr"]);
+}
+
 #[test]
 fn a_misspelt_key_of_inputs_is_an_error_of_a_job() {
     let scratch = Scratch::with("{}");

@@ -95,6 +95,36 @@ fn kills_at_random_moments_lose_nothing() {
     survives(50);
 }
 
+/// A farm may run a task twice, also at the same time.
+#[test]
+fn runs_at_the_same_time_lose_nothing() {
+    let scratch = Scratch::new();
+    scratch.write("a.ply", PYRAMID);
+    let command = |out: &str| {
+        let args = ["batch", "a.ply", "-o", out, "--turntable", "6", "--size", "24x16"];
+        let more = ["--spp", "1", "--threads", "1", "--resume", "--no-sheet"];
+        scratch.command(&[&args[..], &more].concat())
+    };
+    assert!(command("whole").output().unwrap().status.success());
+    let whole = files(&scratch.path("whole"));
+    assert_eq!(whole.len(), 12);
+    let start = || {
+        let mut command = command("out");
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        Running(command.spawn().unwrap())
+    };
+    for mut run in [start(), start(), start()] {
+        let mut said = String::new();
+        run.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert!(run.0.wait().unwrap().success(), "{said}");
+    }
+    // No part file is left, and the journal knows every file.
+    assert!(files(&scratch.path("out")) == whole);
+    let last = command("out").output().unwrap();
+    let said = String::from_utf8_lossy(&last.stderr);
+    assert!(said.contains("0 frames rendered, 6 kept"), "{said}");
+}
+
 /// The scenes of a turntable of thousands of instances are compared with the files first.
 #[test]
 fn a_signal_stops_the_comparison_of_frames() {

@@ -267,6 +267,29 @@ fn merge_and_compare_resolve_links() {
     refused(&scratch.run(&["compare", picture, "part2.png", "--out", picture]));
 }
 
+/// Files beside meshes and textures: the image of an environment, a template, a reference.
+#[test]
+fn no_other_file_that_a_command_reads_is_overwritten() {
+    let scratch = Scratch::new();
+    image(&scratch, "sky.png");
+    scratch.write("m.ply", PYRAMID);
+    let scene = SCENE.replace("MESH", "m.ply");
+    scratch.write("t.json", &scene);
+    let lights = r#""lightsources": [{ "type": "environment", "image": "sky.png" }, "#;
+    scratch.write("e.json", &scene.replace(r#""lightsources": ["#, lights));
+    render(&scratch, &["t.json", "-o", "r"]).good();
+    let read = || ["sky.png", "t.json", "r.exr"].map(|name| scratch.read(name));
+    let before = read();
+    refused(&render(&scratch, &["e.json", "-o", "sky"]));
+    refused(&batch(&scratch, &["e.json", "-o", ".", "--name", "sky", "--no-sheet"]));
+    for flag in ["--stats", "--write-scene"] {
+        refused(&render(&scratch, &["m.ply", "--template", "t.json", "-o", "x", flag, "t.json"]));
+    }
+    let study = ["converge", "t.json", "--backend", "bvh", "--spp", "1", "--reference", "r.exr"];
+    refused(&scratch.run(&[&study[..], &["--csv", "r.exr"]].concat()));
+    assert!(read() == before);
+}
+
 #[test]
 fn a_part_that_is_replaced_while_it_is_merged_is_noticed() {
     let scratch = Scratch::new();

@@ -149,6 +149,38 @@ fn bad_inputs_do_not_fail_the_task_of_open_job_description() {
     assert!(sheet.contains("--sheet-only") && !sheet.contains("--resume"), "{sheet}");
 }
 
+/// Runs the script of a task with a program that ends with each exit code, and a Slurm that prints
+/// what it is asked for.
+#[test]
+fn a_task_runs_again_only_where_another_try_may_help() {
+    let scratch = scratch(1);
+    submit(&scratch, &[]).good();
+    scratch.write("bin/program", "#!/bin/sh\nexit \"$ENDED\"\n");
+    scratch.write("bin/scontrol", "#!/bin/sh\necho \"$@\" >&2\n");
+    scratch.write("bin/sleep", "#!/bin/sh\n");
+    let bin = scratch.path("bin");
+    assert!(Command::new("chmod").args(["-R", "+x"]).arg(&bin).status().unwrap().success());
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let task = |ended: i32, restarts: &str| {
+        let mut bash = Command::new("bash");
+        bash.arg(scratch.path("out/slurm/frames.sh")).arg(bin.join("program"));
+        bash.args(["job.json", "out", "100", "8"]).env("PATH", &path);
+        bash.env("SLURM_ARRAY_JOB_ID", "77").env("SLURM_ARRAY_TASK_ID", "4");
+        bash.env("SLURM_RESTART_COUNT", restarts).env("ENDED", ended.to_string());
+        let done = program::Done::of(bash.env_remove("SLURM_CPUS_PER_TASK"));
+        (done.code(), done.stderr())
+    };
+    let asked = |said: &str| said.to_string();
+    for (ended, code) in [(0, 0), (1, 0), (2, 2)] {
+        assert_eq!(task(ended, "0"), (code, asked("")), "{ended}");
+    }
+    for ended in [3, 129, 130, 131, 137, 143] {
+        assert_eq!(task(ended, "2"), (ended, asked("requeue 77_4\n")), "{ended}");
+    }
+    assert_eq!(task(3, ""), (3, asked("requeue 77_4\n")), "a first try");
+    assert_eq!(task(3, "3"), (3, asked("")), "three more tries are enough");
+}
+
 #[test]
 fn a_task_has_a_thread_per_processor() {
     let scratch = scratch(1);

@@ -306,6 +306,23 @@ fn a_time_limit_marks_the_picture_as_not_reproducible() {
 }
 
 #[test]
+fn the_maximum_of_samples_has_a_default() {
+    let scratch = Scratch::with(SCENE);
+    for (flags, range) in [
+        (&["--noise", "1"][..], "16-4096"),
+        (&["--noise", "1", "--spp", "512"], "512-8192"),
+        (&["--noise", "1", "--spp", "5000"], "8192-65536"),
+        (&["--time", "0.001"], "16-65536"),
+        (&["--time", "0.001", "--noise", "1"], "16-4096"),
+    ] {
+        let small = ["--size", "2x1", "--light-samples", "1"];
+        render(&scratch, "x", &[&small[..], flags].concat());
+        let found = attribute(&scratch, "x", "lightpath:spp");
+        assert_eq!(found.as_deref(), Some(range), "{flags:?}");
+    }
+}
+
+#[test]
 fn contradictions_are_refused() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);

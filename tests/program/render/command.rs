@@ -162,6 +162,23 @@ fn flags_are_overrides() {
 }
 
 #[test]
+fn slurm_grants_the_number_of_threads() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let threads = |granted: &str, more: &[&str]| {
+        let args = ["render", "s.json", "--size", "4x4", "--json", "--quiet"];
+        let mut command = scratch.command(&[&args[..], more].concat());
+        let done = Done::of(command.env("SLURM_CPUS_PER_TASK", granted)).good();
+        let stats: serde_json::Value = serde_json::from_str(&done.stdout()).unwrap();
+        stats["threads"].as_u64().unwrap()
+    };
+    let processors = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
+    assert_eq!(threads(&(processors + 1).to_string(), &[]), processors + 1);
+    assert_eq!(threads(&(processors + 1).to_string(), &["--threads", "1"]), 1);
+    assert_eq!(threads("many", &[]), processors);
+}
+
+#[test]
 fn a_crop_has_its_size() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);

@@ -210,6 +210,39 @@ fn a_preview_shows_its_own_layer() {
     assert!(scratch.read("x.light_key00.png") != expected);
 }
 
+/// Columns from the left: a near square, a tilted one, a far one, nothing.
+#[test]
+fn previews_show_depths_directions_ids_and_colours() {
+    use serde_json::json;
+    let scratch = Scratch::new();
+    let quad = |x: f64, [left, right]: [f64; 2], color: [f64; 3]| {
+        json!({ "type": "plane", "v0": [x, 1, left], "v1": [x + 1.0, 1, right],
+                "v2": [x + 1.0, -1, right], "v3": [x, -1, left],
+                "material": { "diffusecolor": color } })
+    };
+    let scene = json!({
+        "camera": { "type": "orthographic", "width": 4, "height": 2, "viewwidth": 4,
+                    "position": [0, 0, 9], "lookat": [0, 0, -1], "up": [0, 1, 0] },
+        "scene": { "shapes": [quad(-2.0, [1.0, 1.0], [0.5, 0.2, 0.0]),
+                              quad(-1.0, [0.0, -1.0], [0.5, 0.2, 0.0]),
+                              quad(0.0, [-3.0, -3.0], [1.0, 2.0, 0.1])] } });
+    scratch.write("s.json", &scene.to_string());
+    let layers = ["--aov", "Z,N,albedo,objectid", "--png-layer", "all", "-o", "x"];
+    assert_eq!(render(&scratch, &layers).code(), 0);
+    let row = |layer: &str| {
+        let image = image::open(scratch.path(&format!("x.{layer}.png"))).unwrap().to_rgb8();
+        [0, 1, 2, 3].map(|x| image.get_pixel(x, 0).0)
+    };
+    let black = [0; 3];
+    assert_eq!(row("Z"), [[255; 3], [169; 3], [26; 3], black]);
+    let (towards, tilted) = ([128, 128, 255], [218, 128, 218]);
+    assert_eq!(row("N"), [towards, tilted, towards, black]);
+    assert_eq!(row("albedo"), [[188, 124, 0], [188, 124, 0], [255, 255, 89], black]);
+    let ids = row("objectid");
+    assert!(ids[0] != ids[1] && ids[1] != ids[2] && ids[2] != ids[0] && ids[3] == black);
+    assert!(ids[..3].iter().flatten().all(|value| *value >= 64), "{ids:?}");
+}
+
 /// Returns the `info` of a part.
 fn part(scratch: &Scratch, file: &str, index: usize) -> serde_json::Value {
     let done = scratch.run(&["info", "--json", file]);

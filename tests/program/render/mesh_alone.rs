@@ -594,3 +594,15 @@ fn a_single_point_is_a_sphere() {
     let covered: f32 = scratch.floats("o.exr")["A"].iter().sum();
     assert!((0.3..0.8).contains(&(covered / (48.0 * 48.0))), "{covered}");
 }
+
+/// The cube fills the picture up to the margin in one direction.
+#[test]
+fn a_margin_is_free_at_each_border() {
+    let scratch = Scratch::new();
+    scratch.write("block.ply", &block(2.0, ""));
+    for (margin, half) in [("0", 1.0), ("0.25", 0.5), ("0.4", 0.2)] {
+        let (_, seen) = corners_seen(&scratch, &["--margin", margin, "--spp", "1"]);
+        let largest = seen.iter().flatten().fold(0.0, |a: f64, v| a.max(v.abs()));
+        assert!((largest - half).abs() < 1e-3, "{margin}: {seen:?}");
+    }
+}
