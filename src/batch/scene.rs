@@ -75,7 +75,8 @@ pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
     let frames = task.frames.start as usize..task.frames.end as usize;
     let poses = job.poses.iter().flat_map(|poses| &poses.list[frames.clone()]);
     let sizes = poses.map(|pose| pose.camera.size());
-    let largest = sizes.max_by_key(|[width, height]| u64::from(*width) * u64::from(*height));
+    let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
+    let largest = sizes.max_by_key(|[width, height]| around(*width) * around(*height));
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);
     }

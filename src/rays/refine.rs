@@ -4,16 +4,16 @@
 //! Where a ray runs almost in the plane of its triangle, f64 cannot tell where it meets the plane.
 //! It may also miss the triangle, whose rounded corners it hits. Then the place that t names is
 //! far from the place that the weights name. The weights of the rounded triangle are right in both
-//! cases, as the tree decides exactly. So they are taken, and t is that of the point of the ray
-//! that is nearest to their place.
+//! cases, as the tree decides exactly for a ray alone. So they are taken, and t is that of the
+//! point of the ray that is nearest to their place.
 
 use super::arrays;
 use super::batch::RayBatch;
-use super::rounded::{Doubles, power_of_two};
+use super::rounded::{Doubles, Rounded, power_of_two};
 use super::scene::RayScene;
 use crate::geometry::clamp_barycentrics;
 use crate::math::{cross, dot, sub};
-use crate::ray::LANES;
+use crate::ray::{Coherence, LANES, Mask};
 use crate::simd::{self, Isa, Kernel};
 
 /// A 3D vector for each lane, by axis.
@@ -94,9 +94,50 @@ impl RayScene {
                     (corner[0][i], corner[1][i], corner[2][i]) = position.into();
                 }
             }
-            let (corners, slack) = (&corners, self.rounding_slack());
-            let refine = Refine { rays, hits, corners, slack, margin };
-            store(hits, &simd::dispatch(Isa::detect(), refine));
+            let slack = self.rounding_slack();
+            let refine = Refine { rays, hits, corners: &corners, slack, margin };
+            let (mut refined, agree) = simd::dispatch(Isa::detect(), refine);
+            for i in (0..hits.len()).filter(|&i| !agree[i]) {
+                let [v0, v1, v2] = corners.each_ref().map(|corner| of_lane(corner, i));
+                self.settle(rays, &hits[i], ([v0, v1, v2], slack, margin), (&mut refined, i));
+            }
+            store(hits, &refined);
+        }
+    }
+
+    /// Computes the values of hit `i` again, whose t and weights name places far apart.
+    #[inline(never)]
+    fn settle(
+        &self,
+        rays: &RayBatch,
+        hit: &FoundHit,
+        ([v0, v1, v2], slack, margin): ([[f64; 3]; 3], f64, f64),
+        (out, i): (&mut Refined, usize),
+    ) {
+        let (&from, &direction) = rays.line(hit.ray);
+        let corners = [sub(v0, from), sub(v1, v0), sub(v2, v0)];
+        let (t, u, v) = settled(corners, direction, slack, || self.weights_alone(rays, hit));
+        (out.uv[0][i], out.uv[1][i]) = (u, v);
+        out.t[i] = t;
+        out.counts[i] = counts(t, rays.limits(hit.ray).into(), margin);
+    }
+
+    /// The weights that the tree finds for the ray of a hit alone. Among other rays, it tells them
+    /// only to 1.5e-3. If a ray alone first hits another face, the weights are those of the hit.
+    fn weights_alone(&self, rays: &RayBatch, hit: &FoundHit) -> [f32; 2] {
+        let mut rounded = Rounded::EMPTY;
+        let rounding = self.rounding(rays);
+        if rounding.and_then(|rounding| rounding.round(hit.ray, &mut rounded)).is_err() {
+            return hit.uv;
+        }
+        let mut alone = Mask::NONE;
+        alone.0[0] = rounded.active.0[0];
+        self.accelerator().closest(&alone, &mut rounded.packet, Coherence::Unordered);
+        let hits = &rounded.packet.hits;
+        if [hits.geom[0], hits.prim[0]] == [hit.mesh, hit.face] {
+            [hits.u[0], hits.v[0]]
+        } else {
+            hit.uv
         }
     }
 
@@ -129,10 +170,11 @@ struct Refine<'a> {
 }
 
 impl Kernel for Refine<'_> {
-    type Output = Refined;
+    /// Also returns whether t and the weights of each hit name about the same place.
+    type Output = (Refined, [bool; LANES]);
 
     #[inline(always)]
-    fn run(self) -> Refined {
+    fn run(self) -> Self::Output {
         let Self { rays, hits, corners: [v0, v1, v2], slack, margin } = self;
         let (mut from, mut direction) = ([[0.0; LANES]; 3], [[1.0; LANES]; 3]);
         let (mut tnear, mut tfar) = ([0.0; LANES], [0.0; LANES]);
@@ -166,19 +208,7 @@ impl Kernel for Refine<'_> {
                 out.normals[axis][i] = normal[axis] * shrink;
             }
         }
-        if agree.iter().fold(true, |all, &agree| all & agree) {
-            return out;
-        }
-        for (i, hit) in hits.iter().enumerate().take(LANES).filter(|(i, _)| !agree[*i]) {
-            let a = of_lane(v0, i);
-            let corners =
-                [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
-            let (t, u, v) = settle(corners, of_lane(&direction, i), hit.uv, slack);
-            (out.uv[0][i], out.uv[1][i]) = (u, v);
-            out.t[i] = t;
-            out.counts[i] = counts(t, [tnear[i], tfar[i]], margin);
-        }
-        out
+        (out, agree)
     }
 }
 
@@ -209,13 +239,18 @@ fn is_near(corners: [[f64; 3]; 3], d: [f64; 3], (t, u, v): (f64, f64, f64), slac
 /// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power
 /// of two, in case that something overflowed. If t and the weights still disagree, those of the
 /// rounded triangle decide.
-#[inline(never)]
-fn settle(corners: [[f64; 3]; 3], d: [f64; 3], found: [f32; 2], slack: f64) -> (f64, f64, f64) {
+fn settled(
+    corners: [[f64; 3]; 3],
+    d: [f64; 3],
+    slack: f64,
+    weights: impl FnOnce() -> [f32; 2],
+) -> (f64, f64, f64) {
     let down = power_of_two(d.into_iter().fold(0.0, |most, x| x.abs().max(most)));
     let d = d.map(|x| x * down);
     let (mut t, mut u, mut v) = meet(corners, cross(corners[1], corners[2]), d);
     if !is_near(corners, d, (t, u, v), slack) {
-        (u, v) = clamp_barycentrics(found[0].into(), found[1].into());
+        let [second, third] = weights();
+        (u, v) = clamp_barycentrics(second.into(), third.into());
         t = dot(point(corners, u, v), d) / dot(d, d);
     }
     // A NaN becomes 0.

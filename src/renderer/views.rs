@@ -7,11 +7,11 @@ use std::{fmt, mem};
 use super::shown::{PictureWriter, SceneFiles, ShownScene};
 use super::{add_meshes, in_default_studio, load_with, of_text, readable, use_material};
 use crate::accel::{self, Accelerator, BuildOptions};
-use crate::error::{Problem, Result};
+use crate::error::{ErrorKind, Problem, Result};
 use crate::film::Film;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
-use crate::scene::{self, Loaded, Source};
+use crate::scene::{self, CheckedMaterial, Loaded, Source};
 use crate::studio::{self, MeshScene, Stand};
 use crate::world::{LoadOptions, World};
 
@@ -25,7 +25,7 @@ type NamedMesh = (String, String, MakeMesh);
 /// Each picture has the bits that [`LoadedScene`](super::LoadedScene) has for its camera alone.
 /// Files are read and the acceleration structure is built for the first view. They are kept for the
 /// next view unless its camera changes more than itself: the origin of the coordinates, or how a
-/// mesh stands in the studio. Only one scene is in memory at a time.
+/// mesh stands in the studio. Only one acceleration structure is in memory at a time.
 ///
 /// ```
 /// use lightpath::{Mesh, Monitor, Positions, Views};
@@ -118,7 +118,13 @@ impl Views {
         overrides: &[&str],
         monitor: &Monitor,
     ) -> Result<(Film, PictureWriter)> {
-        self.prepare(overrides, monitor)?.render(monitor)
+        let rendered = self.prepare(overrides, monitor)?.render(monitor);
+        let is_stop = |kind| matches!(kind, ErrorKind::Interrupted(_));
+        if rendered.as_ref().is_err_and(|error| !is_stop(error.kind)) {
+            // A texture whose file cannot be read any more stays so in memory.
+            self.kept = None;
+        }
+        rendered
     }
 
     /// Returns the scene of a camera. Loads and builds only if what is kept does not serve it.
@@ -232,7 +238,8 @@ impl Kept {
         let kept = &self.shown.loaded;
         // Large scenes are not copied to compare all but their cameras.
         let camera = mem::replace(&mut other.description.camera, kept.description.camera.clone());
-        let is_same = other.description == kept.description;
+        let is_same = other.description == kept.description
+            && names(&other.scene.materials).eq(names(&kept.scene.materials));
         other.description.camera = camera;
         is_same && self.world.view(&kept.scene, &other.scene.camera).is_own()
     }
@@ -249,6 +256,12 @@ impl Kept {
     }
 }
 
+/// The names of materials in their order, in which shapes count them. Descriptions that differ only
+/// in it are equal.
+fn names(materials: &[CheckedMaterial]) -> impl Iterator<Item = Option<&str>> {
+    materials.iter().map(|material| material.name.as_deref())
+}
+
 /// Returns what the files of a picture tell of a scene whose world is loaded, with the warnings of
 /// the world and those of the camera.
 fn shown(
@@ -259,7 +272,7 @@ fn shown(
 ) -> Arc<ShownScene> {
     let camera = &loaded.scene.camera;
     let of_camera = world.camera_warnings(&loaded.scene, std::slice::from_ref(camera));
-    let rounding = world.view(&loaded.scene, camera).own.warning();
-    let more: Vec<_> = warnings.iter().cloned().chain(of_camera).chain(rounding).collect();
+    let of_origin = world.origin_warnings(&loaded.scene);
+    let more: Vec<_> = warnings.iter().cloned().chain(of_camera).chain(of_origin).collect();
     Arc::new(ShownScene::new(loaded, more, world.legend.clone(), files.cloned()))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Bounds, Origin, View, World, positions};
+use super::{Bounds, Origin, View, World, lights, positions};
 use crate::error::Problem;
 use crate::scene::{CheckedCamera, Layer, Scene, ShapeKind};
 
@@ -46,5 +46,12 @@ impl World {
             warnings.extend(cameras.iter().find_map(coarse));
         }
         warnings
+    }
+
+    /// Returns warnings about what the rounding of positions changes in a render of the scene's
+    /// camera alone.
+    pub fn origin_warnings(&self, scene: &Scene) -> impl Iterator<Item = Problem> {
+        let own = self.view(scene, &scene.camera).own;
+        lights::occlusion_warning(scene, &own).into_iter().chain(own.warning())
     }
 }

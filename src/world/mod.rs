@@ -126,6 +126,7 @@ impl World {
         let own = std::slice::from_ref(&scene.camera);
         let all = if cameras.is_empty() { own } else { &cameras };
         warnings.extend(world.camera_warnings(scene, all));
+        warnings.extend(lights::occlusion_warning(scene, &world.origin));
         warnings.extend(world.origin.warning().filter(|_| cameras.is_empty()));
         Ok((world, warnings))
     }
@@ -227,7 +228,6 @@ impl World {
             shared.copies_fit(scene, &shapes.shapes, room)?;
         }
         let (geometry, mut shapes) = shared.place(scene, geometry, shapes, copy)?;
-        log.warnings.extend(lights::occlusion_warning(scene, &chosen));
         shapes.make_mip_maps(left)?;
         monitor.check()?;
         let settled = suspects

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use crate::accel::memory_footprint;
 use crate::batch::{self, Job, JournalRecord};
 use crate::error::Result;
+use crate::integrate::TILE;
 use crate::render::{Adaptive, sampling};
 use crate::scene::{CheckedLight, LightKind};
 
@@ -20,7 +21,7 @@ pub struct Needs {
     /// Time of a frame in seconds.
     pub frame_seconds: f64,
     /// Camera rays per frame: one range for each size and `spp` of the job. Only the noise of a
-    /// frame makes a range more than a number.
+    /// frame and an overscan make a range more than a number.
     pub camera_rays: Vec<RangeInclusive<u64>>,
 }
 
@@ -53,15 +54,19 @@ impl Needs {
             let sizes = poses.map(|pose| pose.camera.size());
             let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
             let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
-            let rays = sizes.map(|[width, height]| around(width) * around(height));
+            // Tiles that the window of an overscan cuts may be traced whole.
+            let beyond = if job.overscan > 0 { 2 * u64::from(TILE - 1) } else { 0 };
+            let pixels = sizes
+                .map(|[width, height]| [width, height].map(around))
+                .map(|[w, h]| [w * h, (w + beyond) * (h + beyond)]);
             let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
             let [least, most] = match adaptive {
                 // The estimate of the brightness takes at most as many again as the first pass.
                 Some(Adaptive { first, most, .. }) => [first, first + most],
                 None => [scene.spp; 2],
             };
-            let range = |pixels: u64| pixels * u64::from(least)..=pixels * u64::from(most);
-            needs.camera_rays.extend(rays.map(range));
+            let range = |[few, many]: [u64; 2]| few * u64::from(least)..=many * u64::from(most);
+            needs.camera_rays.extend(pixels.map(range));
             if needs.frame_seconds == 0.0 {
                 let pixels = around(scene.camera.width) * around(scene.camera.height);
                 let points = |light: &CheckedLight| match light.kind {

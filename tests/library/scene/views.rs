@@ -174,3 +174,25 @@ fn views_outlive_their_files_and_errors() {
         }
     }
 }
+
+/// How far positions are rounded depends on the distance of the camera.
+#[test]
+fn a_warning_of_another_camera_does_not_stay() {
+    let text = scene(
+        r#"{ "type": "sphere", "center": [0,0,-2], "radius": 1, "material": "clay" },
+           { "type": "plane", "v0": [-1000,-1,1000], "v1": [1000,-1,1000], "v2": [1000,-1,-1000],
+             "v3": [-1000,-1,-1000], "material": "clay" }"#,
+    );
+    let mut views = Views::of_scene(&text, Vec::new());
+    let output = r#"/output={"layers":["ao"],"aodistance":0.003}"#;
+    for (y, warned) in [(0, true), (50, false), (0, true)] {
+        let position = format!("/camera/position=[0,{y},0]");
+        let sets = [output, &position, &format!("/camera/target=[0,{y},-1]")];
+        let (_, writer) = views.render(&sets, &Monitor::default()).expect("a picture");
+        let alone = LoadedScene::from_json(&text, &sets).expect("a scene");
+        assert_eq!(writer.warnings().len(), alone.warnings().len(), "{:?}", writer.warnings());
+        let mut warnings = writer.warnings().iter().chain(alone.warnings());
+        let found = warnings.any(|warning| warning.place.contains("aodistance"));
+        assert_eq!(found, warned, "{position}");
+    }
+}

@@ -69,6 +69,30 @@ fn a_film_of_another_size_takes_the_place_of_the_last() {
     assert!(peak < 72 << 20, "{peak}");
 }
 
+/// Overscan of 100 pixels is more than half of the pixels of a long picture.
+#[test]
+fn the_largest_film_is_that_of_the_most_pixels_with_overscan() {
+    let scratch = Scratch::new();
+    let camera = |width: u32, height: u32| {
+        json!({ "type": "orthographic", "width": width, "height": height, "viewwidth": 4,
+                "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] })
+    };
+    let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} });
+    let scene = json!({ "spp": 1, "camera": camera(8, 8), "scene": { "shapes": [ball] } });
+    scratch.write("s.json", &scene.to_string());
+    let list = |sizes: &[[u32; 2]]| {
+        let view = |(i, [width, height]): (usize, &[u32; 2])| json!({ "image": i.to_string(), "camera": camera(*width, *height) });
+        json!({ "cameras": sizes.iter().enumerate().map(view).collect::<Vec<_>>() })
+    };
+    for sizes in [&[[20_000, 4]][..], &[[283, 283], [20_000, 4]]] {
+        scratch.write("list.json", &list(sizes).to_string());
+        let args = ["batch", "s.json", "--cameras", "list.json", "--overscan", "100"];
+        let done = scratch.run(&[&args[..], &["--max-memory", "64M", "--no-sheet"]].concat());
+        assert_eq!(done.code(), 1, "{sizes:?}: {}", done.stderr());
+        assert!(done.stderr().contains("--max-memory: found 64.0 MiB"), "{}", done.stderr());
+    }
+}
+
 /// The scenes of all frames together would take 24 MB.
 #[test]
 fn the_scene_of_a_frame_is_held_while_the_frame_is_rendered() {
