@@ -217,6 +217,14 @@ impl<P: AsRef<Path>> FromIterator<P> for FileSet {
     }
 }
 
+/// Returns the error of a pipe or a device. Does not open it: that would wait for a writer.
+pub fn not_a_file(path: &Path) -> Option<Error> {
+    let data = std::fs::metadata(path).ok()?;
+    let message = "found a pipe or a device, expected a file";
+    let is_special = !data.is_file() && !data.is_dir();
+    is_special.then(|| Error::invalid(path.display().to_string(), message))
+}
+
 /// Refuses outputs that would overwrite an input or another output. Pipes and devices are exempt.
 ///
 /// # Errors

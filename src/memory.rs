@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::accel::MemoryFootprint;
 use crate::error::{Error, ErrorKind, Failures, Problem, Result};
+use crate::files;
 use crate::film::Window;
 use crate::geometry::PrimitiveCounts;
 use crate::layers::LayerPlan;
@@ -94,6 +95,9 @@ const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Returns the sizes that the header of a PLY file declares, for a reader with these options.
 pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
+    if let Some(error) = files::not_a_file(path) {
+        return Err(error.help("save it as a file: its size must be known before it is read"));
+    }
     let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. Its message is
     // the better one, so the prediction must not fail first.

@@ -176,6 +176,9 @@ class RayScene:
         for index, pair in enumerate(meshes):
             try:
                 vertices, faces = pair
+            except (TypeError, ValueError):
+                raise ValueError(f"mesh {index}: expected a pair: vertices, faces") from None
+            try:
                 converted.append(_convert.mesh(vertices, faces))
             except (TypeError, ValueError) as error:
                 raise type(error)(f"mesh {index}: {error}") from None
@@ -284,8 +287,9 @@ class RayScene:
         Returns
         -------
         Hits
-            Of equally near hits, that of the lowest mesh and then the lowest face, if the backend
-            is ``"bvh"``.
+            Of hits of equal t, that of the lowest mesh and then the lowest face, if the backend is
+            ``"bvh"``. Layers that float32 cannot tell apart are one hit; `all_hits` tells them
+            apart.
 
         Raises
         ------
@@ -416,9 +420,8 @@ class RayScene:
         """Return the winding number of each point in all meshes together.
 
         It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
-        an open mesh, it is between 0 and 1. The error is at most some 0.02 for compact meshes, in
-        the mean 0.002. Within bundles and coils of thin pipes it reaches 0.1. Parameters and
-        exceptions are those of `contains`.
+        an open mesh, it is between 0 and 1. The error is at most some 0.02, or half a percent where
+        many surfaces lie in each other. Parameters and exceptions are those of `contains`.
 
         Returns
         -------

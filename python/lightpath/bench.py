@@ -1,6 +1,6 @@
 """Compare speed and wrong answers with trimesh (with embreex) and Open3D, on the same rays.
 
-    python -m lightpath.bench                 # a bumpy ball of 98,304 faces
+    python -m lightpath.bench                 # a bumpy ball of 196,608 faces
     python -m lightpath.bench scan.ply        # your mesh
     python -m lightpath.bench --help
 

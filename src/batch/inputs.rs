@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::{paths, picture, studio};
+use crate::{files, paths, picture, studio};
 
 /// Returns the files that `text` stands for, sorted by name. `text` is relative to `folder`.
 ///
@@ -156,14 +156,10 @@ fn is_named_scene(path: &Path) -> bool {
     path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"))
 }
 
-/// Returns the error of a pipe or a device. Does not open it: that would wait for a writer.
+/// Returns the error of a pipe or a device.
 pub fn not_a_file(path: &Path) -> Option<Error> {
-    let data = std::fs::metadata(path).ok()?;
-    (!data.is_file() && !data.is_dir()).then(|| {
-        let message = "found a pipe or a device, expected a file";
-        Error::invalid(path.display().to_string(), message)
-            .help("save it as a file: a batch reads its files more than once")
-    })
+    let error = files::not_a_file(path)?;
+    Some(error.help("save it as a file: a batch reads its files more than once"))
 }
 
 /// Returns the path if it is a file. Anything else would change the numbers of the frames if it

@@ -33,7 +33,7 @@ pub struct FirstHits {
 
 impl RayScene {
     /// Finds the closest hit of each ray. Edges and vertices belong to all their triangles. Of
-    /// equally near hits, `bvh` returns that of the lowest mesh and then the lowest face. A
+    /// hits of equal t, `bvh` returns that of the lowest mesh and then the lowest face. A
     /// triangle that contains the origin of a ray is not hit at t = 0, if f32 can represent the
     /// origin.
     ///

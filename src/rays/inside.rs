@@ -74,8 +74,8 @@ impl RayScene {
     }
 
     /// Returns the winding number of each point, summed over all meshes: 1 inside a closed mesh
-    /// whose normals point outward, -1 if they point inward, 0 outside. The error of a mesh
-    /// is at most some 0.02, its mean 0.002.
+    /// whose normals point outward, -1 if they point inward, 0 outside. The error is at most some
+    /// 0.02, or half a percent of a larger number.
     ///
     /// # Errors
     /// The errors of [`RayScene::contains`].

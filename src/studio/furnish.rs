@@ -84,10 +84,13 @@ pub fn furnish(
     let mut ours = looks(subject, template, &shape)?;
     // Colours that the user or the template asks for are shown in place of a texture.
     let wanted = wanted(subject, template, user);
-    let colored = wanted.is_some_and(|(spec, _)| spec.color.is_some());
+    let (spec, textured) = wanted.unzip();
+    let colored = spec.is_some_and(|spec| spec.color.is_some());
     colour(subject, &mesh, (template, user), (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
-    warnings.extend(texture_notes(subject, &mesh, template, colored)?);
+    if textured != Some(true) {
+        warnings.extend(texture_notes(subject, &mesh, template, colored)?);
+    }
     // The placement below needs the scene with all overrides so far.
     let mut loaded = load(template, &ours, user)?;
     let turned = trimesh(&loaded, &shape).is_some_and(|spec| spec.rotate_deg != DVec3::ZERO);

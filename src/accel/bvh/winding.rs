@@ -1,9 +1,11 @@
-//! Winding numbers of points. The triangles of a node or leaf that is far away count as one dipole.
+//! Winding numbers of points. The triangles of a node or leaf that is far away count as one dipole
+//! with its first moments.
 //!
 //! Source: Barill, Dickson, Schmidt, Levin and Jacobson 2018, "Fast Winding Numbers for Soups and
-//! Clouds", ACM TOG 37(4), of first order. A node or leaf is far from a point if its distance
-//! exceeds [`FAR`] times its radius. Near triangles add their exact solid angles (van Oosterom and
-//! Strackee 1983). The tree must not hold quads, whose halves have one index. Spheres are ignored.
+//! Clouds", ACM TOG 37(4), of second order, for the centers of triangles. A node or leaf is far
+//! from a point if its distance exceeds [`FAR`] times its radius. Near triangles add their exact
+//! solid angles (van Oosterom and Strackee 1983). The tree must not hold quads, whose halves have
+//! one index. Spheres are ignored.
 
 use std::f64::consts::PI;
 
@@ -17,8 +19,8 @@ use crate::reserve;
 
 /// Distance of a node or leaf, in units of its radius, beyond which it counts as a dipole.
 ///
-/// Largest error of 400 points in the boxes around spot, teapot and bunny: 0.043 with 2, 0.018 with
-/// 3. docs/notebook/trust.md has what 3 costs.
+/// Largest error of 400 points in the boxes around four scans: 0.025 with 2, 0.014 with 3.
+/// docs/notebook/trust.md has what 3 costs, and other meshes.
 const FAR: f64 = 3.0;
 
 /// The triangles of a subtree as one dipole.
@@ -34,7 +36,14 @@ struct Dipole {
     radius: f64,
     /// Square of [`FAR`] times `radius`. For nearer points, children or triangles are visited.
     near_squared: f64,
+    moments: Moments,
 }
+
+/// The symmetric part of the sum of `n d^T` over triangles, where `n` is the normal with the length
+/// of the area and `d` the way from the dipole's center to that of the triangle: xx, yy, zz, and
+/// twice xy, xz, yz. Without it the two sides of a thin wall would cancel out.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments([f64; 6]);
 
 /// The dipoles of all nodes and leaves of a tree.
 #[derive(Debug, Default)]
@@ -99,7 +108,9 @@ impl Bvh<'_> {
             let to = dipole.center - point;
             let squared = to.length_squared();
             if squared > dipole.near_squared {
-                sum += dipole.normal.dot(to) / (squared * squared.sqrt());
+                let first = dipole.normal.dot(to);
+                let second = dipole.moments.trace() - 3.0 * dipole.moments.along(to) / squared;
+                sum += (first + second) / (squared * squared.sqrt());
                 continue;
             }
             match child.kind() {
@@ -128,6 +139,10 @@ impl Dipole {
             dipole.add(normal, normal.length(), (*a + *b + *c) / 3.0);
         }
         dipole.finish();
+        for [a, b, c] in all {
+            let normal = (*b - *a).cross(*c - *a) * 0.5;
+            dipole.moments.add(normal, (*a + *b + *c) / 3.0 - dipole.center);
+        }
         let far = all.iter().flatten().map(|&v| (v - dipole.center).length());
         dipole.with_radius(far.fold(0.0, f64::max))
     }
@@ -138,8 +153,12 @@ impl Dipole {
             dipole.add(part.normal, part.area, part.center);
         }
         dipole.finish();
-        let used = parts.iter().filter(|part| part.area > 0.0);
-        let far = used.map(|part| (part.center - dipole.center).length() + part.radius);
+        let used = || parts.iter().filter(|part| part.area > 0.0);
+        for part in used() {
+            dipole.moments.add(part.normal, part.center - dipole.center);
+            dipole.moments.join(part.moments);
+        }
+        let far = used().map(|part| (part.center - dipole.center).length() + part.radius);
         dipole.with_radius(far.fold(0.0, f64::max))
     }
 
@@ -155,6 +174,31 @@ impl Dipole {
 
     fn finish(&mut self) {
         self.center = if self.area > 0.0 { self.center / self.area } else { DVec3::ZERO };
+    }
+}
+
+impl Moments {
+    fn add(&mut self, n: DVec3, d: DVec3) {
+        let (DVec3 { x, y, z }, [u, v, w]) = (d, n.to_array());
+        let own = [x * u, y * v, z * w, x * v + y * u, x * w + z * u, y * w + z * v];
+        self.join(Self(own));
+    }
+
+    fn join(&mut self, other: Self) {
+        for (sum, own) in self.0.iter_mut().zip(other.0) {
+            *sum += own;
+        }
+    }
+
+    fn trace(&self) -> f64 {
+        let [xx, yy, zz, ..] = self.0;
+        xx + yy + zz
+    }
+
+    /// The quadratic form of a vector.
+    fn along(&self, DVec3 { x, y, z }: DVec3) -> f64 {
+        let [xx, yy, zz, xy, xz, yz] = self.0;
+        x * (xx * x + xy * y + xz * z) + y * (yy * y + yz * z) + zz * z * z
     }
 }
 

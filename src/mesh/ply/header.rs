@@ -190,18 +190,24 @@ impl<'a> Lines<'a> {
         self.number += 1;
         self.at += length + 1;
         if self.number > MAX_LINES as u64 || self.at > MAX_HEADER {
-            return Err(self.error(format!(
-                "the header is longer than {MAX_LINES} lines or {MAX_HEADER} bytes"
-            )));
+            return Err(self.too_long());
         }
         Ok(Some(rest[..length].trim_ascii_end()))
     }
 
     /// The error for a file that ends before its header does.
     fn unfinished(&self) -> Error {
+        // Of a stream, no more bytes are read.
+        if self.bytes.len() >= MAX_HEADER {
+            return self.too_long();
+        }
         let message =
             format!("the header has no end_header; the file ends after its line {}", self.number);
         Error::invalid(self.name, message).help("the file may be cut short")
+    }
+
+    fn too_long(&self) -> Error {
+        self.error(format!("the header is longer than {MAX_LINES} lines or {MAX_HEADER} bytes"))
     }
 
     /// An error about the current line.
@@ -344,6 +350,10 @@ mod tests {
         assert_eq!(largest.data_start, MAX_HEADER);
         for more in [1, 100] {
             let error = parse(&header_of(MAX_HEADER + more), "a.ply").unwrap_err().to_string();
+            assert!(error.contains("the header is longer than"), "{error}");
+            // Of a stream, as many bytes are there.
+            let start = &header_of(MAX_HEADER + more)[..MAX_HEADER];
+            let error = parse(start, "a.ply").unwrap_err().to_string();
             assert!(error.contains("the header is longer than"), "{error}");
         }
     }

@@ -315,3 +315,19 @@ fn a_large_texture_takes_the_memory_of_the_texels_in_view() {
     assert_eq!(done.code(), 2, "{}", done.stderr());
     assert!(done.stderr().contains("large.png: the image ends too early"), "{}", done.stderr());
 }
+
+/// The header of a pipe could not be read a second time.
+#[cfg(unix)]
+#[test]
+fn a_limit_refuses_pipes() {
+    let scratch = Scratch::new();
+    scratch.pipe("pipe.ply");
+    let shape = json!({ "type": "trimesh", "path": "pipe.ply", "material": {} });
+    scratch.write("s.json", &with_shapes(json!([shape])));
+    for input in ["pipe.ply", "s.json"] {
+        let done = scratch.run(&["render", input, "-o", "x", "--max-memory", "200M"]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        let message = "pipe.ply: found a pipe or a device, expected a file";
+        assert!(done.stderr().contains(message), "{}", done.stderr());
+    }
+}

@@ -293,6 +293,9 @@ fn a_texture_by_flag_and_notes_without_one() {
     let done = render(&scratch, "a.ply", &["--texture", "i.ppm"]).good();
     assert!(!done.stderr().contains("found texture"), "{}", done.stderr());
     let textured = scratch.channels("o.exr");
+    let set = ["--set", "/scene/materials/subject/tPath=i.ppm"];
+    let done = render(&scratch, "a.ply", &set).good();
+    assert!(!done.stderr().contains("found texture"), "{}", done.stderr());
     assert!(textured != grey && textured == picture(&scratch, "named.ply", &[]));
     let done = render(&scratch, "two.ply", &[]).good();
     let note = "two.ply: found 2 texture files; only \"i.ppm\" is used";
