@@ -96,3 +96,34 @@ fn soups_over_sixteen_decades_are_hit_within_the_bound() {
     // The rays are aimed, so most must hit.
     assert!(hits > 60 * 40 * LANES / 2, "{hits}");
 }
+
+/// Two corners are a few ulp apart near a plane through the origin. f64 hardly tells the normal of
+/// such a triangle, whose other sides are of ordinary length.
+#[test]
+fn slivers_that_f64_cannot_tell_are_hit_beside_their_box_at_most() {
+    let mut random = Random(3);
+    let mut hits = 0;
+    for _ in 0..300 {
+        let mut number = || random.within(-8.0, 8.0) as f32;
+        let (far, mut near) = ([number(), number(), number()], [number(), number(), number()]);
+        let axis = random.below(3);
+        near[axis] = 10f64.powf(random.within(-9.0, -4.0)) as f32;
+        let mut next = near;
+        next[axis] = f32::from_bits(near[axis].to_bits() + 1 + random.below(3) as u32);
+        let mesh = TriangleMesh::new(vec![far, near, next], vec![[0, 1, 2]], false);
+        let geometry = Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).expect("one");
+        let mut rays = Rays::EMPTY;
+        for i in 0..LANES {
+            let direction = [0; 3].map(|_| random.within(-5.0, 5.0) as f32);
+            put(&mut rays, i, if i % 2 == 0 { near } else { next }, direction);
+        }
+        let found = Tiers::new(&geometry).trace(&ALL, &rays);
+        hits += found.iter().flatten().count();
+        for (i, hit) in found.into_iter().enumerate() {
+            if let Err(wrong) = reference::check(&geometry, &rays, i, hit) {
+                panic!("{}: {wrong}\n{geometry:?}", ray(&rays, i));
+            }
+        }
+    }
+    assert!(hits > 20, "{hits}");
+}

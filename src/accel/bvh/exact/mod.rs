@@ -40,11 +40,18 @@ pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 ///   where |n| is the sum of the magnitudes of n.
 /// - Together these are 60u. Only a hit on a plane less steep than [`STEEP`] must be clamped to the
 ///   box.
+/// - In f64 the plane's normal is off by at most 2^-51 |e1||e2|, for edges e1 and e2 of the
+///   triangle. That moves a hit by twice as much times [`STEEP`] max|v - o| / |n|, less than the
+///   remaining 4u max|v - o|, unless the triangle is a sliver of [`THIN`].
 pub const BOX_SLACK: f64 = 32.0 * f32::EPSILON as f64;
 
 /// A ray hits a plane steeply if this times |d.n| is at least |n|, where d has magnitude 1 along
 /// the dominant axis: see [`BOX_SLACK`].
 pub const STEEP: f64 = 9.0;
+
+/// A triangle whose |n| is below this times |e1||e2| is too thin for f64: its plane counts as not
+/// steep. See [`BOX_SLACK`]; all magnitudes are sums of those of the components.
+const THIN: f64 = 0.5 * f32::EPSILON as f64;
 
 /// At least the scene's extent, seen from the origin of a ray, divided by the ray's
 /// [`box_slack`](super::query::Query::box_slack), which is more than 65u of that extent.
@@ -100,6 +107,7 @@ impl Ray64 {
 /// The plane of a triangle, computed in f64 from the f32 corners.
 pub struct TrianglePlane {
     point: [f64; 3],
+    edges: [[f64; 3]; 2],
     normal: [f64; 3],
 }
 
@@ -110,7 +118,7 @@ impl TrianglePlane {
         let (e1x, e1y, e1z) = (f64::from(q[0]) - px, f64::from(q[1]) - py, f64::from(q[2]) - pz);
         let (e2x, e2y, e2z) = (f64::from(r[0]) - px, f64::from(r[1]) - py, f64::from(r[2]) - pz);
         let normal = [e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x];
-        Self { point: [px, py, pz], normal }
+        Self { point: [px, py, pz], edges: [[e1x, e1y, e1z], [e2x, e2y, e2z]], normal }
     }
 
     /// Returns t and d.n of a ray's hit with the plane. t is NaN or infinite if the ray is parallel
@@ -123,11 +131,13 @@ impl TrianglePlane {
         (above / towards, towards)
     }
 
-    /// Returns the sum of the magnitudes of the normal: |n| in [`STEEP`].
+    /// Returns the sum of the magnitudes of the normal: |n| in [`STEEP`]. Infinite for a triangle
+    /// of [`THIN`], on which no hit is steep.
     #[inline(always)]
     pub fn normal_l1(&self) -> f64 {
-        let [nx, ny, nz] = self.normal;
-        nx.abs() + ny.abs() + nz.abs()
+        let l1 = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs();
+        let ([e1, e2], normal) = (self.edges, l1(self.normal));
+        if normal < THIN * (l1(e1) * l1(e2)) { f64::INFINITY } else { normal }
     }
 }
 
