@@ -108,7 +108,7 @@ pub struct WrittenPicture {
     pub png_warnings: Vec<Problem>,
 }
 
-/// Writes the films of a [`Renderer`], also after the renderer and its scene are dropped.
+/// Writes the films of a [`Renderer`](super::Renderer), also after the renderer and its scene are dropped.
 #[derive(Debug, Clone)]
 pub struct PictureWriter {
     shown: Arc<ShownScene>,
@@ -131,7 +131,7 @@ impl PictureWriter {
         &self.shown.warnings
     }
 
-    /// Writes a film: see [`Renderer::write`].
+    /// Writes a film: see [`Renderer::write`](super::Renderer::write).
     ///
     /// # Errors
     /// A film of another scene's size, or with too few values; a folder that cannot be written to;
