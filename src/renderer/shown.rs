@@ -108,7 +108,8 @@ pub struct WrittenPicture {
     pub png_warnings: Vec<Problem>,
 }
 
-/// Writes the films of a [`Renderer`](super::Renderer), also after the renderer and its scene are dropped.
+/// Writes the films of a [`Renderer`](super::Renderer), also after the renderer and its scene are
+/// dropped.
 #[derive(Debug, Clone)]
 pub struct PictureWriter {
     shown: Arc<ShownScene>,
