@@ -75,7 +75,7 @@ impl RayScene {
 
     /// Returns the winding number of each point, summed over all meshes: 1 inside a closed mesh
     /// whose normals point outward, -1 if they point inward, 0 outside. The error is at most some
-    /// 0.02, or half a percent of a larger number.
+    /// 0.02 for each surface near the point: errors of surfaces in each other add up.
     ///
     /// # Errors
     /// The errors of [`RayScene::contains`].

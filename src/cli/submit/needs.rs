@@ -54,12 +54,14 @@ impl Needs {
             let sizes = poses.map(|pose| pose.camera.size());
             let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
             let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
-            // Tiles that the window of an overscan cuts may be traced whole.
-            let beyond = if job.overscan > 0 { 2 * u64::from(TILE - 1) } else { 0 };
+            let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
+            // Packets of up to 4 x 4 pixels that the window of an overscan cuts are traced whole, with
+            // noise perhaps tiles.
+            let cut = if adaptive.is_some() { TILE } else { 4 };
+            let beyond = if job.overscan > 0 { 2 * u64::from(cut - 1) } else { 0 };
             let pixels = sizes
                 .map(|[width, height]| [width, height].map(around))
                 .map(|[w, h]| [w * h, (w + beyond) * (h + beyond)]);
-            let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
             let [least, most] = match adaptive {
                 // The estimate of the brightness takes at most as many again as the first pass.
                 Some(Adaptive { first, most, .. }) => [first, first + most],
