@@ -94,6 +94,9 @@ const SPHERE_BYTES: u64 = 36;
 const MAX_PACKING_RATIO: u64 = 1032;
 
 /// Returns the sizes that the header of a PLY file declares, for a reader with these options.
+///
+/// # Errors
+/// A pipe or a device, whose header could not be read again; a header that cannot be read.
 pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
     if let Some(error) = files::not_a_file(path) {
         return Err(error.help("save it as a file: its size must be known before it is read"));

@@ -269,3 +269,10 @@ def test_any_mesh(vertices, faces, points):
     hits = scene.all_hits([0, 0, 0], directions)
     assert (np.diff(hits.offsets) == counts).all()
     scene.closest(points, [0, 0.5, 1]), scene.occluded(points, [0, 0, -1])
+
+
+def test_a_mesh_that_is_no_pair_is_named():
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    for wrong in (corners, 7):
+        with pytest.raises(ValueError, match="mesh 1: expected a pair: vertices, faces"):
+            lightpath.RayScene.from_meshes([(corners, [[0, 1, 2]]), wrong])

@@ -75,8 +75,9 @@ pub fn predict(job: &Job, task: &Task) -> Result<(Scene, Prediction)> {
     let frames = task.frames.start as usize..task.frames.end as usize;
     let poses = job.poses.iter().flat_map(|poses| &poses.list[frames.clone()]);
     let sizes = poses.map(|pose| pose.camera.size());
-    let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
-    let largest = sizes.max_by_key(|[width, height]| around(*width) * around(*height));
+    // One that is too large is the largest; its error follows.
+    let pixels = |size| overscan_window(job.overscan, size).map_or(u64::MAX, |(_, w)| w.pixels());
+    let largest = sizes.max_by_key(|size| pixels(*size));
     if let Some([width, height]) = largest {
         (scene.camera.width, scene.camera.height) = (width, height);
     }

@@ -237,8 +237,8 @@ fn is_near(corners: [[f64; 3]; 3], d: [f64; 3], (t, u, v): (f64, f64, f64), slac
 }
 
 /// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power
-/// of two, in case that something overflowed. If t and the weights still disagree, those of the
-/// rounded triangle decide.
+/// of two, in case that something overflowed. If t and the weights still disagree, `weights`, those
+/// of the rounded triangle, decide.
 fn settled(
     corners: [[f64; 3]; 3],
     d: [f64; 3],

@@ -88,7 +88,7 @@ pub fn furnish(
     let colored = spec.is_some_and(|spec| spec.color.is_some());
     colour(subject, &mesh, (template, user), (&shape, colored), &mut ours)?;
     let points = (!subject.calibrated).then(|| UsedVertices::new(&mesh));
-    if textured != Some(true) {
+    if textured == Some(false) {
         warnings.extend(texture_notes(subject, &mesh, template, colored)?);
     }
     // The placement below needs the scene with all overrides so far.
@@ -318,7 +318,8 @@ fn own_texture(subject: &Subject, mesh: &Mesh) -> Result<Option<OwnImage>> {
     }
 }
 
-/// Returns warnings about textures that are not shown, or that are not where the mesh says.
+/// Returns warnings about textures that are not shown, or that are not where the mesh says, if its
+/// material has none.
 ///
 /// # Errors
 /// As for [`world::own_texture`].
@@ -330,7 +331,7 @@ fn texture_notes(
 ) -> Result<Vec<Problem>> {
     let place = || subject.path.display().to_string();
     let shows_own = !colored && mesh.textures.is_none();
-    if !template.builtin || subject.looks.texture.is_some() || !shows_own {
+    if !template.builtin || !shows_own {
         return Ok(Vec::new());
     }
     let several = || several_textures_warning(mesh, subject.path);

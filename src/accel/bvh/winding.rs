@@ -133,47 +133,40 @@ impl Bvh<'_> {
 
 impl Dipole {
     fn of_triangles(all: &[[DVec3; 3]]) -> Self {
-        let mut dipole = Self::default();
-        for [a, b, c] in all {
+        let triangle = |[a, b, c]: &[DVec3; 3]| {
             let normal = (*b - *a).cross(*c - *a) * 0.5;
-            dipole.add(normal, normal.length(), (*a + *b + *c) / 3.0);
-        }
-        dipole.finish();
-        for [a, b, c] in all {
-            let normal = (*b - *a).cross(*c - *a) * 0.5;
-            dipole.moments.add(normal, (*a + *b + *c) / 3.0 - dipole.center);
-        }
+            Self { center: (*a + *b + *c) / 3.0, normal, area: normal.length(), ..Self::default() }
+        };
+        let dipole = Self::sum(&all.iter().map(triangle).collect::<Vec<_>>());
         let far = all.iter().flatten().map(|&v| (v - dipole.center).length());
         dipole.with_radius(far.fold(0.0, f64::max))
     }
 
     fn of_parts(parts: &[Self]) -> Self {
-        let mut dipole = Self::default();
-        for part in parts {
-            dipole.add(part.normal, part.area, part.center);
-        }
-        dipole.finish();
-        let used = || parts.iter().filter(|part| part.area > 0.0);
-        for part in used() {
-            dipole.moments.add(part.normal, part.center - dipole.center);
-            dipole.moments.join(part.moments);
-        }
-        let far = used().map(|part| (part.center - dipole.center).length() + part.radius);
+        let dipole = Self::sum(parts);
+        let used = parts.iter().filter(|part| part.area > 0.0);
+        let far = used.map(|part| (part.center - dipole.center).length() + part.radius);
         dipole.with_radius(far.fold(0.0, f64::max))
     }
 
-    fn add(&mut self, normal: DVec3, area: f64, center: DVec3) {
-        self.normal += normal;
-        self.area += area;
-        self.center += center * area;
+    /// All but the radius.
+    fn sum(parts: &[Self]) -> Self {
+        let mut sum = Self::default();
+        for part in parts {
+            sum.normal += part.normal;
+            sum.area += part.area;
+            sum.center += part.center * part.area;
+        }
+        sum.center = if sum.area > 0.0 { sum.center / sum.area } else { DVec3::ZERO };
+        for part in parts.iter().filter(|part| part.area > 0.0) {
+            sum.moments.add(part.normal, part.center - sum.center);
+            sum.moments.join(part.moments);
+        }
+        sum
     }
 
     fn with_radius(self, radius: f64) -> Self {
         Self { radius, near_squared: FAR * FAR * radius * radius, ..self }
-    }
-
-    fn finish(&mut self) {
-        self.center = if self.area > 0.0 { self.center / self.area } else { DVec3::ZERO };
     }
 }
 

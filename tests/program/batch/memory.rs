@@ -43,23 +43,26 @@ fn a_limit_of_memory_covers_all_films() {
     assert!(peak < 90 << 20, "{peak}");
 }
 
+/// Writes the scene of a ball, `s.json`, and a list of cameras of these sizes, `list.json`.
+fn write_ball(scratch: &Scratch, sizes: &[[u32; 2]]) {
+    let camera = |[width, height]: [u32; 2]| {
+        json!({ "type": "orthographic", "width": width, "height": height, "viewwidth": 4,
+                "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] })
+    };
+    let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} });
+    let scene = json!({ "spp": 1, "camera": camera([8, 8]), "scene": { "shapes": [ball] } });
+    scratch.write("s.json", &scene.to_string());
+    let sizes = sizes.iter().enumerate();
+    let views = sizes.map(|(i, size)| json!({ "image": i.to_string(), "camera": camera(*size) }));
+    let list = json!({ "cameras": views.collect::<Vec<_>>() });
+    scratch.write("list.json", &list.to_string());
+}
+
 /// Films of 1600 x 1200 and 1200 x 1600 pixels take 31 MB each. Two do not fit.
 #[test]
 fn a_film_of_another_size_takes_the_place_of_the_last() {
     let scratch = Scratch::new();
-    let camera = |width: u32, height: u32| {
-        json!({ "type": "pinhole", "width": width, "height": height, "fov": 40,
-                "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] })
-    };
-    let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} });
-    let scene = json!({ "spp": 1, "camera": camera(8, 8), "scene": { "shapes": [ball] } });
-    scratch.write("s.json", &scene.to_string());
-    let view = |i: usize| {
-        let [width, height] = [[1600, 1200], [1200, 1600]][i % 2];
-        json!({ "image": i.to_string(), "camera": camera(width, height) })
-    };
-    let list = json!({ "cameras": (0..4).map(view).collect::<Vec<_>>() });
-    scratch.write("list.json", &list.to_string());
+    write_ball(&scratch, &[[1600, 1200], [1200, 1600], [1600, 1200], [1200, 1600]]);
     let args = ["batch", "s.json", "-o", "out", "--cameras", "list.json", "--threads", "2"];
     let limited = ["--max-memory", "72M", "--no-sheet", "--quiet"];
     scratch.run(&[&args[..], &limited].concat()).good();
@@ -73,19 +76,8 @@ fn a_film_of_another_size_takes_the_place_of_the_last() {
 #[test]
 fn the_largest_film_is_that_of_the_most_pixels_with_overscan() {
     let scratch = Scratch::new();
-    let camera = |width: u32, height: u32| {
-        json!({ "type": "orthographic", "width": width, "height": height, "viewwidth": 4,
-                "position": [0, 0, 5], "lookat": [0, 0, -1], "up": [0, 1, 0] })
-    };
-    let ball = json!({ "type": "sphere", "center": [0, 0, 0], "radius": 1, "material": {} });
-    let scene = json!({ "spp": 1, "camera": camera(8, 8), "scene": { "shapes": [ball] } });
-    scratch.write("s.json", &scene.to_string());
-    let list = |sizes: &[[u32; 2]]| {
-        let view = |(i, [width, height]): (usize, &[u32; 2])| json!({ "image": i.to_string(), "camera": camera(*width, *height) });
-        json!({ "cameras": sizes.iter().enumerate().map(view).collect::<Vec<_>>() })
-    };
     for sizes in [&[[20_000, 4]][..], &[[283, 283], [20_000, 4]]] {
-        scratch.write("list.json", &list(sizes).to_string());
+        write_ball(&scratch, sizes);
         let args = ["batch", "s.json", "--cameras", "list.json", "--overscan", "100"];
         let done = scratch.run(&[&args[..], &["--max-memory", "64M", "--no-sheet"]].concat());
         assert_eq!(done.code(), 1, "{sizes:?}: {}", done.stderr());
