@@ -11,6 +11,8 @@ mod inputs;
 #[allow(dead_code)]
 #[path = "../../tests/library/fuzz/picture.rs"]
 mod picture;
+#[path = "../../tests/library/fuzz/witness.rs"]
+mod witness;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = folder::create("picture");

@@ -28,6 +28,7 @@ mod fuzz {
     mod ply;
     mod poses;
     mod scene;
+    mod witness;
 }
 
 /// What rays hit, on every backend.

@@ -1,9 +1,11 @@
 //! Makes a scene of bytes and renders it in several ways. All must give the same bits: the tree and
 //! the backend `brute`, the best and the portable instruction set, the whole frame and a crop.
+//! Between the tree and `brute`, a pixel may differ if a ray of it passes an outline, or hits two
+//! surfaces at the same depth, within the error bound of the tree's test.
 
 use std::path::Path;
 
-use lightpath::accel::{self, BuildOptions};
+use lightpath::accel::{self, Accelerator, BuildOptions};
 use lightpath::film::{Film, ReservedFilm, Window};
 use lightpath::layers::LayerPlan;
 use lightpath::monitor::Monitor;
@@ -14,6 +16,7 @@ use lightpath::world::{LoadOptions, World};
 use serde_json::{Map, Value, json};
 
 use super::inputs;
+use super::witness::Witness;
 
 /// Meshes that scenes use: a solid, one with edges that match no other, needles, coplanar faces
 /// twice, and faces with normals that disagree.
@@ -107,34 +110,51 @@ pub fn run(folder: &Path, bytes: &[u8]) -> Option<Shown> {
     let crop = Window { x0, y0, x1, y1 };
 
     let best = Isa::detect();
-    let (first, rays) = render(&world, &plan, adaptive, Backend::Bvh(best), best, whole);
+    let picture = |backend: Backend, isa: Isa, window: Window| {
+        let accelerator = build(&world, backend);
+        render(&world, &plan, adaptive, accelerator.as_ref(), isa, window)
+    };
+    let (first, rays) = picture(Backend::Bvh(best), best, whole);
     check(&first, &text);
+    // Renders the pixel again on the tree, beside the oracle.
+    let explained = |x: u32, y: u32| {
+        let tree = build(&world, Backend::Bvh(best));
+        let witness = Witness::new(&world.geometry, tree.as_ref());
+        let pixel = Window { x0: x, y0: y, x1: x + 1, y1: y + 1 };
+        render(&world, &plan, adaptive, &witness, best, pixel);
+        let verdicts = witness.verdicts();
+        !verdicts.is_empty() && verdicts.iter().all(|verdict| !verdict.is_wrong())
+    };
     for (backend, isa, window) in [
         (Backend::Bvh(Isa::Portable), Isa::Portable, whole),
         (Backend::Brute, best, whole),
         (Backend::Bvh(best), best, crop),
     ] {
-        let (other, _) = render(&world, &plan, adaptive, backend, isa, window);
-        same_where_both_are(&first, &other, &format!("{backend:?} {window:?}"), &text);
+        let (other, _) = picture(backend, isa, window);
+        let allowed = |x, y| backend == Backend::Brute && explained(x, y);
+        same_where_both_are(&first, &other, allowed, &format!("{backend:?} {window:?}"), &text);
     }
     let light = first.pixels.iter().any(|pixel| pixel[..3].iter().any(|&value| value > 0.0));
     Some(Shown { shadow_rays: rays.shadow, light })
+}
+
+fn build(world: &World, backend: Backend) -> Box<dyn Accelerator + '_> {
+    let options = BuildOptions { threads: 1, max_bytes: None };
+    accel::build(&world.geometry, backend, &options, &Monitor::default()).expect("a tree")
 }
 
 fn render(
     world: &World,
     plan: &LayerPlan,
     adaptive: Option<Adaptive>,
-    backend: Backend,
+    accelerator: &dyn Accelerator,
     isa: Isa,
     window: Window,
 ) -> (Film, RayCounts) {
     let monitor = &Monitor::default();
-    let options = BuildOptions { threads: 1, max_bytes: None };
-    let accelerator = accel::build(&world.geometry, backend, &options, monitor).expect("a tree");
     let channels = plan.layout.channels.clone();
     let mut film = ReservedFilm::new(world.frame, window, channels).expect("memory").film();
-    let context = RenderContext { world, accelerator: accelerator.as_ref(), isa, monitor };
+    let context = RenderContext { world, accelerator, isa, monitor };
     let rays = match adaptive {
         Some(adaptive) => render_adaptive(context, &mut film, plan, adaptive).map(|(rays, _)| rays),
         None => render_layers(context, &mut film, plan, None),
@@ -171,8 +191,15 @@ fn check(film: &Film, text: &[u8]) {
     }
 }
 
-/// Checks that the pixels of a window have the bits of the whole frame.
-fn same_where_both_are(whole: &Film, other: &Film, what: &str, text: &[u8]) {
+/// Checks that the pixels of a window have the bits of the whole frame, but for those that are
+/// `allowed` to differ.
+fn same_where_both_are(
+    whole: &Film,
+    other: &Film,
+    allowed: impl Fn(u32, u32) -> bool,
+    what: &str,
+    text: &[u8],
+) {
     let Window { x0, y0, .. } = other.window;
     let words = whole.planes.channels.len();
     for (j, pixel) in other.pixels.iter().enumerate() {
@@ -182,7 +209,7 @@ fn same_where_both_are(whole: &Film, other: &Film, what: &str, text: &[u8]) {
         let words = |film: &Film, i: usize| film.planes.words[i * words..(i + 1) * words].to_vec();
         let same = bits(&whole.pixels[i]) == bits(pixel) && words(whole, i) == words(other, j);
         assert!(
-            same,
+            same || allowed(x0 + x, y0 + y),
             "{what}: pixel {x}, {y} is {pixel:?} {:?}, expected {:?} {:?}\n{}",
             words(other, j),
             whole.pixels[i],
