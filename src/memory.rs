@@ -99,7 +99,7 @@ const MAX_PACKING_RATIO: u64 = 1032;
 /// A pipe or a device, whose header could not be read again; a header that cannot be read.
 pub fn declared_sizes(path: &Path, options: &ReadOptions) -> Result<DeclaredSizes> {
     if let Some(error) = files::not_a_file(path) {
-        return Err(error.help("save it as a file: its size must be known before it is read"));
+        return Err(error.help("save it as a file: memory is predicted from its header"));
     }
     let summary = mesh::inspect_ply_with(path, options)?;
     // The reader refuses a header that declares more rows than the file has bytes. Its message is

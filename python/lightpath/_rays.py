@@ -420,7 +420,7 @@ class RayScene:
         """Return the winding number of each point in all meshes together.
 
         It is 1 inside a closed mesh whose normals point outward, and 0 outside. Near the holes of
-        an open mesh, it is between 0 and 1. The error is at most some 0.02 for each surface near
+        an open mesh, it is between 0 and 1. The error is at most some 0.005 for each surface near
         the point: errors of surfaces in each other add up. Parameters and exceptions are those of
         `contains`.
 

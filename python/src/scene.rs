@@ -26,8 +26,8 @@ pub struct Scene {
     kept: Mutex<Arc<Pool>>,
     /// Whether `contains` has found which meshes are closed.
     knows_closed: AtomicBool,
-    /// Whether `winding_number` has computed the dipoles of the tree.
-    knows_dipoles: AtomicBool,
+    /// Whether `winding_number` has computed the multipole expansions of the tree.
+    knows_multipoles: AtomicBool,
 }
 
 /// Rays as Python passes them: origins, directions, tnear and tfar. The last two are arrays of one
@@ -119,8 +119,8 @@ impl Scene {
         let pool = pools::pool(py, threads)?;
         let build = |monitor: &Monitor| RayScene::with_backend(arrays, backend, monitor);
         let scene = watch::run(py, &pool, items, progress, build)?;
-        let [knows_closed, knows_dipoles] = Default::default();
-        Ok(Self { scene, threads, kept: Mutex::new(pool), knows_closed, knows_dipoles })
+        let [knows_closed, knows_multipoles] = Default::default();
+        Ok(Self { scene, threads, kept: Mutex::new(pool), knows_closed, knows_multipoles })
     }
 
     #[getter]
@@ -200,7 +200,7 @@ impl Scene {
         progress: Progress<'_, 'py>,
     ) -> PyResult<Any<'py>> {
         let query = |scene: &RayScene, p: &[[f64; 3]], m: &Monitor| scene.winding_number(p, m);
-        let prepared = Some(&self.knows_dipoles);
+        let prepared = Some(&self.knows_multipoles);
         Ok(column(py, self.with_points(py, &points, progress, prepared, query)?))
     }
 

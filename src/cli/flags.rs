@@ -109,7 +109,7 @@ pub struct SceneArgs {
 #[derive(Debug, Args)]
 pub struct NoiseArgs {
     /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
-    /// 0.02. Every pixel gets at least --spp samples, rounded up to a power of two, or 16
+    /// 0.02. Every pixel gets at least --spp samples, rounded up to a power of two, and at least 16
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 

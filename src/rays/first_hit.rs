@@ -109,7 +109,7 @@ impl RayScene {
             let (mesh, face) = (hits.geom[i], hits.prim[i]);
             self.prefetch_face(mesh, face);
             let (t, uv) = (rays.tfar[i], [hits.u[i], hits.v[i]]);
-            found.push(FoundHit { ray: first + i, mesh, face, t, uv });
+            found.push(FoundHit { ray: first + i, mesh, face, t, uv, alone: false });
         }
     }
 

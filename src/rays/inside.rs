@@ -57,10 +57,10 @@ impl RayScene {
         let corners =
             |primitive: u32| (!closed[self.place(primitive).0]).then(|| self.corners(primitive));
         let open = match closed.contains(&false) {
-            true => Some(known(&self.open_dipoles, || bvh.dipoles(&corners, monitor))?),
+            true => Some(known(&self.open_multipoles, || bvh.multipoles(&corners, monitor))?),
             false => None,
         };
-        let winding = |dipoles, point| bvh.winding(dipoles, point, &corners);
+        let winding = |multipoles, point| bvh.winding(multipoles, point, &corners);
         progress::fill(&mut inside, monitor, |start, inside| {
             let mut scratch = Scratch::default();
             for (i, inside) in inside.iter_mut().enumerate() {
@@ -75,7 +75,7 @@ impl RayScene {
 
     /// Returns the winding number of each point, summed over all meshes: 1 inside a closed mesh
     /// whose normals point outward, -1 if they point inward, 0 outside. The error is at most some
-    /// 0.02 for each surface near the point: errors of surfaces in each other add up.
+    /// 0.005 for each surface near the point: errors of surfaces in each other add up.
     ///
     /// # Errors
     /// The errors of [`RayScene::contains`].
@@ -84,10 +84,10 @@ impl RayScene {
         let mut winding = reserve::filled(0.0, points.len(), "winding number")?;
         let corners = |primitive: u32| Some(self.corners(primitive));
         let bvh = self.bvh()?;
-        let dipoles = known(&self.dipoles, || bvh.dipoles(&corners, monitor))?;
+        let multipoles = known(&self.multipoles, || bvh.multipoles(&corners, monitor))?;
         progress::fill(&mut winding, monitor, |start, winding| {
             for (i, winding) in winding.iter_mut().enumerate() {
-                *winding = bvh.winding(dipoles, points[start + i].into(), &corners);
+                *winding = bvh.winding(multipoles, points[start + i].into(), &corners);
             }
             Ok(())
         })?;

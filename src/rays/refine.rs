@@ -9,6 +9,7 @@
 
 use super::arrays;
 use super::batch::RayBatch;
+use super::further::{above, below};
 use super::rounded::{Doubles, Rounded, power_of_two};
 use super::scene::RayScene;
 use crate::geometry::clamp_barycentrics;
@@ -36,6 +37,9 @@ pub(super) struct FoundHit {
     pub t: f32,
     /// Weights of the second and third corner, for the rounded ray and triangle.
     pub uv: [f32; 2],
+    /// Whether the weights are those of a ray alone. Among other rays, the tree tells them only to
+    /// 1.5e-3.
+    pub alone: bool,
 }
 
 /// Values of up to 16 hits, computed in f64. The lanes after the last hit are meaningless.
@@ -122,9 +126,12 @@ impl RayScene {
         out.counts[i] = counts(t, rays.limits(hit.ray).into(), margin);
     }
 
-    /// The weights that the tree finds for the ray of a hit alone. Among other rays, it tells them
-    /// only to 1.5e-3. If a ray alone first hits another face, the weights are those of the hit.
+    /// The weights that the tree finds for the ray of a hit alone. If it then hits another face at
+    /// the same t, the weights are those of the hit.
     fn weights_alone(&self, rays: &RayBatch, hit: &FoundHit) -> [f32; 2] {
+        if hit.alone {
+            return hit.uv;
+        }
         let mut rounded = Rounded::EMPTY;
         let rounding = self.rounding(rays);
         if rounding.and_then(|rounding| rounding.round(hit.ray, &mut rounded)).is_err() {
@@ -132,6 +139,10 @@ impl RayScene {
         }
         let mut alone = Mask::NONE;
         alone.0[0] = rounded.active.0[0];
+        // The ray may have been searched on from an earlier hit, which does not count. Ends do not
+        // belong to a segment.
+        let rays = &mut rounded.packet.rays;
+        (rays.tnear[0], rays.tfar[0]) = (below(hit.t), above(hit.t));
         self.accelerator().closest(&alone, &mut rounded.packet, Coherence::Unordered);
         let hits = &rounded.packet.hits;
         if [hits.geom[0], hits.prim[0]] == [hit.mesh, hit.face] {

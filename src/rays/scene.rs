@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 
 use super::arrays::{self, MeshArrays};
-use crate::accel::bvh::{Bvh, Dipoles, OwnedBvh};
+use crate::accel::bvh::{Bvh, Multipoles, OwnedBvh};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Box3, Geometry, TriangleMesh};
@@ -91,10 +91,10 @@ pub struct RayScene {
     pub(super) bounds: [DVec3; 2],
     /// For each mesh, whether it is closed.
     pub(super) closed: OnceLock<Vec<bool>>,
-    /// Dipoles of all meshes, for winding numbers.
-    pub(super) dipoles: OnceLock<Dipoles>,
-    /// Dipoles of the meshes that are not closed.
-    pub(super) open_dipoles: OnceLock<Dipoles>,
+    /// Multipoles of all meshes, for winding numbers.
+    pub(super) multipoles: OnceLock<Multipoles>,
+    /// Multipoles of the meshes that are not closed.
+    pub(super) open_multipoles: OnceLock<Multipoles>,
 }
 
 impl fmt::Debug for RayScene {
@@ -157,9 +157,10 @@ impl RayScene {
             }
         };
         monitor.set_done(1000);
-        let (closed, dipoles, open_dipoles) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let (closed, multipoles, open_multipoles) =
+            (OnceLock::new(), OnceLock::new(), OnceLock::new());
         let bounds = [range.min, range.max];
-        Ok(Self { meshes, tree, bounds, closed, dipoles, open_dipoles })
+        Ok(Self { meshes, tree, bounds, closed, multipoles, open_multipoles })
     }
 
     /// The meshes, in order.
@@ -173,7 +174,7 @@ impl RayScene {
     }
 
     /// Bytes of the tree, which the scene holds beside the arrays of the meshes. What queries about
-    /// points keep is not counted: dipoles, and which meshes are closed.
+    /// points keep is not counted: multipoles, and which meshes are closed.
     pub fn bytes(&self) -> u64 {
         self.info().bytes
     }

@@ -57,7 +57,7 @@ impl Bvh<'_> {
     /// Appends the crossings of the active rays' lines that stray from a point of the ray by more
     /// than half of `slack`, although the triangle is within `slack` of the point. The point lies
     /// `slack` before `tfar`, and `tnear` at most `slack` before it. Some triangles that are
-    /// farther away may be found, too, but none whose plane is much farther away.
+    /// farther away may be found, too: slivers, and others whose plane is not much farther away.
     ///
     /// If `touches`, edges and vertices belong to all their triangles: see [`Bvh::touches`].
     pub fn strays(

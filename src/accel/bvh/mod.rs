@@ -6,7 +6,8 @@
 //!
 //! More queries: `crossings` finds all hits of a ray. `column` finds the triangles that a half-line
 //! may hit, `segment` those that a segment may hit. `closest_point` finds the triangle nearest to a
-//! point. `winding` computes winding numbers. `owned` is a tree without a borrow.
+//! point. `winding` computes winding numbers, with the expansions of
+//! `multipole`. `owned` is a tree without a borrow.
 
 /// Evaluates `$run` with `$tier` bound to the kernels of the instruction set `$isa`. Returns the
 /// value from the enclosing function. `$isa` must be supported by this machine.
@@ -44,6 +45,7 @@ mod interleaved;
 pub mod kernels;
 mod leaves;
 mod local_rays;
+mod multipole;
 mod near;
 mod node;
 mod owned;
@@ -65,7 +67,7 @@ pub use self::crossings::Crossing;
 pub use self::owned::OwnedBvh;
 pub use self::tree::Bvh;
 pub use self::validate::TreeStats;
-pub use self::winding::Dipoles;
+pub use self::winding::Multipoles;
 
 use self::hits::ClosestHits;
 use self::interleaved::{InterleavedClosest, InterleavedOccluded};

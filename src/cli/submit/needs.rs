@@ -55,10 +55,10 @@ impl Needs {
             let sizes = sizes.chain([[scene.camera.width, scene.camera.height]]);
             let around = |side: u32| u64::from(side) + 2 * u64::from(job.overscan);
             let adaptive = sampling::adaptive(&job.sampling, &scene).ok().flatten();
-            // Packets of up to 4 x 4 pixels that the window of an overscan cuts are traced whole,
-            // with noise perhaps tiles.
+            // Packets of up to 4 x 4 pixels are traced whole where the window of an overscan
+            // begins, where the frame ends, and where the window ends; with noise perhaps tiles.
             let cut = if adaptive.is_some() { TILE } else { 4 };
-            let beyond = if job.overscan > 0 { 2 * u64::from(cut - 1) } else { 0 };
+            let beyond = if job.overscan > 0 { 3 * u64::from(cut - 1) } else { 0 };
             let pixels = sizes
                 .map(|[width, height]| [width, height].map(around))
                 .map(|[w, h]| [w * h, (w + beyond) * (h + beyond)]);

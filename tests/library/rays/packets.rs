@@ -81,6 +81,40 @@ fn rays_in_the_plane_of_a_face_have_one_hit() {
     assert!(hits > 150, "{hits}");
 }
 
+/// A hit that does not count lies before a face in whose plane the ray runs.
+#[test]
+fn a_face_along_the_ray_is_hit_once_behind_another() {
+    let faces = [
+        [[-5.06, -1.94, -5.46], [-4.98, -1.98, -5.51], [-5.0, -1.89, -5.54]],
+        [[0.371, 1.814, 0.918], [0.556, 0.92, -0.606], [-0.67, 1.376, 0.169]],
+        [[-5.56, -2.97, -4.7], [-5.57, -2.98, -4.68], [-5.58, -2.97, -4.69]],
+        [[-4.54, -3.45, -4.63], [-4.53, -3.43, -4.64], [-4.54, -3.43, -4.63]],
+        [[-4.87, -3.3, -4.66], [-4.88, -3.29, -4.66], [-4.87, -3.31, -4.66]],
+        [[-0.24, 0.18, 1.1], [-0.26, 0.18, 1.1], [-0.25, 0.19, 1.08]],
+    ];
+    let indices = (0..6).map(|i| [0, 1, 2].map(|k| 3 * i + k)).collect();
+    let mesh = Mesh::new(Positions::F64(faces.as_flattened().to_vec()), indices).expect("a mesh");
+    let (scene, monitor) = (scene(mesh), Monitor::default());
+    let layers = |count: usize| {
+        let origins = vec![[-5.487183021759116, -2.2309054244560222, -5.9912]; count];
+        let directions = vec![[0.919297170293186, 0.5853509040760038, 1.0]; count];
+        let mut t = vec![0.0; count];
+        let mut layers = Vec::new();
+        for _ in 0..3 {
+            let limits = (Limits::Each(&t), Limits::All(f64::INFINITY));
+            let rays = RayBatch::new(&origins, &directions).expect("rays");
+            let rays = rays.with_limits(limits.0, limits.1).expect("limits");
+            let hits = scene.closest(&rays, &monitor).expect("hits");
+            layers.push((hits.primitive[count - 1], hits.t[count - 1]));
+            t = hits.t;
+        }
+        layers
+    };
+    let alone = layers(1);
+    assert_eq!(alone.iter().map(|(face, _)| *face).collect::<Vec<_>>(), [0, 1, -1]);
+    assert_eq!(layers(16), alone);
+}
+
 /// Slivers that the ray sees from the front, as those that close T-junctions.
 #[test]
 fn slivers_have_one_hit() {

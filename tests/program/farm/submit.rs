@@ -109,12 +109,12 @@ fn frames_of_a_preview_say_nothing_about_the_time() {
     journal(48 * 27, "batch.0-5.jsonl");
     let said = submit(&scratch, &[]).good().stderr();
     assert!(said.contains("1 task of 72 frames"), "{said}");
-    // Packets of 2 x 2 pixels of the overscan, 28 x 28 pixels in all, are whole.
-    journal(28 * 28 * 4, "batch.0-5.jsonl");
+    // What `render` traces of 27 x 27 pixels: packets of 4 x 4 of the overscan are whole.
+    journal(35 * 35, "batch.0-5.jsonl");
     scratch.write(
         "job.json",
-        r#"{ "inputs": ["*.ply"], "turntable": { "frames": 24 }, "size": [20, 20], "overscan": 3,
-             "set": { "/spp": 4 } }"#,
+        r#"{ "inputs": ["*.ply"], "turntable": { "frames": 24 }, "size": [23, 23], "overscan": 2,
+             "set": { "/spp": 1 } }"#,
     );
     let said = submit(&scratch, &[]).good().stderr();
     assert!(said.contains("36 tasks of 2 frames"), "{said}");
