@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::doubles::doubles;
 use super::nearby::Nearby;
-use super::primitives::Geometry;
+use super::primitives::{Geometry, on_quad_half};
 
 /// Tolerance of weights at an edge: some thousand roundings of f64.
 const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;
@@ -208,7 +208,8 @@ impl Triangle {
         }
         let (u, v) = super::triangle::clamp_barycentrics(u, v);
         let (u, v) = if self.second_half { (1.0 - u, 1.0 - v) } else { (u, v) };
-        Some(WallHit { t, primitive: self.primitive, u: u as f32, v: v as f32 })
+        let (u, v) = on_quad_half(u as f32, v as f32, self.second_half);
+        Some(WallHit { t, primitive: self.primitive, u, v })
     }
 }
 

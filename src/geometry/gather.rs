@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::mesh::TriangleMesh;
 use super::primitives::{Geometry, GeometryKind};
 use crate::ray::{LANES, Mask, RayPacket};
-use crate::simd::{self, prefetch};
+use crate::simd::prefetch;
 
 /// Prefetches the vertex indices of the triangles that were hit, for [`prefetch_vertices`] and
 /// [`super::refine`].
@@ -118,13 +118,27 @@ fn one_mesh(
     corners: &mut [[[f32; LANES]; 3]; 3],
     primitive: &mut [u32; LANES],
 ) {
-    let triangles = simd::gather(mesh.triangles(), &packet.hits.prim);
+    let triangles = fetch(mesh.triangles(), &packet.hits.prim);
     for k in 0..3 {
-        corners[k] = simd::gather(mesh.vertices(), &triangles[k]);
+        corners[k] = fetch(mesh.vertices(), &triangles[k]);
     }
     for i in 0..LANES {
         primitive[i] = base + packet.hits.prim[i];
     }
+}
+
+/// Returns `rows[index[i]]` for all lanes i, as one array per component. With gather instructions of
+/// AVX-512 it is no faster.
+#[inline(always)]
+fn fetch<T: Copy + Default>(rows: &[[T; 3]], index: &[u32; LANES]) -> [[T; LANES]; 3] {
+    let mut fetched = [[T::default(); LANES]; 3];
+    for i in 0..LANES {
+        let row = rows[index[i] as usize];
+        for k in 0..3 {
+            fetched[k][i] = row[k];
+        }
+    }
+    fetched
 }
 
 /// Fetches the corners lane by lane, for packets that hit several geometries.

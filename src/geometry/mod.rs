@@ -35,7 +35,7 @@ pub use nearby::Nearby;
 pub use passing::{Passing, passing};
 pub use placement::{Instance, Placement};
 pub use predicates::{HalfLineIntersection, half_line, segment_crosses};
-pub use primitives::{Geometry, GeometryKind, quad_halves};
+pub use primitives::{Geometry, GeometryKind, on_quad_half, quad_halves};
 pub use sphere::Sphere;
 pub use surface::{Surfaces, hit_triangle, refine, round_towards};
 pub use triangle::{TrianglePoint, clamp_barycentrics, refine_triangle, triangle_error};

@@ -10,6 +10,7 @@ mod bvh {
     mod builder;
     pub mod case;
     mod contract;
+    mod diagonals;
     mod grid;
     mod reference;
     mod shafts;

@@ -26,7 +26,7 @@ use super::accelerator::{Accelerator, BuildInfo, BuildOptions, over_limit};
 use super::geometry_ref::GeometryRef;
 use super::lane::{LaneHit, LaneRay, lanes};
 use crate::error::Result;
-use crate::geometry::{Box3, Geometry, GeometryKind, Unseen};
+use crate::geometry::{Box3, Geometry, GeometryKind, Unseen, on_quad_half};
 use crate::monitor::Monitor;
 use crate::parallel;
 use crate::ray::{Coherence, Mask, RayPacket, Rays};
@@ -142,6 +142,9 @@ impl<'g> Brute<'g> {
         let on_triangle = |(corners, turned): ([DVec3; 3], bool)| {
             let at = crossing(ray, &corners)?;
             let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
+            let rounded = (u as f32, v as f32);
+            let kept = on_quad_half(rounded.0, rounded.1, turned);
+            let (u, v) = if kept == rounded { (u, v) } else { (kept.0.into(), kept.1.into()) };
             let hit = LaneHit { geom, prim, t: at.t, u, v, ng: at.ng };
             Some(ExactHit { hit, t_error: at.t_error(), corners: Some(corners) })
         };

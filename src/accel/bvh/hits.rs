@@ -1,6 +1,6 @@
 //! The closest hits of 16 rays, and how they are written to the caller's packet.
 
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, on_quad_half};
 use crate::ray::{LANES, NONE, RayPacket, Rays};
 
 /// Up to this many geometries after the first, a loop over all of them finds the geometries of the
@@ -58,6 +58,17 @@ impl ClosestHits {
             hits.geom[i] = if hit { 0 } else { hits.geom[i] };
             hits.prim[i] = if hit { self.primitive[i] } else { hits.prim[i] };
             packet.rays.tfar[i] = if hit { self.t[i] as f32 } else { packet.rays.tfar[i] };
+        }
+        if !geometry.quads.is_empty() {
+            let id = geometry.quads_id() as usize;
+            let (first, end) = (geometry.bases()[id], geometry.bases()[id + 1]);
+            for i in 0..LANES {
+                let on_quad = (self.primitive[i] >= first) & (self.primitive[i] < end);
+                let (u, v) = (packet.hits.u[i], packet.hits.v[i]);
+                let (on_u, on_v) = on_quad_half(u, v, self.second_half[i] != 0);
+                packet.hits.u[i] = if on_quad { on_u } else { u };
+                packet.hits.v[i] = if on_quad { on_v } else { v };
+            }
         }
         let later = &geometry.bases()[1..geometry.bases().len() - 1];
         if others && later.len() <= MAX_SCANNED_GEOMETRIES {

@@ -6,7 +6,7 @@
 use super::candidate::Candidate;
 use super::filter::{ClosestTrueHit, HitFilter, PassedTriangle};
 use super::{Embree, NO_HIT, ffi, ray};
-use crate::geometry::{GeometryKind, NONE, Surfaces, refine, refine_triangle};
+use crate::geometry::{GeometryKind, NONE, Surfaces, on_quad_half, refine, refine_triangle};
 use crate::ray::{Coherence, LANES, Mask, RayPacket};
 
 impl Embree<'_> {
@@ -71,5 +71,6 @@ fn weights(found: &PassedTriangle, candidate: &Candidate) -> (f32, f32, [f32; 3]
     let reported = (turn(candidate.u.into()), turn(candidate.v.into()));
     let Candidate { origin, direction, .. } = *candidate;
     let point = refine_triangle(found.corners, origin, direction, reported);
-    (turn(point.u) as f32, turn(point.v) as f32, point.normal.as_vec3().to_array())
+    let (u, v) = on_quad_half(turn(point.u) as f32, turn(point.v) as f32, found.turned);
+    (u, v, point.normal.as_vec3().to_array())
 }

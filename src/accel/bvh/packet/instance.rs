@@ -44,7 +44,7 @@ impl<T: Tier> Kernel for ClosestInInstance<'_, '_, T> {
             if part.count_ones() < MIN_TOGETHER {
                 for i in Bits(part) {
                     let mut traced = ClosestHit::from_lane(best, i, packet.tfar[i]);
-                    packet.single(i).closest_in_instance(instance, &mut traced);
+                    packet.single(i).closest_in_copy(&local, &mut traced);
                     packet.store_if_new(i, &traced, best);
                 }
                 continue;
@@ -80,7 +80,7 @@ impl<T: Tier> Kernel for AnyInInstance<'_, '_, T> {
             rest &= !part;
             if part.count_ones() < MIN_TOGETHER {
                 for i in Bits(part) {
-                    if packet.single(i).any_in_instance(instance) {
+                    if packet.single(i).any_in_copy(&local) {
                         occluded[i] = -1;
                     }
                 }
