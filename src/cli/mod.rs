@@ -28,6 +28,7 @@ mod text_file;
 mod version;
 
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::Path;
 
 use clap::Parser;
@@ -47,7 +48,12 @@ pub fn main(words: &[OsString], program: Option<&Path>) -> u8 {
         Ok(arguments) => arguments,
         Err(error) => return usage(error, words),
     };
-    match run(&arguments, words, program) {
+    finish(run(&arguments, words, program))
+}
+
+/// Prints an error and returns the exit code.
+fn finish(result: Result<()>) -> u8 {
+    match result {
         Ok(()) => 0,
         Err(error) => {
             print::error(&error);
@@ -63,8 +69,11 @@ fn usage(error: clap::Error, words: &[OsString]) -> u8 {
     let words = words.iter().map(|word| printable(&word.to_string_lossy()).into_owned());
     let shown = Arguments::try_parse_from(words).err().unwrap_or(error);
     let error = with_hint(shown);
-    let _ = error.print();
+    let printed = error.print().and_then(|()| std::io::stdout().flush());
     // Help goes to stdout with exit code 0, a usage error to stderr with exit code 2.
+    if !error.use_stderr() {
+        return finish(print::written(printed));
+    }
     u8::try_from(error.exit_code()).unwrap_or(2)
 }
 

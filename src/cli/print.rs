@@ -1,6 +1,6 @@
 //! Prints results to stdout and messages to stderr.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::builder::Styles;
@@ -125,7 +125,12 @@ pub fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
 /// Writes bytes to stdout. A closed reader is not an error.
 pub fn bytes(bytes: &[u8]) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+    written(stdout.write_all(bytes).and_then(|()| stdout.flush()))
+}
+
+/// Converts the result of writing to stdout. A closed reader is not an error.
+pub fn written(result: io::Result<()>) -> Result<()> {
+    match result {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::io("<stdout>".as_ref(), "write", &error))
         }
