@@ -78,8 +78,10 @@ fn load(folder: &Path, meshes: &[&str], shift: DVec3, frame: [u32; 2]) -> Result
 }
 
 fn folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir()
-        .map_err(|error| Error::io(&std::env::temp_dir(), "create a folder in", &error))
+    tempfile::tempdir().map_err(|error| {
+        Error::io(&std::env::temp_dir(), "create a folder in", &error)
+            .help("set TMPDIR to a folder that exists and can be written")
+    })
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::program::Scratch;
+use crate::support::program::{Done, Scratch};
 use serde_json::Value;
 
 fn json(scratch: &Scratch, name: &str) -> Value {
@@ -182,4 +182,14 @@ fn bad_use_exits_2_before_the_work() {
         assert_eq!(done.stdout(), "", "{args:?}");
     }
     assert!(scratch.names().is_empty());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_missing_folder_of_temporary_files_is_named() {
+    let scratch = Scratch::new();
+    let mut command = scratch.command(&["accuracy", "--quick", "--case", "map", "--quiet"]);
+    let done = Done::of(command.env("TMPDIR", scratch.path("none")));
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("  help: set TMPDIR to a folder"), "{}", done.stderr());
 }
