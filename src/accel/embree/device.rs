@@ -53,6 +53,10 @@ static IDLE: Mutex<Option<Vec<Raw>>> = Mutex::new(None);
 /// Number of one-thread devices that are created at once. One takes 50 microseconds and 20 kB.
 const BATCH: usize = 16;
 
+/// How a user gets an Embree that works. An installed program has no Makefile.
+const INSTALL: &str =
+    "install libembree4-4 (Debian 13 and later), or in a checkout of lightpath run `make setup`";
+
 /// Opens the library that `build.rs` found, along the executable's run path.
 ///
 /// # Errors
@@ -62,8 +66,7 @@ pub fn load_library() -> Result<Arc<Api>> {
     let missing = |error: &dyn std::fmt::Display| {
         Error::new(
             ErrorKind::Unsupported,
-            Problem::new("Embree", format!("cannot load {file}: {error}"))
-                .help("`make setup` installs Embree 4 (Debian >= 13: apt install libembree-dev)"),
+            Problem::new("Embree", format!("cannot load {file}: {error}")).help(INSTALL),
         )
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
@@ -267,8 +270,7 @@ impl Drop for Device {
 }
 
 fn unsupported(message: String) -> Error {
-    let help = "`make setup` installs an Embree that works here";
-    Error::new(ErrorKind::Unsupported, Problem::new("Embree", message).help(help))
+    Error::new(ErrorKind::Unsupported, Problem::new("Embree", message).help(INSTALL))
 }
 
 fn error_name(code: Enum) -> &'static str {

@@ -420,7 +420,12 @@ mod embree {
         let path = refusals.scratch.path("lib").join(FILE);
         let mut table = Table::new("Embree");
         fs::write(&path, "not a library").unwrap();
-        table.add("no library, or one that does not load", &shortened(&render(&refusals)));
+        let unloadable = render(&refusals);
+        // The next step of a user of a package, and of one of a checkout.
+        for word in ["libembree4-4", "make setup"] {
+            assert!(unloadable.stderr().contains(word), "{}", unloadable.stderr());
+        }
+        table.add("no library, or one that does not load", &shortened(&unloadable));
         // Every function that the program declares.
         let source = include_str!("../../../src/accel/embree/ffi.rs");
         let names: Vec<&str> = source.split('"').filter(|name| name.starts_with("rtc")).collect();
