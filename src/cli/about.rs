@@ -1,15 +1,15 @@
 //! Commands that describe the program itself: `--version`, `schema`, `completions`, `man`.
 
-use clap::CommandFactory;
+use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
+use clap_mangen::roff::{Roff, bold, roman};
 
 use crate::batch::JobFile;
 use crate::error::{Error, Result};
 use crate::scene::{schema, schema_of};
 
-use super::args::Arguments;
-use super::args::SchemaName;
+use super::args::{Arguments, EXIT_CODES, SchemaName};
 use super::{print, version};
 
 /// Prints the version; with `verbose`, also what the program was built from and finds here.
@@ -29,8 +29,19 @@ pub fn schemas(of: SchemaName) -> Result<()> {
 /// Prints a completion script for a shell.
 pub fn completions(shell: Shell) -> Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Arguments::command(), "lightpath", &mut script);
+    let mut command = without_hidden(&Arguments::command());
+    clap_complete::generate(shell, &mut command, "lightpath", &mut script);
     print::text(&String::from_utf8_lossy(&script))
+}
+
+/// Returns what a completion script needs of a command. `clap_complete` would list hidden flags.
+fn without_hidden(command: &Command) -> Command {
+    let shown = command.get_arguments().filter(|argument| !argument.is_hide_set()).cloned();
+    let kept = Command::new(command.get_name().to_string())
+        .about(command.get_about().cloned().unwrap_or_default())
+        .disable_version_flag(command.is_disable_version_flag_set())
+        .args(shown);
+    kept.subcommands(command.get_subcommands().map(without_hidden))
 }
 
 /// Prints one manual page with a section per command.
@@ -42,12 +53,29 @@ pub fn man() -> Result<()> {
 }
 
 fn write_man(page: &mut Vec<u8>) -> std::io::Result<()> {
-    let mut command = Arguments::command().version(version::VERSION);
+    let mut command = Arguments::command().version(version::VERSION).disable_help_subcommand(true);
     command.build();
-    Man::new(command.clone()).render(page)?;
-    for subcommand in command.get_subcommands().filter(|c| c.get_name() != "help") {
-        let title = format!(".SH LIGHTPATH {}\n", subcommand.get_name().to_uppercase());
-        page.extend(title.as_bytes());
+    let commands = below(&command);
+    let man = Man::new(command.clone());
+    man.render_title(page)?;
+    man.render_name_section(page)?;
+    man.render_synopsis_section(page)?;
+    man.render_description_section(page)?;
+    man.render_options_section(page)?;
+    // clap's own list names pages such as `lightpath-render(1)`, which do not exist.
+    let mut list = Roff::new();
+    list.control("SH", ["SUBCOMMANDS"]);
+    for subcommand in &commands {
+        list.control("TP", []);
+        list.text([bold(name(subcommand))]);
+        list.text([roman(subcommand.get_about().map(ToString::to_string).unwrap_or_default())]);
+    }
+    list.control("SH", ["EXIT STATUS"]);
+    list.text([roman(EXIT_CODES)]);
+    list.to_writer(page)?;
+    man.render_version_section(page)?;
+    for subcommand in commands {
+        page.extend(format!(".SH {}\n", name(subcommand).to_uppercase()).as_bytes());
         let man = Man::new(subcommand.clone());
         let mut sections = Vec::new();
         man.render_synopsis_section(&mut sections)?;
@@ -57,4 +85,15 @@ fn write_man(page: &mut Vec<u8>) -> std::io::Result<()> {
         page.extend(String::from_utf8_lossy(&sections).replace(".SH ", ".SS ").as_bytes());
     }
     Ok(())
+}
+
+/// Returns the subcommands of a command, each followed by its own.
+fn below(command: &Command) -> Vec<&Command> {
+    let with_own = |sub| std::iter::once(sub).chain(below(sub));
+    command.get_subcommands().flat_map(with_own).collect()
+}
+
+/// Returns the words that start a command: `lightpath submit slurm`.
+fn name(command: &Command) -> &str {
+    command.get_bin_name().unwrap_or_else(|| command.get_name())
 }

@@ -13,7 +13,8 @@ use super::merge::MergeArgs;
 use super::render::args::RenderArgs;
 use super::submit::SubmitArgs;
 
-const EXIT_CODES: &str = "\
+/// Text below the help of every command that can fail in several ways.
+pub const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 a check failed, in a batch an input; 2 bad use or bad input; 3 a failure worth \
 retrying (disk full, out of memory); 130, 143, 129, 131 stopped by SIGINT, SIGTERM, SIGHUP, SIGQUIT. \
 Results go to stdout, messages to stderr.";
@@ -49,7 +50,7 @@ pub enum Command {
     #[command(after_help = EXIT_CODES)]
     Render(Box<RenderArgs>),
     /// Render many meshes and scenes: turntables, resume, contact sheet
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES, mut_arg("crop", |crop| crop.hide(true)))]
     Batch(Box<BatchArgs>),
     /// Check scenes without rendering; describe PLY and EXR files
     #[command(after_help = EXIT_CODES)]

@@ -97,11 +97,11 @@ pub struct SceneArgs {
     pub set: Vec<String>,
 
     /// Render only these pixels, from the top left; X1 and Y1 are excluded
-    #[arg(long, action = ArgAction::Set, num_args = 4, allow_negative_numbers = true, value_names = ["X0", "Y0", "X1", "Y1"])]
+    #[arg(long, action = ArgAction::Set, num_args = 4, allow_negative_numbers = true, conflicts_with = "overscan", value_names = ["X0", "Y0", "X1", "Y1"])]
     pub crop: Option<Vec<u32>>,
 
     /// Render PX more pixels on every side of the frame; the EXR's display window stays the frame
-    #[arg(long, value_name = "PX", conflicts_with = "crop", value_parser = clap::value_parser!(u32).range(..=65536))]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(..=65536))]
     pub overscan: Option<u32>,
 }
 

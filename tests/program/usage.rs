@@ -149,8 +149,63 @@ fn help_version_schema_completions_man() {
         let output = lightpath(&["completions", shell]);
         assert!(output.stdout().contains("light-samples"), "{shell}");
     }
-    let man = lightpath(&["man"]).stdout();
-    assert!(man.contains(".TH") && man.contains("LIGHTPATH RENDER") && man.contains("max"));
+}
+
+#[test]
+fn the_man_page_has_every_flag_of_every_command() {
+    let page = lightpath(&["man"]).good().stdout().replace("\\-", "-");
+    let (about, _) = page.split_once(".SH LIGHTPATH ").unwrap();
+    assert!(about.contains(".TH") && about.contains(".SH \"EXIT STATUS\""), "{about}");
+    assert!(!page.contains("(1)"), "{page}");
+    let mut commands = vec![String::new()];
+    let mut seen = 0;
+    while let Some(command) = commands.pop() {
+        let words: Vec<&str> = command.split_whitespace().chain(["--help"]).collect();
+        let help = lightpath(&words).good().stdout();
+        let title = format!(".SH LIGHTPATH{}\n", command.to_uppercase());
+        let section = match command.is_empty() {
+            true => Some(about),
+            false => page.split_once(&title).and_then(|(_, rest)| rest.split(".SH ").next()),
+        };
+        let section = section.unwrap_or_else(|| panic!("no {title}"));
+        // Explanations are indented by more than rows of flags are.
+        let is_row = |line: &&str| line.get(..7).is_some_and(|l| l.trim_start().starts_with('-'));
+        for row in help.lines().filter(is_row) {
+            let flag = row.split_whitespace().find(|word| word.starts_with("--"));
+            let flag = flag.unwrap_or_else(|| panic!("{row}"));
+            assert!(section.contains(&format!("\\fB{flag}\\fR")), "{words:?}: {flag}");
+            seen += 1;
+        }
+        let list = help.split("Commands:\n").nth(1).unwrap_or_default();
+        let rows = list.lines().take_while(|line| !line.is_empty());
+        let names = rows.filter_map(|line| line.strip_prefix("  ")?.split(' ').next());
+        let names = names.filter(|name| !["", "help"].contains(name));
+        commands.extend(names.map(|name| format!("{command} {name}")));
+    }
+    assert!(seen > 200, "{seen} flags");
+}
+
+#[test]
+fn a_flag_that_a_command_refuses_is_not_offered() {
+    assert!(!lightpath(&["batch", "--help"]).good().stdout().contains("--crop"));
+    // Once in what a render may be given, once where its values are completed.
+    let bash = lightpath(&["completions", "bash"]).good().stdout();
+    assert_eq!(bash.matches("--crop").count(), 2);
+    let fish = lightpath(&["completions", "fish"]).good().stdout();
+    assert_eq!(fish.matches("-l crop ").count(), 1);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_stdout_is_an_error_of_help_too() {
+    for args in [&["--help"][..], &["help", "render"], &["render", "--help"], &["--version"]] {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_lightpath"));
+        let output = command.args(args).stdout(full).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(3), "{args:?}: {stderr}");
+        assert!(stderr.contains("<stdout>: cannot write"), "{args:?}: {stderr}");
+    }
 }
 
 #[test]
