@@ -44,6 +44,8 @@ same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
 deb=$stage/deb
 install_to "$deb" /usr
+# Where Debian's zsh looks. Other systems have site-functions.
+mv "$deb/usr/share/zsh/site-functions" "$deb/usr/share/zsh/vendor-completions"
 # The newest version of the C library that a symbol of the program needs.
 glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$deb/usr/bin/lightpath" | sort -V | tail -n 1 | sed 's/GLIBC_//')
 depends="libc6 (>= $glibc), libgcc-s1"
@@ -60,6 +62,11 @@ doc=$deb/usr/share/doc/lightpath
     printf 'Upstream-Name: lightpath\n\nFiles: *\nCopyright: the lightpath authors\n'
     printf 'License: MIT or Apache-2.0\n The texts are LICENSE-MIT and LICENSE-APACHE in this folder.\n'
     printf 'Comment: What the package contains of others is in THIRD_PARTY.md and THIRD_PARTY_LICENSES.txt.\n'
+    if [ -n "$carries" ]; then
+        printf '\nFiles: usr/lib/lightpath/*\nCopyright: Intel Corporation\n'
+        printf 'License: Apache-2.0\n The text is LICENSE-APACHE in this folder.\n'
+        printf 'Comment: The notices of these libraries are in THIRD_PARTY.md.\n'
+    fi
 } >"$doc/copyright"
 gzip -9n <CHANGELOG.md >"$doc/changelog.gz"
 gzip -9n "$deb/usr/share/man/man1/lightpath.1"
@@ -79,6 +86,8 @@ Description: CPU ray tracer for big scanned meshes
 $([ -z "$carries" ] || echo "$carries")
 CONTROL
 sed -i '/^$/d' "$deb/DEBIAN/control"
+# For `dpkg --verify`.
+(cd "$deb" && find usr -type f | sort | xargs -d '\n' md5sum >DEBIAN/md5sums)
 same_times "$deb"
 package=$dist/lightpath_${version}_$architecture.deb
 dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
