@@ -149,6 +149,16 @@ fn the_python_package_shares_the_library() {
     assert!(ours.len() > 100 && alone.is_empty(), "other features for the package: {alone:?}");
 }
 
+/// One version is released: that of the program, and of the Python package made with it.
+#[test]
+fn the_python_package_has_the_version_of_the_program() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = fs::read_to_string(root.join("python/Cargo.toml")).expect("a manifest");
+    let expected = concat!("version = \"", env!("CARGO_PKG_VERSION"), "\"");
+    let version = manifest.lines().find(|line| line.starts_with("version = "));
+    assert_eq!(version, Some(expected));
+}
+
 /// Splits a line such as `glob v0.3.4|MIT OR Apache-2.0 (*)`. Old crates write `/` for `OR`.
 fn name_and_licence(line: &str) -> Option<(&str, String)> {
     let (package, licence) = line.split_once('|')?;
