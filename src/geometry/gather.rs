@@ -127,8 +127,8 @@ fn one_mesh(
     }
 }
 
-/// Returns `rows[index[i]]` for all lanes i, as one array per component. With gather instructions of
-/// AVX-512 it is no faster.
+/// Returns `rows[index[i]]` for all lanes i, as one array per component. With gather instructions
+/// of AVX-512 it is no faster.
 #[inline(always)]
 fn fetch<T: Copy + Default>(rows: &[[T; 3]], index: &[u32; LANES]) -> [[T; LANES]; 3] {
     let mut fetched = [[T::default(); LANES]; 3];
