@@ -42,19 +42,20 @@ impl RayScene {
             }
             ends.clear();
             // For each vertex of the hits that do not count, how far the same place reaches beyond
-            // the limit.
+            // each limit.
             for hit in hits.iter().filter(|hit| !hit.counts) {
                 let (corners, reach) = self.reach(rays, hit);
                 for corner in corners.map(position_key) {
                     let end = ends.entry(corner).or_insert(reach);
-                    *end = reach.max(*end);
+                    *end = [0, 1].map(|limit| reach[limit].max(end[limit]));
                 }
             }
             beyond.extend(counting().filter_map(|hit| {
                 let same_place = !ends.is_empty() && {
                     let (corners, reach) = self.reach(rays, hit);
                     let end = |corner: DVec3| ends.get(&position_key(corner));
-                    corners.into_iter().filter_map(end).any(|end| end + reach >= 0.0)
+                    let mut ends = corners.into_iter().filter_map(end);
+                    ends.any(|end| end[0] + reach[0] >= 0.0 || end[1] + reach[1] >= 0.0)
                 };
                 (!same_place).then_some(hit.hit)
             }));
@@ -62,9 +63,9 @@ impl RayScene {
         beyond
     }
 
-    /// Returns the corners of a hit's face, and how far the error of t reaches beyond the limit
-    /// that is nearest to t. Negative if the limit is farther away than the error.
-    fn reach(&self, rays: &RayBatch, &AtLimit { hit, t, .. }: &AtLimit) -> ([DVec3; 3], f64) {
+    /// Returns the corners of a hit's face, and how far the error of t reaches beyond tnear and
+    /// tfar. Negative if the limit is farther away than the error.
+    fn reach(&self, rays: &RayBatch, &AtLimit { hit, t, .. }: &AtLimit) -> ([DVec3; 3], [f64; 2]) {
         let corners = arrays::corners(self.meshes[hit.mesh as usize].as_ref(), hit.face as usize);
         let [a, b, c] = corners;
         let (from, direction) = rays.line(hit.ray);
@@ -76,7 +77,8 @@ impl RayScene {
         let error = T_ERROR * f64::EPSILON * distance * e1_length * e2_length / slope;
         let (tnear, tfar) = rays.limits(hit.ray);
         // A NaN becomes the other number.
-        (corners, error.min(MARGIN * t) - (t - tnear).abs().min((t - tfar).abs()))
+        let error = error.min(MARGIN * t);
+        (corners, [tnear, tfar].map(|limit| error - (t - limit).abs()))
     }
 }
 

@@ -104,6 +104,10 @@ fn sorted([mut a, mut b, mut c]: [DVec3; 3]) -> [DVec3; 3] {
     [a, b, c]
 }
 
+/// Square of the distance from a plane, in lengths of the triangle's longest edge, from which the
+/// nearest point is computed by weights.
+const FAR: f64 = 16.0;
+
 /// Returns the point of a triangle that is nearest to `p`. A point on an edge is computed from the
 /// ends of that edge alone. Source: Ericson 2005, "Real-Time Collision Detection", 5.1.5, with
 /// products of the normal in place of differences of dot products. Those cancel on thin triangles.
@@ -155,7 +159,18 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
             }
         }
     }
-    nearest.map_or_else(|| p - normal * (normal.dot(ap) / normal2), |(_, on)| on)
+    if let Some((_, on)) = nearest {
+        return on;
+    }
+    let height = normal.dot(ap) / normal2;
+    if height * height * normal2 <= FAR * longest {
+        return p - normal * height;
+    }
+    // From afar the difference would cancel. The weights are rounded as much, but lead to the face.
+    let weights = [side(bc, bp), -side(ac, ap), side(ab, ap)];
+    let inverse = 1.0 / weights.into_iter().sum::<f64>();
+    let [u, v, w] = weights.map(|weight| weight * inverse);
+    a * u + b * v + c * w
 }
 
 #[cfg(test)]
@@ -164,6 +179,19 @@ mod tests {
     use crate::mesh::{Mesh, Positions};
 
     /// Irregular points, above the edges of a triangle too.
+    #[test]
+    fn points_nearest_to_distant_points_lie_on_the_face() {
+        let corners @ [a, b, c] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]
+            .map(|v: [f64; 3]| DVec3::from(v));
+        let normal = (b - a).cross(c - a).normalize();
+        for distance in [0.5, 3.0, 1e3, 1e6, 1e9, 1e12, 1e17] {
+            let goal = a * 0.3 + b * 0.3 + c * 0.4;
+            let on = nearest_on_triangle(sorted(corners), goal + normal * distance);
+            assert!(normal.dot(on - a).abs() < 1e-15, "{distance:e} {on}");
+            assert!((on - goal).length() <= 1e-15 * (distance + 1.0), "{distance:e} {on}");
+        }
+    }
+
     #[test]
     fn the_order_of_the_corners_does_not_matter() {
         let corners @ [a, b, c] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]

@@ -210,7 +210,9 @@ impl Kernel for Refine<'_> {
                 [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
             let normal = cross(corners[1], corners[2]);
             let (t, u, v) = meet(corners, normal, of_lane(&direction, i));
-            agree[i] = is_near(corners, of_lane(&direction, i), (t, u, v), slack);
+            // An infinite product would make t and the weights 0, the first corner.
+            let is_finite = dot(normal, of_lane(&direction, i)).abs() < f64::INFINITY;
+            agree[i] = is_near(corners, of_lane(&direction, i), (t, u, v), slack) & is_finite;
             (out.uv[0][i], out.uv[1][i]) = (u, v);
             out.t[i] = t.max(0.0);
             out.counts[i] = counts(out.t[i], [tnear[i], tfar[i]], margin);

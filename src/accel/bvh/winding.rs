@@ -22,6 +22,9 @@ use crate::reserve;
 /// docs/notebook/trust.md has errors and times for 2 to 3.
 const FAR: f64 = 2.5;
 
+/// Square of the share of the product of a face's longest edges below which its area is rounding.
+const NO_AREA: f64 = 1.0 / (1u128 << 88) as f64;
+
 /// The multipole expansions of all nodes and leaves of a tree.
 #[derive(Debug, Default)]
 pub struct Multipoles {
@@ -115,6 +118,14 @@ impl Bvh<'_> {
 /// Returns the signed solid angle of a triangle seen from a point, in steradians. Positive if the
 /// point is on the side from which the corners appear clockwise.
 fn solid_angle(corners: [DVec3; 3], point: DVec3) -> f64 {
+    let [p, q, r] = corners;
+    let (e1, e2, e3) = (q - p, r - p, r - q);
+    // The angle of a face without area, near to it, would be noise of any size.
+    let [l1, l2, l3] = [e1, e2, e3].map(DVec3::length_squared);
+    let longest = (l1 * l2).max(l2 * l3).max(l3 * l1);
+    if e1.cross(e2).length_squared() <= NO_AREA * longest {
+        return 0.0;
+    }
     let [a, b, c] = corners.map(|corner| corner - point);
     let (la, lb, lc) = (a.length(), b.length(), c.length());
     let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;

@@ -206,6 +206,39 @@ fn a_vertex_is_no_second_layer() {
     }
 }
 
+/// Faces that share a vertex are one place at one limit, not at both.
+#[test]
+fn two_limits_at_faces_that_meet_are_two_places() {
+    let monitor = Monitor::default();
+    for height in [1.0, 1e-6] {
+        let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, 0.2, height]];
+        let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let scene = scene(Mesh::new(Positions::F64(corners), faces).expect("a mesh"));
+        let origins: Vec<_> = (0..50)
+            .map(|i| [0.1 + 0.011 * f64::from(i), 0.07 + 0.003 * f64::from(i), 2.0])
+            .collect();
+        let rays = RayBatch::new(&origins, &[[0.01, 0.02, -0.9]; 50]).expect("rays");
+        let all = scene.all_hits(&rays, &monitor).expect("hits");
+        let both = |i: &usize| all.offsets[*i + 1] - all.offsets[*i] == 2;
+        for i in (0..50).filter(both) {
+            let first = all.offsets[i] as usize;
+            let (near, far) = (all.t[first], all.t[first + 1]);
+            for (tnear, tfar, t) in [
+                (near, far.next_up(), far),
+                (near.next_down(), far, near),
+                (near, far, f64::INFINITY),
+            ] {
+                let ray = RayBatch::new(&origins[i..=i], &[[0.01, 0.02, -0.9]]).expect("a ray");
+                let ray = ray.with_limits(Limits::All(tnear), Limits::All(tfar)).expect("limits");
+                let hits = scene.closest(&ray, &monitor).expect("hits");
+                let occluded = scene.occluded(&ray, &monitor).expect("answers");
+                assert_eq!((hits.t[0], occluded[0]), (t, t.is_finite()), "{height} {i}");
+            }
+        }
+        assert!((0..50).filter(both).count() > 20);
+    }
+}
+
 /// Two faces with a common edge, whose t differ by little at some distance from the edge.
 #[test]
 fn layers_that_share_an_edge_are_two() {

@@ -358,6 +358,46 @@ fn the_sides_of_thin_walls_do_not_cancel_out() {
     }
 }
 
+/// The angle of a face whose corners lie on a line would be noise near to it.
+#[test]
+fn a_face_without_area_has_no_winding_number() {
+    let corners = vec![
+        [2.0, 2.0, 2.0],
+        [3.0, 2.3, 2.2],
+        [2.37, 2.111, 2.074],
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+    ];
+    let on_line: Vec<[f64; 3]> = (0..200)
+        .map(|i| {
+            let (s, off) = (0.005 * f64::from(i), 10f64.powi(-(i % 18)));
+            [2.0 + s + off, 2.0 + 0.3 * s - 0.5 * off, 2.0 + 0.2 * s + 0.3 * off]
+        })
+        .collect();
+    let numbers = |faces: Vec<[u32; 3]>| {
+        let mesh = Mesh::new(Positions::F64(corners.clone()), faces).expect("a mesh");
+        scene(mesh).winding_number(&on_line, &Monitor::default()).expect("numbers")
+    };
+    let (with, without) = (numbers(vec![[0, 1, 2], [3, 4, 5]]), numbers(vec![[3, 4, 5]]));
+    for ((with, without), point) in with.into_iter().zip(without).zip(&on_line) {
+        assert!((with - without).abs() < 1e-4, "{point:?}: {with} {without}");
+    }
+}
+
+/// A product with the normal overflows: the hit is not the first corner.
+#[test]
+fn long_directions_near_a_corner_have_their_hit() {
+    let corners = vec![[0.0; 3], [1e10, 0.0, 0.0], [0.0, 1e10, 0.0]];
+    let scene = scene(Mesh::new(Positions::F64(corners), vec![[0, 1, 2]]).expect("a mesh"));
+    let rays = ([[1e4, 2e4, 1e4]], [[0.0, 0.0, -1e300]]);
+    let rays = RayBatch::new(&rays.0, &rays.1).expect("a ray");
+    let hits = scene.closest(&rays, &Monitor::default()).expect("hits");
+    assert!((hits.t[0] / 1e-296 - 1.0).abs() < 1e-12, "{:?}", hits.t);
+    let [u, v] = hits.barycentrics[0];
+    assert!((u - 1e-6).abs() < 1e-12 && (v - 2e-6).abs() < 1e-12, "{u} {v}");
+}
+
 /// Errors of equal patches all around add up in the middle.
 #[test]
 fn winding_numbers_hold_in_the_middle_of_a_sphere() {
