@@ -280,7 +280,7 @@ class RayScene:
         tnear, tfar : float or (n,) array_like
             Only hits with ``tnear < t < tfar`` count. Both must be >= 0. t is compared in float64,
             so ``tnear=hits.t`` excludes the hits of an earlier query. A tnear of 0 excludes no hit,
-            a tnear of inf excludes all.
+            not even one of t = 0; a tnear of inf excludes all.
         progress : callable, optional
             Called with (done, total) every 50 ms, and once at the end.
 
@@ -516,7 +516,8 @@ class RayScene:
 
         Notes
         -----
-        The result is exact. A face blocks the segment between two points if the segment passes
+        The result is exact for coordinates that are 0 or at least 1e-70, and points at least 1e-38
+        apart; nearer ones always see each other. A face blocks the segment between two points if the segment passes
         through the face, its edges and vertices included. A face whose plane contains one of the
         two points does not block it. So points of a surface do not hide themselves.
 

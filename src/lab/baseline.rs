@@ -117,6 +117,7 @@ fn changes(now: &BenchReport, then: &BenchReport) -> Vec<Change> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lab::result::OTHER_RUN;
     use crate::lab::result::tests::report;
 
     #[test]
@@ -140,10 +141,10 @@ mod tests {
         assert_eq!(changed.len(), 2);
         for change in &changed {
             assert!((change.ratio.value - 2.0).abs() < 1e-9, "{change:?}");
-            assert_eq!(change.ratio.verdict(), "faster");
+            assert_eq!(change.ratio.verdict(OTHER_RUN), "faster");
         }
         let same = changes(&report(1.0, "h"), &report(1.0, "h"));
-        assert!(same.iter().all(|change| change.ratio.verdict() == "no difference shown"));
+        assert!(same.iter().all(|change| change.ratio.verdict(OTHER_RUN) == "no difference shown"));
         assert_eq!(changes(&report(1.0, "h"), &report(1.0, "other")), []);
     }
 

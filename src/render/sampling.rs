@@ -57,7 +57,11 @@ pub fn adaptive(args: &Sampling, scene: &Scene) -> Result<Option<Adaptive>> {
                 .help("--spp N takes N samples of every pixel")),
         };
     }
-    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(MIN_PASS_SAMPLES);
+    // Adaptive shadows draw once for all samples of a packet. So the two halves of the first pass,
+    // whose difference tells the error, must be packets of their own.
+    let skips = noise.is_some() && scene.can_skip_shadow_rays();
+    let least = if skips { 2 * MIN_PASS_SAMPLES } else { MIN_PASS_SAMPLES };
+    let first = scene.spp.checked_next_power_of_two().unwrap_or(u32::MAX).max(least);
     let most = args.max_spp.unwrap_or(match noise {
         Some(_) => DEFAULT_MAX_SPP.max(first.saturating_mul(16)).min(MAX_SAMPLES),
         None => MAX_SAMPLES,
@@ -75,7 +79,7 @@ pub fn adaptive(args: &Sampling, scene: &Scene) -> Result<Option<Adaptive>> {
         let place = if args.max_spp.is_some() { "--max-spp" } else { "--spp" };
         let message = format!(
             "there is no room for more samples: every pixel gets {first} (spp {}, rounded up to a \
-             power of two, at least {MIN_PASS_SAMPLES}), and none more than {most}",
+             power of two, at least {least}), and none more than {most}",
             scene.spp
         );
         let help = match first < MAX_SAMPLES {

@@ -2,7 +2,7 @@
 
 use crate::lab::baseline::BaselineComparison;
 use crate::lab::growth::{Growth, Quantity};
-use crate::lab::result::{BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind};
+use crate::lab::result::{BenchReport, SAME_RUN, SceneResult, TimingEntry, TimingRow, WorkKind};
 use crate::report::{
     Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section,
 };
@@ -96,7 +96,7 @@ fn findings(scene: &SceneResult) -> Vec<(String, bool)> {
             continue;
         }
         let n = ratios.len();
-        let of = |verdict: &str| ratios.iter().filter(|r| r.verdict() == verdict).count();
+        let of = |verdict: &str| ratios.iter().filter(|r| r.verdict(SAME_RUN) == verdict).count();
         let mean = (ratios.iter().map(|r| r.value.ln()).sum::<f64>() / n as f64).exp();
         findings.push((
             format!(

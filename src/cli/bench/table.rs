@@ -6,7 +6,9 @@ use crate::cli::print::aligned;
 use crate::error::printable;
 use crate::lab::baseline::{BaselineComparison, Change};
 use crate::lab::growth::{Growth, Quantity};
-use crate::lab::result::{BenchReport, SceneResult, TimingEntry, TimingRow, WorkKind};
+use crate::lab::result::{
+    BenchReport, OTHER_RUN, SAME_RUN, SceneResult, TimingEntry, TimingRow, WorkKind,
+};
 use crate::lab::stats::Estimate;
 use crate::units;
 
@@ -54,7 +56,7 @@ fn changes(changes: &[Change]) -> String {
             change.threads.to_string(),
             change.backend.clone(),
             ratio(&change.ratio),
-            change.ratio.verdict().to_string(),
+            change.ratio.verdict(OTHER_RUN).to_string(),
         ]
     }));
     aligned(&rows).join("\n") + "\n"
@@ -168,7 +170,7 @@ fn numbers(entry: &TimingEntry) -> [String; 8] {
         format!("{:.2} ms", entry.median_s.value * 1e3),
         format!("{:.1} %", 100.0 * entry.mad_s / entry.median_s.value),
         entry.ratio.map_or(String::new(), |r| ratio(&r)),
-        entry.ratio.map_or(String::new(), |r| r.verdict().to_string()),
+        entry.ratio.map_or(String::new(), |r| r.verdict(SAME_RUN).to_string()),
         per_ray(entry.nodes_per_ray),
         per_ray(entry.primitives_per_ray),
         match entry.wrong {

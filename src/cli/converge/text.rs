@@ -70,9 +70,10 @@ pub fn findings(report: &StudyReport) -> Vec<String> {
     let near_64 = report.ratios.iter().min_by_key(|ratio| ratio.samples.abs_diff(64));
     if let Some(ratio) = near_64 {
         let error = ratio.rmse.standard_error.map_or(String::new(), |e| format!(" \u{b1} {e:.2}"));
+        let lights = ratio.light_samples.map_or(String::new(), |n| format!(" x {n} light samples"));
         findings.push(format!(
-            "at {} samples a pixel RMSE(random) is {:.2}{error} times RMSE(sobol)",
-            ratio.samples, ratio.rmse.value
+            "at {} spp{lights} RMSE(random) is {:.2}{error} times RMSE(sobol)",
+            ratio.spp, ratio.rmse.value
         ));
     }
     findings
@@ -87,8 +88,12 @@ pub fn reached(report: &StudyReport, most: usize) -> Vec<String> {
         let others = reached.others.iter().map(|&i| {
             let other = &report.points[i];
             let times = other.median_s / point.median_s;
+            // The scatter of one render is not known.
+            let known = point.seconds.len().min(other.seconds.len()) > 2
+                && other.median_s - point.median_s > 2.0 * (other.mad_s + point.mad_s);
+            let about = if known { "" } else { "about " };
             format!(
-                "{}, {} s, {times:.1} times as long",
+                "{}, {} s, {about}{times:.1} times as long",
                 setting(report, other),
                 time(other.median_s)
             )
@@ -211,7 +216,7 @@ pub fn points(report: &StudyReport) -> Vec<Vec<String>> {
             p.name(),
             p.samples.to_string(),
             time(p.median_s),
-            time(p.mad_s),
+            if p.seconds.len() > 1 { time(p.mad_s) } else { "-".into() },
             format!("{:.2}", p.rays as f64 / 1e6),
             error(p.relmse.value) + floor,
             share(p.relmse),

@@ -231,8 +231,8 @@ pub fn report(
             relmse: floor.map(|floor| floor.relmse),
         },
         left_out: left_out.collect(),
-        series: series(&points),
-        ratios: ratios(&points),
+        series: series(&points, floor.map_or(0.0, |floor| floor.mse)),
+        ratios: ratios(&points, floor.map_or(0.0, |floor| floor.mse)),
         front: front(&costs),
         reached: reached(&points),
         points,
@@ -303,8 +303,17 @@ fn root(square: MeanWithError) -> MeanWithError {
     MeanWithError { value, standard_error }
 }
 
-/// Collects the series along spp, and along light samples, of every backend and sampler.
-fn series(points: &[PointResult]) -> Vec<Series> {
+/// The RMSE of a point without that of the reference, whose mean square is `floor`: the two are
+/// independent, so their mean squares add up. The point must be above the floor.
+fn own_rmse(point: &PointResult, floor: f64) -> MeanWithError {
+    let MeanWithError { value, standard_error } = point.rmse;
+    let standard_error = standard_error.map(|error| 2.0 * value * error);
+    root(MeanWithError { value: (value * value - floor).max(0.0), standard_error })
+}
+
+/// Collects the series along spp, and along light samples, of every backend and sampler. `floor` is
+/// the mean square error of the reference.
+fn series(points: &[PointResult], floor: f64) -> Vec<Series> {
     let mut series: Vec<Series> = Vec::new();
     for (i, point) in points.iter().enumerate() {
         let lights = point.light_samples;
@@ -330,16 +339,16 @@ fn series(points: &[PointResult]) -> Vec<Series> {
     }
     for series in &mut series {
         series.points.sort_by_key(|&i| points[i].samples);
-        let own = || series.points.iter().map(|&i| &points[i]);
-        let values: Vec<_> = own().map(|p| [p.samples as f64, p.rmse.value]).collect();
-        let errors: Vec<_> = own().map(|p| p.rmse.relative_error().unwrap_or(0.0)).collect();
+        let own = || series.points.iter().map(|&i| &points[i]).map(|p| (p, own_rmse(p, floor)));
+        let values: Vec<_> = own().map(|(p, rmse)| [p.samples as f64, rmse.value]).collect();
+        let errors: Vec<_> = own().map(|(_, e)| e.relative_error().unwrap_or(0.0)).collect();
         series.slope = slope(&values, &errors);
     }
     series.retain(|series| series.points.len() > 1);
     series
 }
 
-fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {
+fn ratios(points: &[PointResult], floor: f64) -> Vec<SamplerRatio> {
     let mut ratios = Vec::new();
     for sobol in points.iter().filter(|p| p.sampler == "sobol" && !p.at_floor) {
         let key = |p: &PointResult| (p.backend.clone(), p.spp, p.light_samples);
@@ -348,9 +357,10 @@ fn ratios(points: &[PointResult]) -> Vec<SamplerRatio> {
         if sobol.not_antialiased || sobol.rmse.value == 0.0 {
             continue;
         }
-        let value = random.rmse.value / sobol.rmse.value;
+        let (own, of_random) = (own_rmse(sobol, floor), own_rmse(random, floor));
+        let value = of_random.value / own.value;
         let relative = |e: MeanWithError| e.standard_error.map(|error| (error / e.value).powi(2));
-        let errors = relative(random.rmse).zip(relative(sobol.rmse));
+        let errors = relative(of_random).zip(relative(own));
         let standard_error = errors.map(|(a, b)| value * (a + b).sqrt());
         ratios.push(SamplerRatio {
             backend: sobol.backend.clone(),

@@ -312,6 +312,7 @@ fn the_maximum_of_samples_has_a_default() {
         (&["--noise", "1"][..], "16-4096"),
         (&["--noise", "1", "--spp", "512"], "512-8192"),
         (&["--noise", "1", "--spp", "5000"], "8192-65536"),
+        (&["--noise", "1", "--adaptive-shadows"], "16-4096"),
         (&["--time", "0.001"], "16-65536"),
         (&["--time", "0.001", "--noise", "1"], "16-4096"),
     ] {
@@ -320,6 +321,9 @@ fn the_maximum_of_samples_has_a_default() {
         let found = attribute(&scratch, "x", "lightpath:spp");
         assert_eq!(found.as_deref(), Some(range), "{flags:?}");
     }
+    // Both halves of the first pass are packets, for which adaptive shadows draw once.
+    render(&scratch, "x", &["--size", "2x1", "--noise", "1", "--adaptive-shadows"]);
+    assert_eq!(attribute(&scratch, "x", "lightpath:spp").as_deref(), Some("32-4096"));
 }
 
 #[test]
