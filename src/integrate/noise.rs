@@ -4,8 +4,9 @@
 //! samples are stratified sets. If the halves were independent, the squared difference of their
 //! means would be four times the variance of the mean over all samples. They are halves of one
 //! Sobol set, which mostly avoid each other, so the difference is mostly larger. Then the mean of
-//! the estimate is not below the error. The estimate also falls as fast as the error of stratified samples does.
-//! The variance of single samples does not depend on their order, so it cannot show that.
+//! the estimate is not below the error. The estimate also falls as fast as the error of stratified
+//! samples does. The variance of single samples does not depend on their order, so it cannot show
+//! that.
 //!
 //! The two halves are the image pair of Dammertz et al. 2010, "A Hierarchical Automatic Stopping
 //! Condition for Monte Carlo Global Illumination". The measure is the relative squared error of

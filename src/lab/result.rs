@@ -201,8 +201,8 @@ impl TimingRow {
 }
 
 /// Speed ratio of two backends in one run that chance may cause. The interval of a ratio covers the
-/// scatter of times, not what stays the same in a process, as the places in memory. The same kernels
-/// as two backends differed by up to 1.03.
+/// scatter of times, not what stays the same in a process, as the places in memory. The same
+/// kernels as two backends differed by up to 1.03.
 pub const SAME_RUN: f64 = 1.03;
 
 /// Speed ratio of two runs that chance may cause. Runs of one program differed by up to 1.07, and
