@@ -67,7 +67,8 @@ impl RayScene {
         let local = point - self.origin();
         let mut best = Nearest::NONE;
         let slack = self.slack(local.abs().max_element());
-        // 2^-48 of the largest coordinate: more than the rounding of a distance.
+        // 2^-48 of the largest coordinate: more than the rounding of a distance, but for needles.
+        // Their normal is rounded by 2^-53 of length / width.
         let error = f64::from(slack) * 0.5f64.powi(26)
             + self.origin().abs().max_element() * 0.5f64.powi(48);
         let mut limit = f64::INFINITY;
