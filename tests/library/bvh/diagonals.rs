@@ -41,13 +41,16 @@ fn rays([v0, v1, _, v3]: [[f32; 3]; 4], random: &mut Random) -> RayPacket {
     packet
 }
 
+/// Position, normal, t and weights, as bits.
+type Point = ([u32; 3], [u32; 3], u32, [u64; 2]);
+
 /// The surface points of the active rays, by lane; `None` for a miss.
 fn surfaces(
     geometry: &Geometry,
     tree: &Bvh,
     mut packet: RayPacket,
     (active, coherence): (Mask, Coherence),
-) -> [Option<([u32; 3], [u32; 3], u32, [u64; 2])>; LANES] {
+) -> [Option<Point>; LANES] {
     packet.clear_hits();
     tree.closest(&active, &mut packet, coherence);
     let hit = packet.hit(&active);
