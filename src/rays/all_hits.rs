@@ -176,7 +176,7 @@ impl RayScene {
             let (mesh, face) = self.geometry().place(crossing.primitive);
             self.prefetch_face(mesh, face);
             let (ray, t) = (first + crossing.lane as usize, crossing.t as f32);
-            FoundHit { ray, mesh, face, t, uv: crossing.weights, alone: true }
+            FoundHit { ray, mesh, face, t }
         }));
     }
 }

@@ -108,8 +108,7 @@ impl RayScene {
         for i in (0..LANES).filter(|&i| hit.0[i] != 0) {
             let (mesh, face) = (hits.geom[i], hits.prim[i]);
             self.prefetch_face(mesh, face);
-            let (t, uv) = (rays.tfar[i], [hits.u[i], hits.v[i]]);
-            found.push(FoundHit { ray: first + i, mesh, face, t, uv, alone: false });
+            found.push(FoundHit { ray: first + i, mesh, face, t: rays.tfar[i] });
         }
     }
 

@@ -168,12 +168,12 @@ fn behind(last: f32, reach: f32) -> f32 {
 }
 
 /// The next smaller number of one that is not negative; 0 for 0.
-pub(super) fn below(t: f32) -> f32 {
+fn below(t: f32) -> f32 {
     f32::from_bits(t.abs().to_bits().saturating_sub(1))
 }
 
 /// The next larger number of one that is not negative.
-pub(super) fn above(t: f32) -> f32 {
+fn above(t: f32) -> f32 {
     f32::from_bits(t.abs().to_bits() + 1)
 }
 

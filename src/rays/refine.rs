@@ -3,19 +3,24 @@
 //!
 //! Where a ray runs almost in the plane of its triangle, f64 cannot tell where it meets the plane.
 //! It may also miss the triangle, whose rounded corners it hits. Then the place that t names is
-//! far from the place that the weights name. The weights of the rounded triangle are right in both
-//! cases, as the tree decides exactly for a ray alone. So they are taken, and t is that of the
-//! point of the ray that is nearest to their place.
+//! far from the place that the weights name, or the two agree by chance. In both cases the place
+//! is taken by which the tree has ordered the hit: the point of the triangle that is nearest to the
+//! rounded ray at the tree's t. So a hit is reported where it was the first.
 
 use super::arrays;
 use super::batch::RayBatch;
-use super::further::{above, below};
 use super::rounded::{Doubles, Rounded, power_of_two};
 use super::scene::RayScene;
 use crate::geometry::clamp_barycentrics;
 use crate::math::{cross, dot, sub};
-use crate::ray::{Coherence, LANES, Mask};
+use crate::ray::LANES;
 use crate::simd::{self, Isa, Kernel};
+
+/// The least product of normal and direction, as a fraction of the product of the sums of their
+/// magnitudes, from which f64 tells where the ray meets the plane: 2^-32. Rounding moves corners by
+/// some 2^-53 of their distance, and so a hit by 2^-21 of it: less than the slack, unless the ray
+/// starts far away. Below, t and weights may agree by chance, as both are those of a corner.
+const FLAT: f64 = 1.0 / (1u64 << 32) as f64;
 
 /// A 3D vector for each lane, by axis.
 type Doubles3 = [Doubles; 3];
@@ -35,11 +40,6 @@ pub(super) struct FoundHit {
     pub face: u32,
     /// Ray parameter of the rounded ray.
     pub t: f32,
-    /// Weights of the second and third corner, for the rounded ray and triangle.
-    pub uv: [f32; 2],
-    /// Whether the weights are those of a ray alone. Among other rays, the tree tells them only to
-    /// 1.5e-3.
-    pub alone: bool,
 }
 
 /// Values of up to 16 hits, computed in f64. The lanes after the last hit are meaningless.
@@ -109,7 +109,7 @@ impl RayScene {
         }
     }
 
-    /// Computes the values of hit `i` again, whose t and weights name places far apart.
+    /// Computes the values of hit `i` again, whose t and weights do not name one place.
     #[inline(never)]
     fn settle(
         &self,
@@ -120,36 +120,23 @@ impl RayScene {
     ) {
         let (&from, &direction) = rays.line(hit.ray);
         let corners = [sub(v0, from), sub(v1, v0), sub(v2, v0)];
-        let (t, u, v) = settled(corners, direction, slack, || self.weights_alone(rays, hit));
+        let (t, u, v) = settled(corners, direction, slack, || sub(self.found_at(rays, hit), from));
         (out.uv[0][i], out.uv[1][i]) = (u, v);
         out.t[i] = t;
         out.counts[i] = counts(t, rays.limits(hit.ray).into(), margin);
     }
 
-    /// The weights that the tree finds for the ray of a hit alone. If it then hits another face at
-    /// the same t, the weights are those of the hit.
-    fn weights_alone(&self, rays: &RayBatch, hit: &FoundHit) -> [f32; 2] {
-        if hit.alone {
-            return hit.uv;
-        }
+    /// The point of the rounded ray at which the tree found a hit.
+    fn found_at(&self, rays: &RayBatch, hit: &FoundHit) -> [f64; 3] {
         let mut rounded = Rounded::EMPTY;
+        // The ray was traced, so its values are valid.
         let rounding = self.rounding(rays);
-        if rounding.and_then(|rounding| rounding.round(hit.ray, &mut rounded)).is_err() {
-            return hit.uv;
-        }
-        let mut alone = Mask::NONE;
-        alone.0[0] = rounded.active.0[0];
-        // The ray may have been searched on from an earlier hit, which does not count. Ends do not
-        // belong to a segment.
-        let rays = &mut rounded.packet.rays;
-        (rays.tnear[0], rays.tfar[0]) = (below(hit.t), above(hit.t));
-        self.accelerator().closest(&alone, &mut rounded.packet, Coherence::Unordered);
-        let hits = &rounded.packet.hits;
-        if [hits.geom[0], hits.prim[0]] == [hit.mesh, hit.face] {
-            [hits.u[0], hits.v[0]]
-        } else {
-            hit.uv
-        }
+        let _ = rounding.and_then(|rounding| rounding.round(hit.ray, &mut rounded));
+        let (line, origin) = (&rounded.packet.rays, self.origin().to_array());
+        [0, 1, 2].map(|k| {
+            let (from, direction) = (f64::from(line.org[k][0]), f64::from(line.dir[k][0]));
+            origin[k] + (from + f64::from(hit.t) * direction)
+        })
     }
 
     /// Reads the faces of up to 16 hits, and prefetches their vertices.
@@ -210,9 +197,7 @@ impl Kernel for Refine<'_> {
                 [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
             let normal = cross(corners[1], corners[2]);
             let (t, u, v) = meet(corners, normal, of_lane(&direction, i));
-            // An infinite product would make t and the weights 0, the first corner.
-            let is_finite = dot(normal, of_lane(&direction, i)).abs() < f64::INFINITY;
-            agree[i] = is_near(corners, of_lane(&direction, i), (t, u, v), slack) & is_finite;
+            agree[i] = is_near(corners, normal, of_lane(&direction, i), (t, u, v), slack);
             (out.uv[0][i], out.uv[1][i]) = (u, v);
             out.t[i] = t.max(0.0);
             out.counts[i] = counts(out.t[i], [tnear[i], tfar[i]], margin);
@@ -242,33 +227,66 @@ fn meet([to_v0, e1, e2]: [[f64; 3]; 3], normal: [f64; 3], d: [f64; 3]) -> (f64, 
     (dot(normal, to_v0) * inverse, u, v)
 }
 
-/// Whether the places of t and of the weights are near to each other. False for NaN.
+/// Whether the places of t and of the weights are near to each other, and not by chance: see
+/// [`FLAT`]. False for NaN.
 #[inline(always)]
-fn is_near(corners: [[f64; 3]; 3], d: [f64; 3], (t, u, v): (f64, f64, f64), slack: f64) -> bool {
+fn is_near(
+    corners: [[f64; 3]; 3],
+    normal: [f64; 3],
+    d: [f64; 3],
+    (t, u, v): (f64, f64, f64),
+    slack: f64,
+) -> bool {
     let [x, y, z] = sub(d.map(|x| t * x), point(corners, u, v));
-    (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack)
+    let ([nx, ny, nz], [dx, dy, dz]) = (normal.map(f64::abs), d.map(f64::abs));
+    let product = dot(normal, d).abs();
+    // An infinite product would make t and the weights 0, the first corner.
+    let slanted = (product >= FLAT * ((nx + ny + nz) * (dx + dy + dz))) & (product < f64::INFINITY);
+    (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack) & slanted
 }
 
 /// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power
-/// of two, in case that something overflowed. If t and the weights still disagree, `weights`, those
-/// of the rounded triangle, decide.
+/// of two, in case that something overflowed. If t and the weights still disagree, `place`
+/// decides, a point relative to the ray's origin.
 fn settled(
     corners: [[f64; 3]; 3],
     d: [f64; 3],
     slack: f64,
-    weights: impl FnOnce() -> [f32; 2],
+    place: impl FnOnce() -> [f64; 3],
 ) -> (f64, f64, f64) {
     let down = power_of_two(d.into_iter().fold(0.0, |most, x| x.abs().max(most)));
     let d = d.map(|x| x * down);
-    let (mut t, mut u, mut v) = meet(corners, cross(corners[1], corners[2]), d);
-    if !is_near(corners, d, (t, u, v), slack) {
-        let [second, third] = weights();
-        (u, v) = clamp_barycentrics(second.into(), third.into());
+    let normal = cross(corners[1], corners[2]);
+    let (mut t, mut u, mut v) = meet(corners, normal, d);
+    if !is_near(corners, normal, d, (t, u, v), slack) {
+        (u, v) = nearest_weights(corners, place());
         t = dot(point(corners, u, v), d) / dot(d, d);
     }
     // A NaN becomes 0.
     let t = (t * down).max(0.0);
     (if t.is_finite() { t } else { f64::MAX }, u, v)
+}
+
+/// Returns the weights of the point of a triangle that is nearest to `place`, up to rounding also
+/// for a sliver.
+fn nearest_weights(corners: [[f64; 3]; 3], place: [f64; 3]) -> (f64, f64) {
+    let [v0, e1, e2] = corners;
+    let (way, e3, normal) = (sub(place, v0), sub(e2, e1), cross(e1, e2));
+    let inside = [dot(cross(way, e2), normal), dot(cross(e1, way), normal)];
+    let [u, v] = inside.map(|x| x / dot(normal, normal));
+    // A NaN becomes 0.
+    let along = |way, edge| f64::min((dot(way, edge) / dot(edge, edge)).max(0.0), 1.0);
+    let third = along(sub(way, e1), e3);
+    [(along(way, e1), 0.0), (0.0, along(way, e2)), (1.0 - third, third)].into_iter().fold(
+        clamp_barycentrics(u, v),
+        |best, weights| {
+            let off = |(u, v)| {
+                let off = sub(place, point(corners, u, v));
+                dot(off, off)
+            };
+            if off(best) <= off(weights) { best } else { weights }
+        },
+    )
 }
 
 /// The point of a triangle with the weights `u` and `v`.

@@ -96,6 +96,7 @@ mod ply {
 /// Rays and points on arrays, without a scene.
 mod rays {
     mod closing;
+    mod edges;
     mod limits;
     mod packets;
     mod queries;

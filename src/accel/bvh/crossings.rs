@@ -12,7 +12,7 @@
 //!   it (no hit) or passes through both sides (two hits at the same t).
 //! - A triangle that the ray sees edge-on is not crossed. Its neighbours are.
 
-use super::exact::{ShearedTriangle, TrianglePlane, weights_of};
+use super::exact::{ShearedTriangle, TrianglePlane};
 use super::interleaved::{Interleaved, LeafVisitor};
 use super::node::{Block, Child, ChildKind, WIDTH};
 use super::query::{Lane, Query};
@@ -27,8 +27,6 @@ use crate::simd::Kernel;
 pub struct Crossing {
     /// Ray parameter of the crossing.
     pub t: f64,
-    /// Weights of the second and third corner.
-    pub weights: [f32; 2],
     /// Scene-wide primitive index of the triangle.
     pub primitive: u32,
     /// Lane of the ray.
@@ -176,8 +174,7 @@ impl<T: Tier> Single<'_, T> {
             if counts(&seen, t, (block, slot)) {
                 let lane = (self.lane.i % LANES) as u32;
                 let primitive = self.tree.indices().of(block, slot);
-                let weights = weights_of(seen.edges);
-                found.push(Crossing { t, weights, primitive, lane });
+                found.push(Crossing { t, primitive, lane });
             }
         }
     }

@@ -4,6 +4,9 @@
 //! The tree's triangle test moves a vertex, in the plane normal to the ray's dominant axis, by at
 //! most 6u max|v - o| in each coordinate (u = 2^-24). So a triangle whose sheared outline passes
 //! the ray at a greater distance is certainly hit or certainly missed.
+//!
+//! A hit is where the ray meets the plane, if that is a place at the triangle, and where it passes
+//! through the moved triangle, if not. So its place is always at the triangle.
 
 use lightpath::geometry::Geometry;
 use lightpath::ray::{LANES, Rays};
@@ -19,8 +22,10 @@ const U64: f64 = f64::EPSILON / 2.0;
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
     primitive: u32,
-    /// Bounds of t if it is hit.
+    /// Bounds of t if it is hit, by the plane.
     t: (f64, f64),
+    /// Bounds of t if the ray does not meet the plane at the triangle. `None` if it surely does.
+    passing: Option<(f64, f64)>,
     certain: bool,
 }
 
@@ -42,10 +47,10 @@ pub fn check(
         return certain.map_or(Ok(()), |m| Err(format!("found nothing, expected {m:?}")));
     };
     let possible = |m: &&Meeting| {
-        m.primitive == hit.primitive
-            && m.t.1 > tnear
-            && m.t.0 < tfar
-            && (m.t.0 as f32..=m.t.1 as f32).contains(&hit.t)
+        let within = |(least, most): (f64, f64)| {
+            most > tnear && least < tfar && (least as f32..=most as f32).contains(&hit.t)
+        };
+        m.primitive == hit.primitive && (within(m.t) || m.passing.is_some_and(within))
     };
     if !all.iter().any(|m| possible(&m)) {
         let same: Vec<_> = all.iter().filter(|m| m.primitive == hit.primitive).collect();
@@ -88,7 +93,7 @@ fn meetings(geometry: &Geometry, rays: &Rays, i: usize) -> Vec<Meeting> {
             primitive == leaving,
         );
         if !t.is_nan() {
-            all.push(Meeting { primitive, t: (t, t), certain: true });
+            all.push(Meeting { primitive, t: (t, t), passing: None, certain: true });
         }
     }
     all
@@ -132,13 +137,45 @@ fn triangle(
         let ends = [least(along) - widened, most(along) + widened].map(|x| x / direction[k]);
         (first, last) = (first.max(ends[0].min(ends[1])), last.min(ends[0].max(ends[1])));
     }
+    // The tree's slack is 64u along each axis, so less than 128u across the ray.
+    let seen = [(a, to[0]), (b, to[1]), (c, to[2])].map(|([x, y], v)| [x, y, v[kz] / along]);
+    if let Some((least, most)) = part_within(seen, 129.0 * U * reach + 1e-37) {
+        let widened = 64.0 * U * reach / along.abs() + f64::from(f32::MIN_POSITIVE);
+        (first, last) = (first.max(least - widened), last.min(most + widened));
+    }
     let (least, most) = plane(to, direction).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     // The tree keeps t in the widened box and between the corners' depths, up to u. It rounds these
     // to f32, another u.
     let down = |t: f64| t - t.abs() * 2.0 * U;
     let up = |t: f64| t + t.abs() * 2.0 * U;
     let t = (least.clamp(down(first), down(last)), most.clamp(up(first), up(last)));
-    Some(Meeting { primitive, t, certain: away && inside })
+    let certain = away && inside;
+    let passing = part_within(seen, bound).filter(|_| !certain);
+    let passing = passing.map(|(least, most)| (down(least), up(most)));
+    Some(Meeting { primitive, t, passing, certain })
+}
+
+/// Returns the smallest and the largest t of the part of a triangle that is at most `bound` away
+/// from the ray along both axes across it. Corners are their ways from the ray, then t.
+fn part_within(corners: [[f64; 3]; 3], bound: f64) -> Option<(f64, f64)> {
+    let mut part = corners.to_vec();
+    for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
+        let mut cut = Vec::new();
+        for (i, &p) in part.iter().enumerate() {
+            let q = part[(i + 1) % part.len()];
+            let [p_off, q_off] = [p, q].map(|v| v[axis] * sign - bound);
+            if p_off <= 0.0 {
+                cut.push(p);
+            }
+            if (p_off <= 0.0) != (q_off <= 0.0) {
+                let share = p_off / (p_off - q_off);
+                cut.push([0, 1, 2].map(|k| p[k] + share * (q[k] - p[k])));
+            }
+        }
+        part = cut;
+    }
+    let t = |part: &[[f64; 3]], pick: fn(f64, f64) -> f64| part.iter().map(|v| v[2]).reduce(pick);
+    t(&part, f64::min).zip(t(&part, f64::max))
 }
 
 /// Returns where the ray hits the triangle's plane, or `None` where f64 cannot decide.

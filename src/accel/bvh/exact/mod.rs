@@ -16,6 +16,7 @@
 use super::node::Block;
 use super::query::Lane;
 use crate::geometry::{NEAR_START, is_after_start};
+use crate::math::{cross, dot};
 use crate::ray::Rays;
 
 /// How far a hit's depth may lie outside the depths of the corners, as a fraction of the hit's
@@ -38,8 +39,8 @@ pub const DEPTH_SLACK: f64 = 0.5 * f32::EPSILON as f64;
 /// - To reach the plane of the triangle, with normal n, the hit moves on by e.n / d.n along the
 ///   dominant axis. That is at most 6u max|v - o| times [`STEEP`], unless |d.n| < |n| / [`STEEP`],
 ///   where |n| is the sum of the magnitudes of n.
-/// - Together these are 60u. Only a hit on a plane less steep than [`STEEP`] must be clamped to the
-///   box.
+/// - Together these are 60u. Only a hit on a plane less steep than [`STEEP`] may be elsewhere, and
+///   must be moved to the triangle: see [`ShearedTriangle::t`].
 /// - In f64 the plane's normal is off by at most 2^-51 |e1||e2|, for edges e1 and e2 of the
 ///   triangle. That moves a hit by twice as much times [`STEEP`] max|v - o| / |n|, less than the
 ///   remaining 4u max|v - o|, unless the triangle is a sliver of [`THIN`].
@@ -131,6 +132,37 @@ impl TrianglePlane {
         (above / towards, towards)
     }
 
+    /// Returns what [`Self::is_near`] needs: for the second and third corner, the vector whose
+    /// product with the way from the first corner to a point of the plane is the point's weight.
+    /// Not finite for a triangle without area.
+    #[inline(always)]
+    pub fn weights(&self) -> [[f64; 3]; 2] {
+        let ([e1, e2], n) = (self.edges, self.normal);
+        let inverse = 1.0 / dot(n, n);
+        [cross(e2, n).map(|x| x * inverse), cross(n, e1).map(|x| x * inverse)]
+    }
+
+    /// Whether a ray's point at `t` is within `slack` of the triangle along each axis: of its point
+    /// whose weights are those of the ray's point, clamped. False for NaN. May be false beside the
+    /// triangle although another point of it is nearer.
+    #[inline(always)]
+    pub fn is_near(
+        &self,
+        &[second, third]: &[[f64; 3]; 2],
+        ([ox, oy, oz], [dx, dy, dz]): ([f64; 3], [f64; 3]),
+        (t, slack): (f64, f64),
+    ) -> bool {
+        let ([px, py, pz], [e1, e2]) = (self.point, self.edges);
+        let way = [t * dx + (ox - px), t * dy + (oy - py), t * dz + (oz - pz)];
+        let (v, w) = (dot(second, way), dot(third, way));
+        let (v, w) = (if v > 0.0 { v } else { 0.0 }, if w > 0.0 { w } else { 0.0 });
+        let sum = v + w;
+        let shrink = if sum > 1.0 { 1.0 / sum } else { 1.0 };
+        let (v, w) = (v * shrink, w * shrink);
+        let off = |k: usize| (way[k] - (v * e1[k] + w * e2[k])).abs();
+        (off(0) <= slack) & (off(1) <= slack) & (off(2) <= slack)
+    }
+
     /// Returns the sum of the magnitudes of the normal: |n| in [`STEEP`]. Infinite for a triangle
     /// of [`THIN`], on which no hit is steep.
     #[inline(always)]
@@ -214,9 +246,18 @@ impl ShearedTriangle {
     /// The ray is intersected with the triangle's plane in f64. The error of t is about 1e-15 of
     /// the coordinates over the sine of the angle between ray and plane.
     ///
-    /// t is clamped to the corners' depths and to the triangle's box. A hit of a ray almost in the
-    /// plane could otherwise lie outside the box. So every hit lies in every box around the
-    /// triangle, and the order of boxes cannot change an answer.
+    /// A ray almost in the plane may meet it far from where it passes the triangle. Such a t says
+    /// nothing about the order of hits. Then t is that of the weights: of the point at which the
+    /// line passes through the sheared triangle. So t names a place that is within 70u max|v - o|
+    /// of the triangle along each axis (u = 2^-24), in every case:
+    /// - steep planes: see [`BOX_SLACK`];
+    /// - the plane's t, if [`TrianglePlane::is_near`]: 64u;
+    /// - the t of the weights: 6u, by the shear;
+    /// - the plane's t, if it is at most 64u from the t of the weights: 70u.
+    ///
+    /// At last t is clamped to the corners' depths and to the triangle's box, which the t of the
+    /// weights does not leave. So a t that is clamped moves towards that of the weights. Every hit
+    /// lies in every box around the triangle, and the order of boxes cannot change an answer.
     #[inline(always)]
     pub fn t(&self, ray: &Ray64, corners: [[f32; 3]; 3]) -> f64 {
         let plane = TrianglePlane::new(corners);
@@ -254,17 +295,14 @@ impl ShearedTriangle {
         (depth * weight - (u * a + v * b + w * c)).abs() <= 0.5 * BOX_SLACK * reach * weight.abs()
     }
 
-    /// Returns `t` if it is `within` the depths of the corners and lies in the triangle's widened
-    /// box. Otherwise `t` is clamped to both.
+    /// Returns `t` if it is `within` the depths of the corners and names a place near the triangle.
+    /// Otherwise returns the t of a place at the triangle: see [`Self::t`].
     #[inline(never)]
     fn clamped(&self, ray: &Ray64, t: f64, within: bool, corners: [[f32; 3]; 3]) -> f64 {
-        let WidenedBox { lower, upper } = WidenedBox::new(corners, ray.origin);
-        let mut inside = within;
-        for axis in 0..3 {
-            let at = t * ray.direction[axis];
-            inside &= (at >= lower[axis]) & (at <= upper[axis]);
-        }
-        if inside {
+        let plane = TrianglePlane::new(corners);
+        let WidenedBox { lower, upper, slack } = WidenedBox::new(corners, ray.origin);
+        let near = plane.is_near(&plane.weights(), (ray.origin, ray.direction), (t, slack));
+        if within & near {
             return t;
         }
         let (lowest, highest) = self.depth_range();
@@ -277,12 +315,12 @@ impl ShearedTriangle {
                 (first, last) = (first.max(lower.min(upper)), last.min(lower.max(upper)));
             }
         }
-        // If the ray runs along the plane, t of the plane is not finite. Then take the depth at
-        // which the line passes through the sheared triangle.
         let [u, v, w] = self.edges;
         let [a, b, c] = self.depths.map(f64::from);
-        let passing = || (u * a + v * b + w * c) / (u + v + w) / ray.dominant_component;
-        let t = if t.is_finite() { t } else { passing() };
+        let depth = (u * a + v * b + w * c) / (u + v + w);
+        // False if the ray runs along the plane, as t is not finite.
+        let passes = (t * ray.dominant_component - depth).abs() <= slack;
+        let t = if near | passes { t } else { depth / ray.dominant_component };
         t.max(first).min(last)
     }
 
@@ -299,6 +337,8 @@ impl ShearedTriangle {
 struct WidenedBox {
     lower: [f64; 3],
     upper: [f64; 3],
+    /// How far it is widened.
+    slack: f64,
 }
 
 impl WidenedBox {
@@ -316,7 +356,7 @@ impl WidenedBox {
         for axis in 0..3 {
             (lower[axis], upper[axis]) = (lower[axis] - slack, upper[axis] + slack);
         }
-        Self { lower, upper }
+        Self { lower, upper, slack }
     }
 }
 

@@ -4,10 +4,10 @@
 
 use super::Packet;
 use crate::accel::bvh::exact::{
-    DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane, weights_of,
+    BOX_SLACK, DEPTH_SLACK, Ray64, STEEP, ShearedTriangle, TrianglePlane, weights_of,
 };
 use crate::accel::bvh::node::Block;
-use crate::accel::bvh::query::{max, min};
+use crate::accel::bvh::query::max;
 use crate::accel::bvh::simd::{EDGE_FLOOR, EDGE_SLACK, Tier};
 use crate::geometry::NEAR_START;
 use crate::ray::LANES;
@@ -145,9 +145,13 @@ impl<T: Tier> Packet<'_, T> {
             any_flat |= flat[i];
         }
         if any_flat != 0 {
-            let outside = self.outside(block, slot, &t);
+            // The slack is at most half of that in `ShearedTriangle::clamped`. So where this is
+            // true, that one returns the plane's t, too.
+            let weights = plane.weights();
             for i in 0..LANES {
-                unsure[i] |= flat[i] & outside[i];
+                let slack = 0.5 * BOX_SLACK * f64::from(max(-first[i], last[i]));
+                let near = plane.is_near(&weights, self.line(i), (t[i], slack));
+                unsure[i] |= flat[i] & -i32::from(!near);
                 doubt |= unsure[i];
             }
         }
@@ -165,40 +169,6 @@ impl<T: Tier> Packet<'_, T> {
         Test { hit: decided.hit, t: decided.t, weights }
     }
 
-    /// Returns all bits set in lanes whose hit at `t` may lie outside the triangle's widened box of
-    /// [`exact`](crate::accel::bvh::exact).
-    ///
-    /// The slack is 32u (u = 2^-24) of the coordinate farthest from the origin, and rounding adds
-    /// 4u of it. Together they are less than the 64u by which
-    /// [`exact`](crate::accel::bvh::exact) widens the box. The caller has compared the depth along
-    /// the dominant axis.
-    #[inline(always)]
-    fn outside(&self, block: &Block, slot: usize, t: &[f64; LANES]) -> [i32; LANES] {
-        let mut outside = [0i32; LANES];
-        let mut depths = [0.0f32; LANES];
-        for i in 0..LANES {
-            depths[i] = (t[i] * self.dominant_component(i)) as f32;
-        }
-        for axis in 0..2 {
-            let row = &block.vertices[self.frustum.axes[axis]];
-            let (p, q, r) = (
-                row[block.corner(0, slot)],
-                row[block.corner(1, slot)],
-                row[block.corner(2, slot)],
-            );
-            let (lower, upper) = (min(min(p, q), r), max(max(p, q), r));
-            for i in 0..LANES {
-                let at = depths[i] * self.query.shear[axis][i];
-                let origin = self.query.origin[axis][i];
-                let (lower, upper) = (lower - origin, upper - origin);
-                let slack = max(-lower, upper) * (16.0 * f32::EPSILON);
-                let within = (at >= lower - slack) & (at <= upper + slack);
-                outside[i] |= -i32::from(!within);
-            }
-        }
-        outside
-    }
-
     /// Returns the component of the caller's direction along the dominant axis.
     #[inline(always)]
     fn dominant_component(&self, i: usize) -> f64 {
@@ -210,13 +180,19 @@ impl<T: Tier> Packet<'_, T> {
     #[inline(always)]
     fn distances(&self, plane: &TrianglePlane) -> ([f64; LANES], [f64; LANES]) {
         let (mut t, mut towards) = ([0.0; LANES], [0.0; LANES]);
-        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
         for i in 0..LANES {
-            let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
-            let direction = [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])];
+            let (origin, direction) = self.line(i);
             (t[i], towards[i]) = plane.intersect(origin, direction);
         }
         (t, towards)
+    }
+
+    /// Returns the origin and the direction of a ray.
+    #[inline(always)]
+    fn line(&self, i: usize) -> ([f64; 3], [f64; 3]) {
+        let ([ox, oy, oz], [dx, dy, dz]) = (&self.rays.org, &self.rays.dir);
+        let origin = [f64::from(ox[i]), f64::from(oy[i]), f64::from(oz[i])];
+        (origin, [f64::from(dx[i]), f64::from(dy[i]), f64::from(dz[i])])
     }
 
     /// Decides the unsure lanes one by one.
