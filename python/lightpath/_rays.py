@@ -517,9 +517,10 @@ class RayScene:
         Notes
         -----
         The result is exact for coordinates that are 0 or at least 1e-70, and points at least 1e-38
-        apart; nearer ones always see each other. A face blocks the segment between two points if the segment passes
-        through the face, its edges and vertices included. A face whose plane contains one of the
-        two points does not block it. So points of a surface do not hide themselves.
+        apart; nearer ones always see each other. A face blocks the segment between two points if
+        the segment passes through the face, its edges and vertices included. A face whose plane
+        contains one of the two points does not block it. So points of a surface do not hide
+        themselves.
 
         Examples
         --------

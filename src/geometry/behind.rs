@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::doubles::doubles;
-use super::primitives::{Geometry, GeometryKind, quad_halves};
+use super::primitives::{Geometry, GeometryKind};
+use super::quad::quad_halves;
 use crate::ray::NONE;
 
 impl Geometry {

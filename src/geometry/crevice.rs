@@ -12,7 +12,8 @@ use glam::DVec3;
 
 use super::doubles::doubles;
 use super::nearby::Nearby;
-use super::primitives::{Geometry, on_quad_half};
+use super::primitives::Geometry;
+use super::quad::on_quad_half;
 
 /// Tolerance of weights at an edge: some thousand roundings of f64.
 const EQUAL: f64 = 1.0 / (1u64 << 43) as f64;

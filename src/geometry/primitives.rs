@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::doubles::doubles;
 use super::mesh::TriangleMesh;
 use super::placement::{Instance, Placement};
+use super::quad::quad_halves;
 use super::sphere::Sphere;
 use super::unseen::Unseen;
 use crate::ray::{NONE, RayKind};
@@ -47,24 +48,6 @@ pub enum GeometryKind {
     Spheres,
     /// The triangles of an instance, with its index in [`Geometry::instances`].
     Instance(usize),
-}
-
-/// Splits a quad into its two triangles.
-#[inline(always)]
-pub fn quad_halves<T: Copy>([v0, v1, v2, v3]: [T; 4]) -> [[T; 3]; 2] {
-    [[v0, v1, v3], [v2, v3, v1]]
-}
-
-/// Returns the weights of a hit on a quad so that [`Geometry::quad_half`] finds the half that was
-/// hit: `second` or not. Near the diagonal, rounding may have taken u + v to the other half.
-#[inline(always)]
-pub fn on_quad_half(u: f32, v: f32, second: bool) -> (f32, f32) {
-    if (u + v > 1.0) == second {
-        return (u, v);
-    }
-    // The smaller weight is at most about 1/2, so it stays below 1.
-    let beyond = if second { 2.0 * f32::EPSILON } else { 0.0 };
-    if u > v { (u, 1.0 - u + beyond) } else { (1.0 - v + beyond, v) }
 }
 
 impl Geometry {

@@ -261,6 +261,16 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn what_chance_may_cause_is_no_difference() {
+        let verdict = |low, high| Estimate { value: 1.0, low, high }.verdict(1.03);
+        assert_eq!(verdict(1.031, 1.2), "faster");
+        assert_eq!(verdict(0.8, 0.97), "slower");
+        for (low, high) in [(1.029, 1.2), (0.8, 0.972), (1.01, 1.02), (f64::NAN, f64::NAN)] {
+            assert_eq!(verdict(low, high), "no difference shown", "{low} {high}");
+        }
+    }
+
+    #[test]
     fn ratios_refer_to_the_first_backend() {
         let report = report(1.0, "h");
         let [a, b] = [0, 1].map(|i| &report.scenes[0].rows[0].entries[i]);

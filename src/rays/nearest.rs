@@ -179,7 +179,6 @@ mod tests {
     use super::*;
     use crate::mesh::{Mesh, Positions};
 
-    /// Irregular points, above the edges of a triangle too.
     #[test]
     fn points_nearest_to_distant_points_lie_on_the_face() {
         let corners @ [a, b, c] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]
@@ -193,6 +192,7 @@ mod tests {
         }
     }
 
+    /// Irregular points, above the edges of a triangle too.
     #[test]
     fn the_order_of_the_corners_does_not_matter() {
         let corners @ [a, b, c] = [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [-0.6, 0.4, 0.35]]

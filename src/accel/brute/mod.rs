@@ -142,6 +142,7 @@ impl<'g> Brute<'g> {
         let on_triangle = |(corners, turned): ([DVec3; 3], bool)| {
             let at = crossing(ray, &corners)?;
             let (u, v) = if turned { (1.0 - at.u, 1.0 - at.v) } else { (at.u, at.v) };
+            // A packet holds f32 weights, which tell the half.
             let rounded = (u as f32, v as f32);
             let kept = on_quad_half(rounded.0, rounded.1, turned);
             let (u, v) = if kept == rounded { (u, v) } else { (kept.0.into(), kept.1.into()) };

@@ -6,8 +6,8 @@
 //!
 //! More queries: `crossings` finds all hits of a ray. `column` finds the triangles that a half-line
 //! may hit, `segment` those that a segment may hit. `closest_point` finds the triangle nearest to a
-//! point. `winding` computes winding numbers, with the expansions of
-//! `multipole`. `owned` is a tree without a borrow.
+//! point. `winding` computes winding numbers, with the expansions of `multipole`. `owned` is a tree
+//! without a borrow.
 
 /// Evaluates `$run` with `$tier` bound to the kernels of the instruction set `$isa`. Returns the
 /// value from the enclosing function. `$isa` must be supported by this machine.

@@ -110,14 +110,17 @@ fn product(a: DVec3, b: DVec3) -> [f64; 6] {
     [a * x, b * y, c * z, a * y + b * x, a * z + c * x, b * z + c * y]
 }
 
-/// [`Moments`] in units of area and radius, for the solid angle from afar.
+/// [`Moments`] for the solid angle from afar.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Multipole {
     center: DVec3,
     area: f64,
     radius: f64,
+    /// In units of `area`.
     normal: [f32; 3],
+    /// In units of `area` times `radius`.
     first: [f32; 6],
+    /// In units of `area` times the square of `radius`.
     second: [f32; 10],
 }
 
@@ -180,7 +183,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Corners of a disc-like patch on the sphere around the origin.
+    /// Triangles of a patch of the unit sphere: the projection of a square at a distance of 1.
     fn patch(size: f64) -> Vec<[DVec3; 3]> {
         let at = |i: usize, j: usize| {
             let way = |k: usize| size * (k as f64 / 16.0 - 0.5);
@@ -195,7 +198,7 @@ mod tests {
             .collect()
     }
 
-    /// The solid angle of a square patch of the cube's projection: van Oosterom and Strackee.
+    /// The solid angle of a square of this side, seen from a distance of 1 in front of its middle.
     fn exact(size: f64) -> f64 {
         let half = 0.5 * size;
         4.0 * (half * half / (1.0 + 2.0 * half * half).sqrt()).atan()
@@ -224,7 +227,8 @@ mod tests {
         };
         let [large, small] = [0.4, 0.2].map(error);
         assert!(large < 5e-4 && small < large / 14.0, "{large} {small}");
-        assert!(exact(2.0) - 4.0 * PI / 6.0 < 1e-12);
+        // A side of a cube.
+        assert!((exact(2.0) - 4.0 * PI / 6.0).abs() < 1e-12);
     }
 
     #[test]

@@ -139,7 +139,8 @@ pub struct Series {
     /// Indices of points, fewest samples first. Points at the floor or without antialiasing are
     /// left out.
     pub points: Vec<usize>,
-    /// Slope of RMSE against samples per pixel; `None` for fewer than 3 points.
+    /// Slope of RMSE, without the error of the reference, against samples per pixel; `None` for
+    /// fewer than 3 points.
     pub slope: Option<Slope>,
 }
 
@@ -154,7 +155,7 @@ pub struct SamplerRatio {
     pub light_samples: Option<u32>,
     /// Samples per pixel: the product of both numbers.
     pub samples: u64,
-    /// RMSE of `random` divided by RMSE of `sobol`.
+    /// RMSE of `random` divided by RMSE of `sobol`, both without the error of the reference.
     pub rmse: MeanWithError,
 }
 

@@ -126,6 +126,37 @@ fn the_reference_has_more_samples_than_the_grid_and_a_known_error() {
     assert!((floor.mse / expected - 1.0).abs() < 0.1, "{floor:?} {expected}");
 }
 
+/// The error of the reference is independent, so its square adds to those of all points.
+#[test]
+fn slopes_and_ratios_are_those_without_the_error_of_the_reference() {
+    let (mut study, ..) = run_all(&grid(), limits(100.0), 1e-3);
+    let set = |study: &mut Study, mse: f64| {
+        let floor = study.reference.as_mut().and_then(|reference| reference.floor.as_mut());
+        floor.expect("a reference").mse = mse;
+    };
+    set(&mut study, 0.0);
+    let alone = found(&study, limits(100.0));
+    let errors = || alone.points.iter().map(|point| point.rmse.value.powi(2));
+    // Just too small to put a point at the floor.
+    let floor = 0.1 * errors().fold(f64::INFINITY, f64::min);
+    set(&mut study, floor);
+    study.points.iter_mut().flat_map(|point| &mut point.errors).for_each(|e| e.mse += floor);
+    let beside = found(&study, limits(100.0));
+    assert!(beside.points.iter().all(|point| !point.at_floor));
+    assert!(!alone.ratios.is_empty() && alone.ratios.len() == beside.ratios.len());
+    for (a, b) in alone.ratios.iter().zip(&beside.ratios) {
+        assert!((a.rmse.value / b.rmse.value - 1.0).abs() < 1e-9, "{a:?} {b:?}");
+    }
+    let slopes = |report: &StudyReport| -> Vec<f64> {
+        report.series.iter().filter_map(|series| Some(series.slope?.slope)).collect()
+    };
+    let (alone, beside) = (slopes(&alone), slopes(&beside));
+    assert!(alone.len() >= 4 && alone.len() == beside.len());
+    for (a, b) in alone.into_iter().zip(beside) {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+}
+
 #[test]
 fn rounds_run_forwards_and_backwards_with_their_own_seeds() {
     let (_, jobs, _) = run_all(&grid(), limits(100.0), 1e-3);
