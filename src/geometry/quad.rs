@@ -6,8 +6,9 @@ pub fn quad_halves<T: Copy>([v0, v1, v2, v3]: [T; 4]) -> [[T; 3]; 2] {
     [[v0, v1, v3], [v2, v3, v1]]
 }
 
-/// Returns the weights of a hit on a quad so that [`Geometry::quad_half`](super::Geometry::quad_half) finds the half that was
-/// hit: `second` or not. Near the diagonal, rounding may have taken u + v to the other half.
+/// Returns the weights of a hit on a quad so that [`quad_half`](super::Geometry::quad_half) finds
+/// the half that was hit: `second` or not. Near the diagonal, rounding may have taken u + v to the
+/// other half.
 #[inline(always)]
 pub fn on_quad_half(u: f32, v: f32, second: bool) -> (f32, f32) {
     if (u + v > 1.0) == second {
