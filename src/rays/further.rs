@@ -30,9 +30,23 @@ const HITS_HELD: usize = 1 << 16;
 pub(super) struct Unanswered {
     /// Index of the ray.
     pub ray: usize,
-    /// The rounded ray's parameter of the last hit, which does not count or is at a limit. There is
-    /// no hit before it that counts. `None` before the first hit.
-    pub last: Option<f32>,
+    /// Where the last hit is, in the rounded ray's parameter: the places by which the tree ordered
+    /// it and of its t, the lesser first. There is no hit before them that counts. `None` before
+    /// the first hit.
+    pub last: Option<[f32; 2]>,
+}
+
+impl Unanswered {
+    /// What is to be searched for hit `i` of those whose values were computed: others around it, if
+    /// it does not count or if others between its two places may be nearer.
+    #[inline(always)]
+    pub fn around(hit: &FoundHit, refined: &Refined, i: usize) -> Option<Self> {
+        let moved = refined.moved[i];
+        let is_first = refined.counts[i] & moved.is_nan();
+        // A NaN becomes the other number.
+        let last = Some([hit.t.min(moved), hit.t.max(moved)]);
+        (!is_first).then_some(Self { ray: hit.ray, last })
+    }
 }
 
 impl RayScene {
@@ -66,7 +80,7 @@ impl RayScene {
             for packet in packets(&left) {
                 let first = packet[0].ray / LANES * LANES;
                 rounding.round(first, &mut rounded)?;
-                rounded.narrow(first, packet, |last| (behind(last, reach), f32::INFINITY));
+                rounded.narrow(first, packet, |[_, last]| (behind(last, reach), f32::INFINITY));
                 let Rounded { active, packet, coherence, .. } = &mut rounded;
                 accelerator.closest(active, packet, *coherence);
                 self.collect_hits(first, &rounded, &mut found);
@@ -76,18 +90,17 @@ impl RayScene {
                 for (i, hit) in hits.iter().enumerate() {
                     if refined.counts[i] {
                         store(hits, refined, i);
-                    } else {
-                        left.push(Unanswered { ray: hit.ray, last: Some(hit.t) });
                     }
+                    left.extend(Unanswered::around(hit, refined, i));
                 }
             });
         }
         Ok(())
     }
 
-    /// Computes all hits from `reach` before the last one to `reach` behind it; without a last one,
-    /// all hits of the ray. Calls `store` for those that count. Removes rays that need no further
-    /// search.
+    /// Computes all hits from `reach` before the places of the last one to `reach` behind them;
+    /// without a last one, all hits of the ray. Calls `store` for those that count. Removes rays
+    /// that need no further search.
     fn search_around(
         &self,
         bvh: &Bvh,
@@ -102,8 +115,8 @@ impl RayScene {
             let first = packet[0].ray / LANES * LANES;
             rounding.round(first, &mut rounded)?;
             // Ends do not belong to a segment.
-            rounded.narrow(first, packet, |last| {
-                (below((last - reach).max(0.0)), above(behind(last, reach)))
+            rounded.narrow(first, packet, |[least, most]| {
+                (below((least - reach).max(0.0)), above(behind(most.max(0.0), reach)))
             });
             touches.clear();
             bvh.touches(&rounded.active, &rounded.packet.rays, &mut touches);
@@ -180,7 +193,12 @@ fn above(t: f32) -> f32 {
 impl Rounded {
     /// Keeps only these rays of the packet, whose first ray has the index `first`. `limits` returns
     /// both ends of their segments from their last hits.
-    fn narrow(&mut self, first: usize, left: &[Unanswered], limits: impl Fn(f32) -> (f32, f32)) {
+    fn narrow(
+        &mut self,
+        first: usize,
+        left: &[Unanswered],
+        limits: impl Fn([f32; 2]) -> (f32, f32),
+    ) {
         let mut kept = Mask::NONE;
         for &Unanswered { ray, last } in left {
             let lane = ray - first;

@@ -6,6 +6,9 @@
 //! far from the place that the weights name, or the two agree by chance. In both cases the place
 //! is taken by which the tree has ordered the hit: the point of the triangle that is nearest to the
 //! rounded ray at the tree's t. So a hit is reported where it was the first.
+//!
+//! Between, f64 tells the place, but single precision does not: the tree may have ordered the hit
+//! by a place far away. Then other hits between the two places may be nearer: [`Refined::moved`].
 
 use super::arrays;
 use super::batch::RayBatch;
@@ -16,11 +19,16 @@ use crate::math::{cross, dot, sub};
 use crate::ray::LANES;
 use crate::simd::{self, Isa, Kernel};
 
-/// The least product of normal and direction, as a fraction of the product of the sums of their
+/// The least product of two edges and the direction, as a fraction of the product of their sums of
 /// magnitudes, from which f64 tells where the ray meets the plane: 2^-32. Rounding moves corners by
 /// some 2^-53 of their distance, and so a hit by 2^-21 of it: less than the slack, unless the ray
-/// starts far away. Below, t and weights may agree by chance, as both are those of a corner.
+/// starts far away. Below, t and weights may agree by chance, as both are those of a corner or the
+/// normal is rounded as much as it is long.
 const FLAT: f64 = 1.0 / (1u64 << 32) as f64;
+
+/// The same from which the tree, too, tells where the ray meets the plane, up to a few times the
+/// slack: 2^-9.
+const STEEP: f64 = 1.0 / 512.0;
 
 /// A 3D vector for each lane, by axis.
 type Doubles3 = [Doubles; 3];
@@ -54,6 +62,9 @@ pub(super) struct Refined {
     pub uv: [Doubles; 2],
     /// Unit normals; not finite for a triangle without area.
     normals: Doubles3,
+    /// The rounded ray's parameter of the place of t, if it is another place than the tree's by
+    /// more than rounding explains. Else NaN. Only with the backend `bvh`.
+    pub moved: [f32; LANES],
 }
 
 impl Refined {
@@ -120,23 +131,29 @@ impl RayScene {
     ) {
         let (&from, &direction) = rays.line(hit.ray);
         let corners = [sub(v0, from), sub(v1, v0), sub(v2, v0)];
-        let (t, u, v) = settled(corners, direction, slack, || sub(self.found_at(rays, hit), from));
+        let (place, along) = self.found_at(rays, hit);
+        let place = sub(place, from);
+        let (t, u, v) = settled(corners, direction, slack, place);
         (out.uv[0][i], out.uv[1][i]) = (u, v);
         out.t[i] = t;
         out.counts[i] = counts(t, rays.limits(hit.ray).into(), margin);
+        let off = sub(direction.map(|x| t * x), place);
+        if self.bvh().is_ok() && off.into_iter().any(|x| x.abs() > slack) {
+            out.moved[i] = hit.t + (dot(off, along) / dot(along, along)) as f32;
+        }
     }
 
-    /// The point of the rounded ray at which the tree found a hit.
-    fn found_at(&self, rays: &RayBatch, hit: &FoundHit) -> [f64; 3] {
+    /// The point of the rounded ray at which the tree found a hit, and the rounded ray's direction.
+    fn found_at(&self, rays: &RayBatch, hit: &FoundHit) -> ([f64; 3], [f64; 3]) {
         let mut rounded = Rounded::EMPTY;
         // The ray was traced, so its values are valid.
         let rounding = self.rounding(rays);
         let _ = rounding.and_then(|rounding| rounding.round(hit.ray, &mut rounded));
         let (line, origin) = (&rounded.packet.rays, self.origin().to_array());
-        [0, 1, 2].map(|k| {
-            let (from, direction) = (f64::from(line.org[k][0]), f64::from(line.dir[k][0]));
-            origin[k] + (from + f64::from(hit.t) * direction)
-        })
+        let direction = line.dir.map(|axis| f64::from(axis[0]));
+        let place =
+            |k: usize| origin[k] + (f64::from(line.org[k][0]) + f64::from(hit.t) * direction[k]);
+        ([0, 1, 2].map(place), direction)
     }
 
     /// Reads the faces of up to 16 hits, and prefetches their vertices.
@@ -189,6 +206,7 @@ impl Kernel for Refine<'_> {
             counts: [true; LANES],
             uv: [[0.0; LANES]; 2],
             normals: [[0.0; LANES]; 3],
+            moved: [f32::NAN; LANES],
         };
         let mut agree = [true; LANES];
         for i in 0..LANES {
@@ -197,10 +215,11 @@ impl Kernel for Refine<'_> {
                 [sub(a, of_lane(&from, i)), sub(of_lane(v1, i), a), sub(of_lane(v2, i), a)];
             let normal = cross(corners[1], corners[2]);
             let (t, u, v) = meet(corners, normal, of_lane(&direction, i));
-            agree[i] = is_near(corners, normal, of_lane(&direction, i), (t, u, v), slack);
+            let t = t.max(0.0);
+            agree[i] = is_near(corners, normal, of_lane(&direction, i), (t, u, v), (slack, STEEP));
             (out.uv[0][i], out.uv[1][i]) = (u, v);
-            out.t[i] = t.max(0.0);
-            out.counts[i] = counts(out.t[i], [tnear[i], tfar[i]], margin);
+            out.t[i] = t;
+            out.counts[i] = counts(t, [tnear[i], tfar[i]], margin);
             let shrink = 1.0 / dot(normal, normal).sqrt();
             for axis in 0..3 {
                 out.normals[axis][i] = normal[axis] * shrink;
@@ -227,43 +246,43 @@ fn meet([to_v0, e1, e2]: [[f64; 3]; 3], normal: [f64; 3], d: [f64; 3]) -> (f64, 
     (dot(normal, to_v0) * inverse, u, v)
 }
 
-/// Whether the places of t and of the weights are near to each other, and not by chance: see
-/// [`FLAT`]. False for NaN.
+/// Whether the places of t and of the weights are within `slack` of each other, and the product of
+/// edges and direction is at least the fraction `least`: see [`FLAT`].
 #[inline(always)]
 fn is_near(
     corners: [[f64; 3]; 3],
     normal: [f64; 3],
     d: [f64; 3],
     (t, u, v): (f64, f64, f64),
-    slack: f64,
+    (slack, least): (f64, f64),
 ) -> bool {
     let [x, y, z] = sub(d.map(|x| t * x), point(corners, u, v));
-    let ([nx, ny, nz], [dx, dy, dz]) = (normal.map(f64::abs), d.map(f64::abs));
+    let sum = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs();
     let product = dot(normal, d).abs();
     // An infinite product would make t and the weights 0, the first corner.
-    let slanted = (product >= FLAT * ((nx + ny + nz) * (dx + dy + dz))) & (product < f64::INFINITY);
+    let slanted = (product >= least * (sum(corners[1]) * sum(corners[2]) * sum(d)))
+        & (product < f64::INFINITY);
     (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack) & slanted
 }
 
 /// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power
-/// of two, in case that something overflowed. If t and the weights still disagree, `place`
-/// decides, a point relative to the ray's origin.
-fn settled(
-    corners: [[f64; 3]; 3],
-    d: [f64; 3],
-    slack: f64,
-    place: impl FnOnce() -> [f64; 3],
-) -> (f64, f64, f64) {
+/// of two, in case that something overflowed. If t and the weights disagree, `place` decides, a
+/// point relative to the ray's origin.
+fn settled(corners: [[f64; 3]; 3], d: [f64; 3], slack: f64, place: [f64; 3]) -> (f64, f64, f64) {
     let down = power_of_two(d.into_iter().fold(0.0, |most, x| x.abs().max(most)));
     let d = d.map(|x| x * down);
     let normal = cross(corners[1], corners[2]);
     let (mut t, mut u, mut v) = meet(corners, normal, d);
-    if !is_near(corners, normal, d, (t, u, v), slack) {
-        (u, v) = nearest_weights(corners, place());
-        t = dot(point(corners, u, v), d) / dot(d, d);
+    if !is_near(corners, normal, d, (t, u, v), (slack, FLAT)) {
+        (u, v) = nearest_weights(corners, place);
+        // A NaN becomes 0.
+        t = (dot(point(corners, u, v), d) / dot(d, d)).max(0.0);
+    } else if t < 0.0 {
+        // The ray starts at the face.
+        t = 0.0;
+        (u, v) = nearest_weights(corners, [0.0; 3]);
     }
-    // A NaN becomes 0.
-    let t = (t * down).max(0.0);
+    let t = t * down;
     (if t.is_finite() { t } else { f64::MAX }, u, v)
 }
 

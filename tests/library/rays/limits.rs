@@ -206,6 +206,46 @@ fn a_vertex_is_no_second_layer() {
     }
 }
 
+/// A vertex of a turned cube, one of whose faces the ray sees at a slope of down to 1e-3: its t is
+/// less sure.
+#[test]
+fn a_vertex_of_a_grazing_face_is_no_second_layer() {
+    let monitor = Monitor::default();
+    let squares =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let faces: Vec<_> = squares.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let mut found = 0;
+    for i in 0..400 {
+        let slope = 10f64.powi(-(i % 4));
+        let turn = |v: [f64; 3]| {
+            let angles = [0.7, 1.9, 4.3].map(|x| x * f64::from(i) * 0.37);
+            angles.into_iter().enumerate().fold(v, |mut v, (axis, angle)| {
+                let ((sin, cos), j, k) = (angle.sin_cos(), (axis + 1) % 3, (axis + 2) % 3);
+                (v[j], v[k]) = (cos * v[j] - sin * v[k], sin * v[j] + cos * v[k]);
+                v
+            })
+        };
+        let corner = |i: u8| turn([0, 1, 2].map(|k| f64::from(i >> k & 1) - 0.5));
+        let vertices = (0..8).map(corner).collect();
+        let scene = scene(Mesh::new(Positions::F64(vertices), faces.clone()).expect("a mesh"));
+        let direction = turn([-slope, -0.6, -0.8]);
+        let origin = [0, 1, 2].map(|k| corner(7)[k] - 1.7 * direction[k]);
+        let ray = ([origin], [direction]);
+        let ray = RayBatch::new(&ray.0, &ray.1).expect("a ray");
+        let t = scene.closest(&ray, &monitor).expect("hits").t[0];
+        if (t - 1.7).abs() > 1e-6 {
+            continue;
+        }
+        found += 1;
+        let behind = ray.with_limits(Limits::All(t), Limits::All(f64::INFINITY)).expect("limits");
+        let next = scene.closest(&behind, &monitor).expect("hits").t[0];
+        assert!(next - t > 1e-6, "{i} {slope:e}: {t} {next}");
+        let before = ray.with_limits(Limits::All(0.0), Limits::All(t)).expect("limits");
+        assert!(!scene.occluded(&before, &monitor).expect("answers")[0], "{i} {slope:e}: {t}");
+    }
+    assert!(found > 200, "{found}");
+}
+
 /// Faces that share a vertex are one place at one limit, not at both.
 #[test]
 fn two_limits_at_faces_that_meet_are_two_places() {
