@@ -29,6 +29,18 @@ impl DoubleDouble {
         Self { hi, lo: a.mul_add(b, -hi) }
     }
 
+    /// The square root of a number that is not negative, with some 104 bits (SQRTDWtoDW of Lefevre,
+    /// Louvet, Muller, Picot and Rideau 2023, "Accurate calculation of Euclidean norms using
+    /// double-word arithmetic", without its last rounding).
+    pub fn sqrt(self) -> Self {
+        if self.hi <= 0.0 {
+            return Self { hi: 0.0, lo: 0.0 };
+        }
+        let root = self.hi.sqrt();
+        let rest = root.mul_add(-root, self.hi) + self.lo;
+        quick(root, rest / (2.0 * root))
+    }
+
     /// The value rounded to f64, almost to nearest.
     pub fn value(self) -> f64 {
         self.hi
@@ -67,7 +79,7 @@ fn quick(a: f64, b: f64) -> DoubleDouble {
     DoubleDouble { hi, lo: b - (hi - a) }
 }
 
-/// A vector of three [`DoubleDouble`] coordinates.
+/// A vector of three double-double coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct DoubleDouble3([DoubleDouble; 3]);
 
@@ -89,6 +101,11 @@ impl DoubleDouble3 {
         a * x + b * y + c * z
     }
 
+    /// Length of the vector, with some 104 bits.
+    pub fn length(&self) -> DoubleDouble {
+        self.dot(self).sqrt()
+    }
+
     /// The coordinates rounded to f64, almost to nearest.
     pub fn value(&self) -> DVec3 {
         DVec3::from(self.0.map(DoubleDouble::value))
@@ -107,5 +124,9 @@ mod tests {
         let x = 1.0 + 2f64.powi(-40);
         let square = DoubleDouble::sum(x, 0.0) * DoubleDouble::sum(x, 0.0);
         assert_eq!((square - DoubleDouble::sum(1.0, 2f64.powi(-39))).value(), 2f64.powi(-80));
+        assert_eq!((square.sqrt() - DoubleDouble::sum(1.0, 0.0)).value(), 2f64.powi(-40));
+        let two = DoubleDouble::sum(2.0, 0.0);
+        assert!((two.sqrt() * two.sqrt() - two).value().abs() < 2f64.powi(-100));
+        assert_eq!(DoubleDouble::sum(0.0, 0.0).sqrt().value(), 0.0);
     }
 }

@@ -28,6 +28,7 @@ pub use ahead::{NEAR_START, is_after_start};
 pub use box3::{Box3, slabs_meet};
 pub use counts::PrimitiveCounts;
 pub use crevice::{Crevice, WallHit, hides, is_near};
+pub use double_double::DoubleDouble3;
 pub use doubles::doubles;
 pub use exact::exact_position;
 pub use gather::{prefetch_indices, prefetch_vertices};

@@ -154,13 +154,14 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
             } else {
                 low + edge * (along / length2)
             };
-            let squared = (on - p).length_squared();
-            if nearest.is_none_or(|(least, _)| squared < least) {
-                nearest = Some((squared, on));
+            // Squares of the distances would be equal from afar, rounded.
+            let is_nearer = |other: DVec3| (on - other).dot((on - p) + (other - p)) < 0.0;
+            if nearest.is_none_or(is_nearer) {
+                nearest = Some(on);
             }
         }
     }
-    if let Some((_, on)) = nearest {
+    if let Some(on) = nearest {
         return on;
     }
     let height = normal.dot(ap) / normal2;
@@ -178,6 +179,25 @@ fn nearest_on_triangle([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::mesh::{Mesh, Positions};
+
+    /// Beyond two edges of an obtuse corner, one of them is the nearest.
+    #[test]
+    fn the_nearest_edge_of_distant_points_is_found() {
+        let [a, b, c] =
+            [[0.1, 0.7, -0.3], [1.3, 0.2, 0.9], [2.6, 0.4, 1.35]].map(|v: [f64; 3]| DVec3::from(v));
+        let normal = (b - a).cross(c - a);
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let outward = (to - from).cross(normal).normalize();
+            for i in 1..20 {
+                let goal = from.lerp(to, f64::from(i) / 20.0);
+                for distance in [0.5, 1e3, 1e6, 1e7, 3e7, 1e8, 1e9, 1e10] {
+                    let on = nearest_on_triangle(sorted([a, b, c]), goal + outward * distance);
+                    let off = (on - goal).length();
+                    assert!(off < 1e-14 + 1e-15 * distance, "{distance:e} {goal} {on}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn points_nearest_to_distant_points_lie_on_the_face() {

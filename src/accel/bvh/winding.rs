@@ -14,6 +14,7 @@ use super::multipole::{Moments, Multipole};
 use super::node::{Child, ChildKind, WIDTH};
 use super::tree::Bvh;
 use crate::error::Result;
+use crate::geometry::DoubleDouble3;
 use crate::monitor::Monitor;
 use crate::reserve;
 
@@ -22,8 +23,12 @@ use crate::reserve;
 /// docs/notebook/trust.md has errors and times for 2 to 3.
 const FAR: f64 = 2.5;
 
-/// Square of the share of the product of a face's longest edges below which its area is rounding.
-const NO_AREA: f64 = 1.0 / (1u128 << 88) as f64;
+/// Share of the product of the distances of the corners below which numerator and denominator of a
+/// solid angle have lost too many bits. The angle is within 1e-5 where one of them is above.
+const CANCELLED: f64 = 1e-10;
+
+/// The same in double-double arithmetic: the point is on an edge.
+const ON_EDGE: f64 = 1e-28;
 
 /// The multipole expansions of all nodes and leaves of a tree.
 #[derive(Debug, Default)]
@@ -118,16 +123,70 @@ impl Bvh<'_> {
 /// Returns the signed solid angle of a triangle seen from a point, in steradians. Positive if the
 /// point is on the side from which the corners appear clockwise.
 fn solid_angle(corners: [DVec3; 3], point: DVec3) -> f64 {
-    let [p, q, r] = corners;
-    let (e1, e2, e3) = (q - p, r - p, r - q);
-    // The angle of a face without area, near to it, would be noise of any size.
-    let [l1, l2, l3] = [e1, e2, e3].map(DVec3::length_squared);
-    let longest = (l1 * l2).max(l2 * l3).max(l3 * l1);
-    if e1.cross(e2).length_squared() <= NO_AREA * longest {
-        return 0.0;
-    }
     let [a, b, c] = corners.map(|corner| corner - point);
     let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * a.dot(b.cross(c)).atan2(below)
+    let (product, above) = (la * lb * lc, a.dot(b.cross(c)));
+    let below = product + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+    if above.abs().max(below.abs()) >= CANCELLED * product {
+        return 2.0 * above.atan2(below);
+    }
+    // Near to an edge, as every point near to a narrow face is.
+    let [a, b, c] = corners.map(|corner| DoubleDouble3::between(point, corner));
+    let [la, lb, lc] = [&a, &b, &c].map(DoubleDouble3::length);
+    let above = a.dot(&b.cross(&c)).value();
+    let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+    let below = below.value();
+    if above.abs().max(below.abs()) < ON_EDGE * product {
+        return 0.0;
+    }
+    2.0 * above.atan2(below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A closed box of size 1, turned. A corner lies `width` off an edge of its top, so a face is
+    /// as narrow.
+    fn turned_box(width: f64) -> Vec<[DVec3; 3]> {
+        let corner = |x: f64, y: f64, z: f64| turned(DVec3::new(x, y, z));
+        let all = [
+            corner(0.0, 0.0, 1.0),
+            corner(1.0, 0.0, 1.0),
+            corner(1.0, 1.0, 1.0),
+            corner(0.0, 1.0, 1.0),
+            corner(0.0, 0.0, 0.0),
+            corner(1.0, 0.0, 0.0),
+            corner(1.0, 1.0, 0.0),
+            corner(0.0, 1.0, 0.0),
+            corner(0.37, width, 1.0),
+        ];
+        let top = [[0, 1, 8], [8, 1, 2], [8, 2, 3], [0, 8, 3]];
+        let sides = [[4, 5, 1], [4, 1, 0], [5, 6, 2], [5, 2, 1], [6, 7, 3], [6, 3, 2]];
+        let rest = [[7, 4, 0], [7, 0, 3], [4, 7, 6], [4, 6, 5]];
+        let faces = top.into_iter().chain(sides).chain(rest);
+        faces.map(|face: [usize; 3]| face.map(|corner| all[corner])).collect()
+    }
+
+    fn turned(v: DVec3) -> DVec3 {
+        glam::DQuat::from_axis_angle(DVec3::new(0.48, 0.6, 0.64), 1.234) * v
+    }
+
+    #[test]
+    fn the_numbers_of_points_beside_narrow_faces_are_those_of_the_surface() {
+        for width in [0.0, 1e-15, 1e-13, 1e-11, 1e-10, 1e-9, 1e-8, 3e-8, 1e-7, 1e-6] {
+            let faces = turned_box(width);
+            for i in 0..300 {
+                let along = 0.1 + 0.8 * f64::from(i) / 300.0;
+                let away = 1e-10 * 1.07f64.powi(i % 100);
+                let beside = away * f64::from(i % 7 + 1) / 3.0;
+                for (up, inside) in [(away, 0.0), (-away, 1.0)] {
+                    let point = turned(DVec3::new(along, beside, 1.0 + up));
+                    let sum: f64 = faces.iter().map(|&face| solid_angle(face, point)).sum();
+                    let error = (sum / (4.0 * PI)).abs() - inside;
+                    assert!(error.abs() < 1e-4, "{width:e} {along} {away:e} {beside:e}: {error}");
+                }
+            }
+        }
+    }
 }
