@@ -110,6 +110,7 @@ pub struct SceneArgs {
 pub struct NoiseArgs {
     /// Take more samples where the relative standard error around a pixel is above TARGET, e.g.
     /// 0.02. Every pixel gets at least --spp samples, rounded up to a power of two, and at least 16
+    /// (with adaptive shadows 32)
     #[arg(long, value_name = "TARGET", allow_negative_numbers = true)]
     pub noise: Option<f64>,
 

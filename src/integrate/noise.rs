@@ -81,11 +81,11 @@ pub struct Goal {
 }
 
 /// Exponent r of the expected variance of a pixel's mean, samples^-r. For stratified points, from
-/// the slopes in docs/notebook/sampling.md.
-pub fn rate(kind: SamplerKind) -> f64 {
+/// the slopes in docs/notebook/sampling.md. Lights that are drawn leave little to stratify.
+pub fn rate(kind: SamplerKind, draws_lights: bool) -> f64 {
     match kind {
-        SamplerKind::Sobol => 1.75,
-        SamplerKind::Random => 1.0,
+        SamplerKind::Sobol if !draws_lights => 1.75,
+        _ => 1.0,
     }
 }
 

@@ -103,7 +103,13 @@ pub fn render_adaptive(
     if let Some(noise) = adaptive.noise {
         let (mean, rays) = job.brightness();
         let Adaptive { relative, most, .. } = adaptive;
-        job.goal = Some(Goal::new(noise, relative, mean, most, rate(world.sampler)));
+        job.goal = Some(Goal::new(
+            noise,
+            relative,
+            mean,
+            most,
+            rate(world.sampler, world.light_tree.is_some()),
+        ));
         counts = rays;
     }
     let (rays, taken) = if plan.is_empty() {

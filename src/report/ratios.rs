@@ -1,5 +1,4 @@
-//! A chart of speeds relative to a baseline, on a logarithmic axis around 1. A backend is shown as
-//! faster or slower only if the confidence interval of its ratio excludes 1.
+//! A chart of speeds relative to a baseline, on a logarithmic axis around 1.
 
 use super::svg::{Anchor, GRID, INK, Svg, WRONG, text_width};
 
@@ -23,6 +22,8 @@ pub struct Ratio {
     pub value: f64,
     /// Lower and upper end of the 95% confidence interval of `value`.
     pub interval: [f64; 2],
+    /// `faster`, `slower` or `no difference shown`.
+    pub verdict: &'static str,
     /// The wrong answers of the backend, if there are any. Its speed then does not count, and the
     /// row is red.
     pub wrong: Option<String>,
@@ -30,9 +31,9 @@ pub struct Ratio {
 
 const WIDTH: f64 = 550.0;
 const ROW: f64 = 20.0;
-const FASTER: &str = "#1a7f4b";
-const SLOWER: &str = "#b35900";
-const EVEN: &str = "#8a929c";
+/// Colour of each verdict.
+const COLORS: [(&str, &str); 3] =
+    [("faster", "#1a7f4b"), ("slower", "#b35900"), ("no difference shown", "#8a929c")];
 
 impl Ratios {
     /// Returns the chart as SVG, or an empty string without rows.
@@ -54,9 +55,8 @@ impl Ratios {
         let mut svg = Svg::new(WIDTH);
         svg.text([0.0, 16.0], Anchor::Start, "title", &self.title);
         svg.text([0.0, 34.0], Anchor::Start, "dim", &self.subtitle);
-        let legend = [("faster", FASTER), ("slower", SLOWER), ("no difference shown", EVEN)];
         let wrong = self.rows.iter().any(|r| r.wrong.is_some());
-        let legend = legend.into_iter().chain(wrong.then_some(("wrong answers", WRONG)));
+        let legend = COLORS.into_iter().chain(wrong.then_some(("wrong answers", WRONG)));
         let legend: Vec<_> = legend.map(|(name, color)| (name.to_string(), color)).collect();
         svg.legend([0.0, 52.0], &legend);
         let (top, bottom) = (62.0, 62.0 + ROW * self.rows.len() as f64);
@@ -91,12 +91,13 @@ impl Ratio {
 
     /// Returns the colour of the bar and the CSS class of the text.
     fn color(&self) -> (&'static str, &'static str) {
-        let [low, high] = self.interval;
-        match () {
-            () if self.wrong.is_some() => (WRONG, "wrong"),
-            () if low <= 1.0 && high >= 1.0 => (EVEN, "dim"),
-            () if self.value > 1.0 => (FASTER, ""),
-            () => (SLOWER, ""),
+        if self.wrong.is_some() {
+            return (WRONG, "wrong");
+        }
+        let [faster, slower, (_, even)] = COLORS;
+        match [faster, slower].into_iter().find(|(verdict, _)| *verdict == self.verdict) {
+            Some((_, color)) => (color, ""),
+            None => (even, "dim"),
         }
     }
 }
@@ -124,15 +125,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_show_whether_the_interval_excludes_one() {
-        let of = |value, interval, wrong: Option<&str>| {
+    fn colours_show_the_verdict() {
+        let of = |verdict, wrong: Option<&str>| {
             let wrong = wrong.map(str::to_string);
-            Ratio { value, interval, wrong, ..Ratio::default() }.color().0
+            Ratio { verdict, wrong, ..Ratio::default() }.color().0
         };
-        assert_eq!(of(1.2, [1.1, 1.3], None), FASTER);
-        assert_eq!(of(0.8, [0.7, 0.9], None), SLOWER);
-        assert_eq!(of(1.2, [0.9, 1.3], None), EVEN);
-        assert_eq!(of(1.2, [1.1, 1.3], Some("2 wrong")), WRONG);
+        for (verdict, color) in COLORS {
+            assert_eq!(of(verdict, None), color);
+            assert_eq!(of(verdict, Some("2 wrong")), WRONG);
+        }
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use crate::lab::baseline::BaselineComparison;
 use crate::lab::growth::{Growth, Quantity};
-use crate::lab::result::{BenchReport, SAME_RUN, SceneResult, TimingEntry, TimingRow, WorkKind};
+use crate::lab::result::{
+    BenchReport, OTHER_RUN, SAME_RUN, SceneResult, TimingEntry, TimingRow, WorkKind,
+};
 use crate::report::{
     Bar, BarGroup, Bars, Cell, ChartLine, LineChart, Page, Ratio, Ratios, Section,
 };
@@ -31,9 +33,11 @@ pub fn page(report: &BenchReport, since: Option<&BaselineComparison>) -> Page {
                 m.isa,
                 machine::versions(m)
             ),
-            "All backends traced the same rays in turns (A B B A). Numbers are medians; whiskers and \
-             brackets are 95 % intervals (bootstrap; of fewer than ten samples Student's t). Where an interval holds 1, no difference is shown."
-                .into(),
+            format!(
+                "All backends traced the same rays in turns (A B B A). Numbers are medians; whiskers and \
+                 brackets are 95 % intervals (bootstrap; of fewer than ten samples Student's t). An interval shows \
+                 a difference if it lies beyond a factor of {SAME_RUN}, since a baseline {OTHER_RUN}: less may be chance."
+            ),
         ],
         sections,
     }
@@ -138,7 +142,8 @@ fn ratios(scene: &SceneResult, threads: usize, other: usize) -> String {
         let entry = &row.entries[other];
         let r = entry.ratio?;
         let interval = [r.low, r.high];
-        Some(Ratio { label: row.label(), value: r.value, interval, wrong: wrong(entry) })
+        let (label, verdict) = (row.label(), r.verdict(SAME_RUN));
+        Some(Ratio { label, value: r.value, interval, verdict, wrong: wrong(entry) })
     });
     let title = format!("{name} against {first}, {}", count(threads));
     let subtitle = format!("how many times as fast as {first}");
@@ -253,6 +258,7 @@ fn baseline(since: &BaselineComparison) -> Section {
             label: format!("{}: {}", c.backend, c.row),
             value: c.ratio.value,
             interval: [c.ratio.low, c.ratio.high],
+            verdict: c.ratio.verdict(OTHER_RUN),
             wrong: None,
         });
         let title = format!("{scene}, {}", count(threads));
@@ -326,6 +332,15 @@ mod tests {
         assert!(right.contains("No backend was found wrong"));
         assert!(right.contains("faster in 1, slower in 0, no difference shown in 1"));
         assert!(!right.contains("WRONG") && right.contains("&lt;cpu&gt;"));
+        // What may be chance has no colour in the chart either.
+        let mut chance = scene("a", 1000, 0);
+        let (what, samples) = (WorkKind::Rays, chance.rows[2].entries[0].seconds.clone());
+        let faster = samples.iter().map(|t| t * 0.98).collect();
+        chance.rows[2] =
+            TimingRow::new(what, "primary", "packets", 1, &[100_000; 2], vec![samples, faster]);
+        let chance = html(vec![chance]);
+        let marks = |page: &str| page.matches("#1a7f4b").count();
+        assert!(chance.contains("no difference shown in 1") && marks(&chance) == marks(&right));
         for title in ["bvh against embree, 1 thread", "Single rays", "Packets of 16", "Memory"] {
             assert!(right.contains(title), "{title}");
         }
