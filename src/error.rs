@@ -224,7 +224,7 @@ impl Error {
             ErrorKind::Check => 1,
             ErrorKind::Invalid | ErrorKind::Unsupported | ErrorKind::Limit => 2,
             ErrorKind::Retry => 3,
-            ErrorKind::Interrupted(signal) => (128 + signal) as u8,
+            ErrorKind::Interrupted(signal) => 128i32.wrapping_add(signal) as u8,
         }
     }
 }

@@ -18,7 +18,8 @@ pub enum Phase {
     Render = 2,
     /// Writes the output files.
     Write = 3,
-    /// Compares answers with the oracle. `done` and `total` count packets of rays.
+    /// Answers queries, or compares answers with the oracle. `done` and `total` count rays or
+    /// points, for the oracle packets of rays.
     Check = 4,
 }
 
@@ -31,7 +32,7 @@ pub struct Monitor {
     pub done: AtomicU64,
     /// All steps of the current phase.
     pub total: AtomicU64,
-    /// Number of rays traced so far.
+    /// Number of rays that a render has traced so far.
     pub rays: AtomicU64,
     phase: AtomicU8,
 }

@@ -18,11 +18,14 @@ use self::shown::{SceneFiles, ShownScene, drop_nuls};
 use crate::accel::{self, Accelerator, BuildOptions};
 use crate::error::{Error, Problem, Result};
 use crate::film::Film;
+use crate::memory;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::parallel;
 use crate::ray::LANES;
-use crate::scene::{self, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh};
+use crate::scene::{
+    self, Backend, CheckedShape, Loaded, Overrides, ShapeKind, Smooth, Source, Trimesh,
+};
 use crate::studio::{self, MeshScene, Studio, Subject, Template};
 use crate::world::{LoadOptions, World};
 
@@ -52,12 +55,14 @@ use crate::world::{LoadOptions, World};
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Debug)]
+///
+/// Clones share everything.
+#[derive(Debug, Clone)]
 pub struct LoadedScene {
     shown: Arc<ShownScene>,
-    world: World,
+    world: Arc<World>,
     /// How hits name the shapes of the scene.
-    numbers: Vec<ShapeNumber>,
+    numbers: Arc<[ShapeNumber]>,
 }
 
 impl LoadedScene {
@@ -69,7 +74,7 @@ impl LoadedScene {
         Self::read_watched(path, overrides, &Monitor::default())
     }
 
-    /// [`LoadedScene::read`] with a monitor that can stop it.
+    /// [`LoadedScene::read`] with a monitor that can stop it, but not while it waits for a pipe.
     ///
     /// # Errors
     /// As [`LoadedScene::read`]; `Interrupted` if the monitor was stopped.
@@ -91,7 +96,7 @@ impl LoadedScene {
 
     /// Takes a scene from its JSON text, with meshes from memory. Each tuple is a shape's name, the
     /// name of a material of the scene, and a mesh in world space. Normals are interpolated if the
-    /// mesh has normals.
+    /// mesh has normals. A texture that a mesh names is looked for in the working folder.
     ///
     /// # Errors
     /// A material that the scene does not have; all problems of the scene, or else of its files and
@@ -121,7 +126,7 @@ impl LoadedScene {
     /// its picture is black.
     ///
     /// # Errors
-    /// A mesh whose coordinates are too large for f32.
+    /// Coordinates beyond 1e18; arrays that do not fit each other.
     pub fn of_mesh(mesh: Mesh) -> Result<Self> {
         let scene = r#"{ "camera": { "type": "pinhole", "width": 1, "height": 1, "fov": 40,
               "position": [0, 0, 1], "lookat": [0, 0, -1], "up": [0, 1, 0] },
@@ -137,7 +142,8 @@ impl LoadedScene {
     /// Makes a scene of a mesh in the built-in studio: scaled, set on the ground, lit, with a
     /// camera that sees all of the mesh.
     ///
-    /// `path` names the mesh in messages. A texture that the mesh names is looked for beside it.
+    /// `path` is the file of the mesh. A texture that the mesh names is looked for beside it. For a
+    /// mesh without a file, see [`LoadedScene::of_mesh_in_studio`].
     ///
     /// ```
     /// use lightpath::{LoadedScene, Mesh};
@@ -167,7 +173,8 @@ impl LoadedScene {
     /// ```
     ///
     /// # Errors
-    /// All problems of the overrides; a texture that cannot be read.
+    /// All problems of the overrides; arrays that do not fit each other; a path that is no PLY
+    /// file's or not UTF-8; a texture that cannot be read.
     pub fn in_studio(mesh: Mesh, path: impl AsRef<Path>, overrides: &[&str]) -> Result<Self> {
         Self::in_studio_watched(mesh, path, overrides, &Monitor::default())
     }
@@ -189,7 +196,8 @@ impl LoadedScene {
         Self::with_ready(Loaded { warnings, ..loaded }, vec![mesh], monitor)
     }
 
-    /// [`LoadedScene::in_studio`] for a mesh that was not read from a file.
+    /// [`LoadedScene::in_studio`] for a mesh without a file. A texture that it names is looked for
+    /// in the working folder.
     ///
     /// # Errors
     /// As [`LoadedScene::in_studio`].
@@ -205,9 +213,13 @@ impl LoadedScene {
     /// Builds the acceleration structure, with the backend that the scene names
     /// (`/scene/accelerator`, by default `bvh`), on the threads of the current rayon pool.
     ///
+    /// The dynamic linker looks for Embree (`libembree4.so.4`): in the run path of your program, in
+    /// `LD_LIBRARY_PATH`, among the system's libraries.
+    ///
     /// # Errors
-    /// A backend that cannot run here; no memory.
-    pub fn renderer(&self) -> Result<Renderer<'_>> {
+    /// `Unsupported` for a backend that cannot run here; `Limit` for more primitives than it can
+    /// count; `Retry` for too little memory.
+    pub fn renderer(&self) -> Result<Renderer> {
         self.renderer_watched(&Monitor::default())
     }
 
@@ -216,12 +228,9 @@ impl LoadedScene {
     ///
     /// # Errors
     /// As [`LoadedScene::renderer`]; `Interrupted` if the monitor was stopped.
-    pub fn renderer_watched(&self, monitor: &Monitor) -> Result<Renderer<'_>> {
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        let geometry = &self.world.geometry;
-        let accelerator =
-            accel::build(geometry, self.shown.loaded.scene.backend, &options, monitor)?;
-        Ok(Renderer { loaded: self, accelerator })
+    pub fn renderer_watched(&self, monitor: &Monitor) -> Result<Renderer> {
+        let accelerator = build(&self.world, self.shown.loaded.scene.backend, monitor)?;
+        Ok(Renderer { scene: self.clone(), accelerator })
     }
 
     fn load(
@@ -249,10 +258,10 @@ impl LoadedScene {
         warnings: impl IntoIterator<Item = Problem>,
         files: Option<Arc<SceneFiles>>,
     ) -> Self {
-        let numbers = ShapeNumber::of_all(&loaded.scene.shapes);
+        let numbers = ShapeNumber::of_all(&loaded.scene.shapes).into();
         let legend = world.legend.clone();
         let shown = Arc::new(ShownScene::new(loaded, warnings, legend, files));
-        Self { shown, world, numbers }
+        Self { shown, world: Arc::new(world), numbers }
     }
 }
 
@@ -263,8 +272,22 @@ fn load_world(
     ready: Vec<(PathBuf, Mesh)>,
     monitor: &Monitor,
 ) -> Result<(World, Vec<Problem>)> {
-    let options = LoadOptions { ready, ..LoadOptions::default() };
-    World::load(&loaded.scene, options, monitor).map_err(readable)
+    World::load(&loaded.scene, load_options(ready), monitor).map_err(readable)
+}
+
+/// Options for reading a scene's files, but for the meshes in `ready`.
+fn load_options(ready: Vec<(PathBuf, Mesh)>) -> LoadOptions {
+    let memory_limit = memory::limit_of_machine();
+    LoadOptions { ready, memory_limit, ..LoadOptions::default() }
+}
+
+/// Builds the accelerator of a world on the threads of the current rayon pool, if the machine has
+/// the memory.
+fn build(world: &World, backend: Backend, monitor: &Monitor) -> Result<Box<dyn Accelerator>> {
+    let threads = rayon::current_num_threads();
+    memory::ensure_build_fits(backend, threads, world.primitives(), 0)?;
+    let options = BuildOptions { threads, max_bytes: None };
+    accel::build_shared(Arc::clone(&world.geometry), backend, &options, monitor)
 }
 
 fn of_text(text: &str) -> Source<'_> {
@@ -316,7 +339,8 @@ fn use_material(warnings: &mut Vec<Problem>, material: &str) {
 fn in_default_studio<'a>(path: &'a Path, overrides: &[&str]) -> (Subject<'a>, Template, Overrides) {
     let mut user = Overrides::default();
     overrides.iter().for_each(|set| user.set(set));
-    (Subject::new(path), Template::studio(Studio::default()), user)
+    let subject = Subject { memory_limit: memory::limit_of_machine(), ..Subject::new(path) };
+    (subject, Template::studio(Studio::default()), user)
 }
 
 fn readable(mut error: Error) -> Error {
@@ -378,23 +402,23 @@ fn in_world_space(name: &str, path: &Path, mesh: &Mesh) -> Trimesh {
 /// # Ok(())
 /// # }
 /// ```
-pub struct Renderer<'s> {
-    loaded: &'s LoadedScene,
-    accelerator: Box<dyn Accelerator + 's>,
+pub struct Renderer {
+    scene: LoadedScene,
+    accelerator: Box<dyn Accelerator>,
 }
 
-impl fmt::Debug for Renderer<'_> {
+impl fmt::Debug for Renderer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let info = self.accelerator.info();
         f.debug_struct("Renderer").field("accelerator", &info).finish_non_exhaustive()
     }
 }
 
-impl Renderer<'_> {
+impl Renderer {
     /// Renders the whole frame with its layers. The bits are the same for any number of threads.
     ///
     /// # Errors
-    /// No memory for the film.
+    /// `Retry` for too little memory, and for a texture in temporary files that cannot be read.
     pub fn render(&self) -> Result<Film> {
         self.render_watched(&Monitor::default())
     }
@@ -402,16 +426,16 @@ impl Renderer<'_> {
     /// [`Renderer::render`] with a monitor that counts finished pixels and can stop the render.
     ///
     /// # Errors
-    /// No memory for the film; `Interrupted` if the monitor was stopped.
+    /// As [`Renderer::render`]; `Interrupted` if the monitor was stopped.
     pub fn render_watched(&self, monitor: &Monitor) -> Result<Film> {
-        let LoadedScene { shown, world, .. } = self.loaded;
+        let LoadedScene { shown, world, .. } = &self.scene;
         shown.render(world, self.accelerator.as_ref(), monitor)
     }
 
     /// Returns the closest hit of each ray; `None` for a miss. Uses the threads of the current
     /// rayon pool. Shapes that camera rays cannot hit (`visible`) do not count.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        let LoadedScene { world, numbers, .. } = self.loaded;
+        let LoadedScene { world, numbers, .. } = &self.scene;
         let closest =
             |rays: &[Ray]| closest_of_packet(self.accelerator.as_ref(), world, numbers, rays);
         let of_part = |part: &[Ray]| part.chunks(LANES).flat_map(closest).collect::<Vec<_>>();
@@ -421,7 +445,7 @@ impl Renderer<'_> {
     /// Returns true for each ray that hits anything. Faster than [`Renderer::closest`]. Shapes that
     /// cast no shadow (`visible`) do not count.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        let (accelerator, geometry) = (self.accelerator.as_ref(), &self.loaded.world.geometry);
+        let (accelerator, geometry) = (self.accelerator.as_ref(), &self.scene.world.geometry);
         let occlusion = |rays: &[Ray]| {
             occlusion_of_packet(accelerator, geometry, rays).into_iter().take(rays.len())
         };
@@ -441,7 +465,7 @@ impl Renderer<'_> {
 
     /// Returns a writer for films of this renderer. It may outlive renderer and scene.
     pub fn writer(&self) -> PictureWriter {
-        PictureWriter::new(&self.loaded.shown, self.accelerator.info())
+        PictureWriter::new(&self.scene.shown, self.accelerator.info())
     }
 }
 

@@ -49,7 +49,7 @@ impl Window {
 }
 
 /// A picture in linear BT.709 radiance with premultiplied alpha, row by row over the data window.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Film {
     /// Width and height of the full frame (the display window).
     pub frame: [u32; 2],
@@ -92,7 +92,7 @@ impl Film {
         let end = self.frame.map(|side| side.saturating_add(self.overscan.saturating_mul(2)));
         Self::check_window(end, self.window)?;
         let pixels = self.window.pixels();
-        let words = pixels * self.planes.channels.len() as u64;
+        let words = pixels.saturating_mul(self.planes.channels.len() as u64);
         for (name, found, expected) in [
             ("pixels", self.pixels.len(), pixels),
             ("planes.words", self.planes.words.len(), words),

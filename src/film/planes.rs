@@ -24,7 +24,7 @@ pub struct Channel {
 }
 
 /// The layer channels of all pixels. In memory, each channel of a pixel is a word of 32 bits.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Planes {
     /// Names and types of the channels, in the order of a pixel's words.
     pub channels: Vec<Channel>,
@@ -40,11 +40,17 @@ impl Planes {
 
     /// Returns the value of a `Half` or `Float` channel. `pixel` is the index in the window, row by
     /// row.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn float(&self, channel: usize, pixel: usize) -> f32 {
         f32::from_bits(self.words[pixel * self.channels.len() + channel])
     }
 
     /// Returns the value of a `Uint` channel. `pixel` is the index in the window, row by row.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn uint(&self, channel: usize, pixel: usize) -> u32 {
         self.words[pixel * self.channels.len() + channel]
     }

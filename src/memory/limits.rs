@@ -53,11 +53,7 @@ pub fn ensure_build_fits(
 ) -> Result<()> {
     let maximum =
         counts.primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
-    let short = || limit_before_kill().filter(|limit| limit.bytes < maximum);
-    if short().is_some() {
-        release_freed();
-    }
-    let Some(limit) = short() else { return Ok(()) };
+    let Some(limit) = limit_below(maximum) else { return Ok(()) };
     let needed = |footprint: &MemoryFootprint| {
         let built = footprint.built_bytes(counts).saturating_add(film_bytes);
         footprint.peak_bytes(counts).max(built)
@@ -66,9 +62,25 @@ pub fn ensure_build_fits(
     let footprint = memory_footprint(backend, threads)?;
     let (needed, build) = (needed(&footprint), footprint.peak_bytes(counts));
     let less = less_than_predicted(backend, build, needed, limit.bytes);
-    limit
-        .check(needed, "the accelerator and the film")
-        .map_err(|error| error.maybe_help(smaller.or(less)))
+    let what = if film_bytes == 0 { "the accelerator" } else { "the accelerator and the film" };
+    limit.check(needed, what).map_err(|error| error.maybe_help(smaller.or(less)))
+}
+
+/// Checks that a film of `bytes` fits into the memory that the machine still has.
+///
+/// # Errors
+/// `Retry`, with the numbers.
+pub fn ensure_film_fits(bytes: u64) -> Result<()> {
+    limit_below(bytes).map_or(Ok(()), |limit| limit.check(bytes, "the film"))
+}
+
+/// Returns the memory that this process can still get, if it is below `bytes` although freed memory
+/// was returned to the system.
+fn limit_below(bytes: u64) -> Option<MemoryLimit> {
+    let short = || limit_before_kill().filter(|limit| limit.bytes < bytes);
+    short()?;
+    release_freed();
+    short()
 }
 
 /// Returns advice for a `bvh` that may fit into `limit` bytes although `needed` are predicted,

@@ -104,6 +104,9 @@ impl Scalars {
     }
 
     /// Returns value `i`. The conversion to `f64` is exact.
+    ///
+    /// # Panics
+    /// If there is no such value.
     #[inline]
     pub fn get(&self, i: usize) -> f64 {
         match self {
@@ -180,8 +183,8 @@ pub struct Mesh {
     /// Three vertex indices per triangle. Empty if the file was read as points.
     pub triangles: Vec<[u32; 3]>,
     /// Stitches: triangles with zero area that close T-junctions, in file order. Their three
-    /// corners are different points.
-    #[doc(hidden)]
+    /// corners are different points. A [`RayScene`](crate::RayScene) counts them after the
+    /// triangles; a [`Renderer`](crate::Renderer) answers with a triangle beside them.
     pub stitches: Vec<[u32; 3]>,
     /// Vertex normals as stored, of any length.
     pub normals: Option<Vec<[f32; 3]>>,

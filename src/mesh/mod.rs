@@ -31,7 +31,9 @@ use crate::monitor::Monitor;
 
 impl Mesh {
     /// Reads a PLY file, plain or compressed with gzip or zstd, on the threads of the current rayon
-    /// pool.
+    /// pool. A regular file is mapped into memory where a handler of SIGBUS can be installed, for
+    /// files that get shorter while they are read. It calls the handler that was there before for
+    /// the faults of others. A pipe blocks until its writer ends.
     ///
     /// # Errors
     /// If the file cannot be read, is not a valid PLY file, or holds no triangle. Also if a
@@ -40,7 +42,7 @@ impl Mesh {
         read_ply(path.as_ref(), ReadOptions::default())
     }
 
-    /// [`Mesh::read`] with a monitor that can stop it.
+    /// [`Mesh::read`] with a monitor that can stop it, but not while it waits for a pipe.
     ///
     /// # Errors
     /// As [`Mesh::read`]; `Interrupted` if the monitor was stopped.

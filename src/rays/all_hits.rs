@@ -19,9 +19,9 @@ use crate::reserve;
 pub struct AllHits {
     /// Index of the first hit of each ray, then the number of all hits.
     pub offsets: Vec<i64>,
-    /// Ray parameter in units of the direction.
+    /// Ray parameter in units of the direction, as [`FirstHits::t`](super::FirstHits::t).
     pub t: Vec<f64>,
-    /// Face in its mesh.
+    /// Face in its mesh, as [`FirstHits::primitive`](super::FirstHits::primitive).
     pub primitive: Vec<i64>,
     /// Index of the mesh.
     pub mesh: Vec<i32>,
@@ -35,7 +35,8 @@ impl RayScene {
     /// Where a ray passes through an edge or a vertex, each crossing of the surface is one hit, of
     /// one of the triangles there. Where it only touches the surface at an edge or a vertex, and
     /// stays on one side, there are no hits or two with the same t. A triangle whose plane contains
-    /// the direction of the ray has no hits; its neighbours have. So a ray without end, from
+    /// the direction of the ray has no hits; its neighbours have. At a stitch, which closes a
+    /// T-junction, one crossing of the surface may be three hits. So a ray without end, from
     /// outside a closed mesh, has an even number of hits.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::Box3;
 use crate::mesh::{Mesh, Positions};
 use crate::parallel;
@@ -11,6 +11,9 @@ use crate::simd::prefetch;
 
 /// Largest magnitude of a coordinate.
 const MAX_COORDINATE: f64 = 1e18;
+
+/// Largest number of vertices: the tree has indices of 32 bits.
+const MAX_VERTICES: u64 = 1 << 32;
 
 /// The caller's array of vertex positions.
 #[derive(Debug, Clone, Copy)]
@@ -253,6 +256,13 @@ pub(super) fn positions(mesh: &dyn MeshArrays, face: [Option<u64>; 3]) -> [DVec3
 pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
     let count = vertices.len();
+    if count as u64 > MAX_VERTICES {
+        let message = format!("found {count} vertices, expected at most {MAX_VERTICES}");
+        return Err(Error::new(
+            ErrorKind::Limit,
+            Problem::new(format!("{place}vertices"), message),
+        ));
+    }
     if faces.is_empty() {
         return Err(Error::invalid(
             format!("{place}faces"),

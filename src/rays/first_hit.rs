@@ -19,9 +19,11 @@ use crate::reserve;
 /// The closest hits of rays, an element for each ray.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstHits {
-    /// Ray parameter in units of the direction; infinite for a miss.
+    /// Ray parameter in units of the direction; infinite for a miss. On a face without area, such
+    /// as a stitch, it is rounded to f32.
     pub t: Vec<f64>,
-    /// Face in its mesh; -1 for a miss.
+    /// Face in its mesh; -1 for a miss. In a [`Mesh`](crate::Mesh) the stitches follow the
+    /// triangles.
     pub primitive: Vec<i64>,
     /// Index of the mesh; -1 for a miss.
     pub mesh: Vec<i32>,
@@ -244,8 +246,8 @@ impl Answers {
         self.normal.fill([0.0; 3]);
     }
 
-    /// Stores the hits that count, and appends the rays of the others to `left`. `first` is the
-    /// index of the task's first ray.
+    /// Stores the hits that count, and appends rays for which others must be searched to `left`.
+    /// `first` is the index of the task's first ray.
     #[inline(always)]
     fn store(
         &mut self,
@@ -257,9 +259,8 @@ impl Answers {
         for (i, hit) in hits.iter().enumerate() {
             if refined.counts[i] {
                 self.store_hit(first, hit, refined, i);
-            } else {
-                left.push(Unanswered { ray: hit.ray, last: Some(hit.t) });
             }
+            left.extend(Unanswered::around(hit, refined, i));
         }
     }
 

@@ -11,6 +11,7 @@ use crate::accel::bvh::{Bvh, Multipoles, OwnedBvh};
 use crate::accel::{self, Accelerator, BuildInfo, BuildOptions};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::geometry::{Box3, Geometry, TriangleMesh};
+use crate::memory;
 use crate::monitor::{Monitor, Phase};
 use crate::parallel;
 use crate::reserve;
@@ -118,7 +119,8 @@ impl RayScene {
     /// # Errors
     /// - `Invalid`: no mesh, a mesh without faces, an index out of range, or a vertex of a face
     ///   that is not finite or beyond 1e18.
-    /// - `Limit`: more than 2^32 - 2 triangles, or 2^30 - 1 for [`RayBackend::Bvh`].
+    /// - `Limit`: more than 2^32 vertices in a mesh, more than 2^32 - 2 triangles, or 2^30 - 1 for
+    ///   [`RayBackend::Bvh`].
     /// - `Unsupported`: Embree cannot be loaded, or this build does not have it.
     /// - `Retry`: there is too little memory.
     /// - `Interrupted`: the monitor was stopped.
@@ -143,15 +145,17 @@ impl RayScene {
             Error::new(ErrorKind::Limit, Problem::new("faces", message))
         })?;
         monitor.begin(Phase::Build, 1000);
+        let threads = rayon::current_num_threads();
+        let embree = Backend::Embree(EmbreeMode::Robust);
+        let same = if backend == RayBackend::Bvh { Backend::default() } else { embree };
+        memory::ensure_build_fits(same, threads, geometry.accelerated(), 0)?;
         let tree = match backend {
             RayBackend::Bvh => {
                 SceneTree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))
             }
             RayBackend::Embree => {
                 let geometry = Arc::new(geometry);
-                let threads = rayon::current_num_threads();
                 let options = BuildOptions { threads, max_bytes: None };
-                let embree = Backend::Embree(EmbreeMode::Robust);
                 let built = accel::build_shared(Arc::clone(&geometry), embree, &options, monitor)?;
                 SceneTree::Embree { accelerator: built.into(), geometry }
             }

@@ -10,9 +10,9 @@ use crate::world::World;
 
 /// A ray `origin + t direction`, with t in (`t_min`, `t_max`), in world space.
 ///
-/// Before the ray is traced, its direction and its origin relative to the scene's origin are
-/// rounded to f32. A ray hits nothing if any of its numbers is NaN, if its origin or direction is
-/// infinite, or if its direction has no length in f32.
+/// Before the ray is traced, its limits, its direction, and its origin relative to the scene's
+/// origin are rounded to f32. A ray hits nothing if any of its numbers is NaN, if its origin or
+/// direction is infinite, or if its direction has no length in f32.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Where the ray starts.

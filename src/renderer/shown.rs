@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use crate::accel::{Accelerator, BuildInfo};
 use crate::error::{Error, Problem, Result};
-use crate::film::{Film, ReservedFilm, Window};
+use crate::film::{Channel, Film, ReservedFilm, Window};
 use crate::layers::LayerPlan;
+use crate::memory;
 use crate::monitor::Monitor;
 use crate::output::Outputs;
 use crate::output::legend::Legend;
@@ -69,6 +70,7 @@ impl ShownScene {
         let [width, height] = world.frame;
         let window = Window::full(width, height);
         let channels = self.plan.layout.channels.clone();
+        memory::ensure_film_fits(memory::film_bytes(window, channels.len()))?;
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let isa = self.loaded.scene.backend.isa();
         let context = RenderContext { world, accelerator, isa, monitor };
@@ -135,15 +137,35 @@ impl PictureWriter {
     /// Writes a film: see [`Renderer::write`](super::Renderer::write).
     ///
     /// # Errors
-    /// A film of another scene's size, or with too few values; a folder that cannot be written to;
-    /// a full disk.
+    /// A film with another size or other channels than this scene's, or with too few values; a
+    /// folder that cannot be written to; a full disk.
     pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
+        self.write_watched(film, prefix, &Monitor::default())
+    }
+
+    /// [`PictureWriter::write`] with a monitor that can stop it. Then no file is written.
+    ///
+    /// # Errors
+    /// As [`PictureWriter::write`]; `Interrupted` if the monitor was stopped.
+    pub fn write_watched(
+        &self,
+        film: &Film,
+        prefix: impl AsRef<Path>,
+        monitor: &Monitor,
+    ) -> Result<WrittenPicture> {
         let ShownScene { loaded: Loaded { scene, .. }, plan, legend, .. } = &*self.shown;
         film.check()?;
         let frame = [scene.camera.width, scene.camera.height];
         if film.frame != frame {
             let [found, expected] = [film.frame, frame].map(|[w, h]| format!("{w} x {h}"));
             let message = format!("found a film of {found} pixels, expected {expected}");
+            return Err(Error::invalid("film", message));
+        }
+        if film.planes.channels != plan.layout.channels {
+            let names =
+                |all: &[Channel]| all.iter().map(|c| &c.name[..]).collect::<Vec<_>>().join(" ");
+            let found = format!("found the channels [{}]", names(&film.planes.channels));
+            let message = format!("{found}, expected [{}]", names(&plan.layout.channels));
             return Err(Error::invalid("film", message));
         }
         let header = PictureHeader {
@@ -154,8 +176,7 @@ impl PictureWriter {
         };
         let storage = Storage { float: self.float, ..Storage::default() };
         let files = picture::PictureFiles::create(prefix.as_ref(), plan, storage)?;
-        let (_, oddities) =
-            picture::write(files, film, scene, header, storage, &Monitor::default())?;
+        let (_, oddities) = picture::write(files, film, scene, header, storage, monitor)?;
         Ok(WrittenPicture {
             files: Outputs::names(prefix.as_ref()),
             warnings: picture::exr_warnings(&oddities),

@@ -5,15 +5,16 @@ use std::sync::Arc;
 use std::{fmt, mem};
 
 use super::shown::{PictureWriter, SceneFiles, ShownScene};
-use super::{add_meshes, in_default_studio, load_with, of_text, readable, use_material};
-use crate::accel::{self, Accelerator, BuildOptions};
+use super::{add_meshes, build, in_default_studio, load_options, load_with};
+use super::{of_text, readable, use_material};
+use crate::accel::Accelerator;
 use crate::error::{ErrorKind, Problem, Result};
 use crate::film::Film;
 use crate::mesh::Mesh;
 use crate::monitor::Monitor;
 use crate::scene::{self, CheckedMaterial, Loaded, Source};
 use crate::studio::{self, MeshScene, Stand};
-use crate::world::{LoadOptions, World};
+use crate::world::World;
 
 /// Makes a mesh from memory, once or each time that it is needed again.
 pub type MakeMesh = Box<dyn Fn() -> Result<Mesh> + Send + Sync>;
@@ -221,12 +222,10 @@ impl Kept {
     /// Loads the files of a scene and builds its accelerator.
     fn new(found: Found, is_of_files: bool, monitor: &Monitor) -> Result<Self> {
         let Found { loaded, meshes, stand } = found;
-        let options = LoadOptions { ready: meshes.unwrap_or_default(), ..LoadOptions::default() };
+        let options = load_options(meshes.unwrap_or_default());
         let (mut world, warnings) =
             World::load_unseen(&loaded.scene, options, monitor).map_err(readable)?;
-        let options = BuildOptions { threads: rayon::current_num_threads(), max_bytes: None };
-        let (geometry, backend) = (Arc::clone(&world.geometry), loaded.scene.backend);
-        let accelerator = accel::build_shared(geometry, backend, &options, monitor)?;
+        let accelerator = build(&world, loaded.scene.backend, monitor)?;
         let files = is_of_files.then(|| SceneFiles::of(&mut world));
         let shown = shown(loaded, &world, &warnings, files.as_ref());
         Ok(Self { shown, stand, world, accelerator, warnings, files })

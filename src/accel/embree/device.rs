@@ -54,8 +54,8 @@ static IDLE: Mutex<Option<Vec<Raw>>> = Mutex::new(None);
 const BATCH: usize = 16;
 
 /// How a user gets an Embree that works. An installed program has no Makefile.
-const INSTALL: &str =
-    "install libembree4-4 (Debian 13 and later), or in a checkout of lightpath run `make setup`";
+const INSTALL: &str = "install libembree4-4 (Debian 13 and later), in a checkout of lightpath run `make setup`, or \
+     name the folder of libembree4.so.4 in LD_LIBRARY_PATH";
 
 /// Opens the library that `build.rs` found, along the executable's run path.
 ///

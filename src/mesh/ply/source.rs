@@ -287,7 +287,11 @@ mod guard {
     }
 
     /// The signal handler. It is async-signal-safe: it uses only atomics, `mmap` and `sigaction`.
-    extern "C" fn on_fault(signal: libc::c_int, info: *mut libc::siginfo_t, _: *mut libc::c_void) {
+    extern "C" fn on_fault(
+        signal: libc::c_int,
+        info: *mut libc::siginfo_t,
+        context: *mut libc::c_void,
+    ) {
         let Some(Some(installed)) = INSTALLED.get() else { return };
         // SAFETY: the kernel passes a valid siginfo with SA_SIGINFO.
         let at = unsafe { (*info).si_addr() } as usize;
@@ -306,10 +310,70 @@ mod guard {
                 return;
             }
         }
-        // The address is not in a guarded range, or mapping zeros failed. The instruction runs
-        // again, with the old handler.
-        // SAFETY: `before` came from `sigaction`.
-        unsafe { libc::sigaction(signal, &raw const installed.before, std::ptr::null_mut()) };
+        // The address is not in a guarded range, or mapping zeros failed.
+        // SAFETY: `before` came from `sigaction`, the rest from the kernel.
+        unsafe { pass_on(&installed.before, signal, info, context) };
+    }
+
+    /// Calls the handler that was installed before, which may recover. If there was none, it is
+    /// restored: the instruction runs again, and the signal ends the process.
+    ///
+    /// # Safety
+    /// `before` must be from `sigaction`, and the other arguments those of a signal handler.
+    unsafe fn pass_on(
+        before: &libc::sigaction,
+        signal: libc::c_int,
+        info: *mut libc::siginfo_t,
+        context: *mut libc::c_void,
+    ) {
+        type Plain = extern "C" fn(libc::c_int);
+        type Full = extern "C" fn(libc::c_int, *mut libc::siginfo_t, *mut libc::c_void);
+        let handler = before.sa_sigaction;
+        // SAFETY: a handler that is neither SIG_DFL nor SIG_IGN is a function, with the signature
+        // that SA_SIGINFO tells. The caller vouches for the arguments.
+        unsafe {
+            if handler == libc::SIG_DFL || handler == libc::SIG_IGN {
+                libc::sigaction(signal, before, std::ptr::null_mut());
+            } else if before.sa_flags & libc::SA_SIGINFO != 0 {
+                std::mem::transmute::<usize, Full>(handler)(signal, info, context);
+            } else {
+                std::mem::transmute::<usize, Plain>(handler)(signal);
+            }
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use std::ptr::null_mut;
+
+        static SEEN: [AtomicBool; 2] = [const { AtomicBool::new(false) }; 2];
+
+        extern "C" fn plain(_: libc::c_int) {
+            SEEN[0].store(true, SeqCst);
+        }
+
+        extern "C" fn full(_: libc::c_int, _: *mut libc::siginfo_t, _: *mut libc::c_void) {
+            SEEN[1].store(true, SeqCst);
+        }
+
+        /// A runtime that maps files itself, say, may recover from its own missing pages.
+        #[test]
+        fn a_handler_that_was_there_before_gets_the_faults_of_others() {
+            for (which, handler, flags) in [
+                (0, plain as *const () as usize, 0),
+                (1, full as *const () as usize, libc::SA_SIGINFO),
+            ] {
+                // SAFETY: an all-zero `sigaction` is valid, and the handlers use no argument.
+                unsafe {
+                    let mut before: libc::sigaction = std::mem::zeroed();
+                    before.sa_sigaction = handler;
+                    before.sa_flags = flags;
+                    pass_on(&before, libc::SIGBUS, null_mut(), null_mut());
+                }
+                assert!(SEEN[which].load(SeqCst));
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use lightpath::{ErrorKind, LoadedScene, Mesh, Monitor};
+use lightpath::{ErrorKind, LoadedScene, Mesh, Monitor, Renderer};
 
 const BALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/ball.ply");
 const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 8, "height": 6, "fov": 40,
@@ -34,4 +34,41 @@ fn a_stopped_monitor_ends_loading_and_building() {
     }
     let read = Mesh::read_watched(BALL, &stopped).unwrap_err();
     assert_eq!(read.kind, ErrorKind::Interrupted(2));
+}
+
+/// A renderer that a service keeps, without the scene that it was made of.
+fn renderer(sets: &[&str]) -> Renderer {
+    LoadedScene::from_json(SCENE, sets).and_then(|scene| scene.renderer()).expect("a renderer")
+}
+
+#[test]
+fn a_stopped_writer_leaves_no_file() {
+    let (renderer, stopped) = (renderer(&[]), Monitor::default());
+    let film = renderer.render().expect("a film");
+    stopped.signal.store(15, Relaxed);
+    let folder = tempfile::tempdir().expect("a folder");
+    let error = renderer.writer().write_watched(&film, folder.path().join("a"), &stopped);
+    assert_eq!(error.unwrap_err().kind, ErrorKind::Interrupted(15));
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+}
+
+#[test]
+fn a_film_with_the_channels_of_another_scene_is_not_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let deep = renderer(&[r#"/output/layers=["Z"]"#]);
+    let film = deep.render().expect("a film");
+    let error = renderer(&[]).write(&film, folder.path().join("a")).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Invalid);
+    assert!(error.to_string().contains("found the channels [Z], expected []"), "{error}");
+    assert!(deep.write(&film.clone(), folder.path().join("a")).is_ok());
+}
+
+/// The system would lend 32768 x 32768 pixels with these layers, and kill what touches them all.
+#[test]
+fn a_film_beyond_the_memory_of_the_machine_is_refused() {
+    let layers = r#"/output/layers=["P","N","albedo","variance","CryptoObject","CryptoMaterial"]"#;
+    let huge = renderer(&["/camera/width=32768", "/camera/height=32768", layers]);
+    let error = huge.render().unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Retry);
+    assert!(error.to_string().contains("the machine has"), "{error}");
 }
