@@ -146,9 +146,11 @@ impl RayScene {
         })?;
         monitor.begin(Phase::Build, 1000);
         let threads = rayon::current_num_threads();
-        let embree = Backend::Embree(EmbreeMode::Robust);
-        let same = if backend == RayBackend::Bvh { Backend::default() } else { embree };
-        memory::ensure_build_fits(same, threads, geometry.accelerated(), 0)?;
+        let of_pictures = match backend {
+            RayBackend::Bvh => Backend::default(),
+            RayBackend::Embree => Backend::Embree(EmbreeMode::Robust),
+        };
+        memory::ensure_build_fits(of_pictures, threads, geometry.accelerated(), 0)?;
         let tree = match backend {
             RayBackend::Bvh => {
                 SceneTree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))
@@ -156,7 +158,8 @@ impl RayScene {
             RayBackend::Embree => {
                 let geometry = Arc::new(geometry);
                 let options = BuildOptions { threads, max_bytes: None };
-                let built = accel::build_shared(Arc::clone(&geometry), embree, &options, monitor)?;
+                let built =
+                    accel::build_shared(Arc::clone(&geometry), of_pictures, &options, monitor)?;
                 SceneTree::Embree { accelerator: built.into(), geometry }
             }
         };
