@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::{fmt, mem};
 
+use super::loading::{add_meshes, build, in_default_studio, load_options, load_with, of_text};
+use super::loading::{readable, use_material};
 use super::shown::{PictureWriter, SceneFiles, ShownScene};
-use super::{add_meshes, build, in_default_studio, load_options, load_with};
-use super::{of_text, readable, use_material};
 use crate::accel::Accelerator;
 use crate::error::{ErrorKind, Problem, Result};
 use crate::film::Film;
