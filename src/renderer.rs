@@ -357,7 +357,7 @@ impl Renderer {
     /// is from memory, or if a file of the scene has changed.
     ///
     /// # Errors
-    /// A folder that cannot be written to; a full disk.
+    /// As [`PictureWriter::write`].
     pub fn write(&self, film: &Film, prefix: impl AsRef<Path>) -> Result<WrittenPicture> {
         self.writer().write(film, prefix)
     }

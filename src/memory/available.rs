@@ -16,15 +16,20 @@ pub fn available_bytes_and_swap() -> Option<u64> {
 }
 
 /// Returns the number of bytes that the process can still get before the system kills it, including
-/// free swap. The limits of the process itself do not count: beyond them an allocation fails.
+/// free swap of the machine. The limits of the process itself do not count: beyond them an
+/// allocation fails. Nor does `memory.high`, which slows a process down, and before a kill all of
+/// the file cache is evicted.
 pub fn bytes_before_a_kill() -> Option<u64> {
-    let root = Path::new("/");
-    [machine(root, true), groups(root)].into_iter().flatten().min()
+    before_a_kill(Path::new("/"))
+}
+
+fn before_a_kill(root: &Path) -> Option<u64> {
+    [machine(root, true), groups(root, true)].into_iter().flatten().min()
 }
 
 /// Returns the minimum over machine, groups and limits. `root` is `/`, or a folder of a test.
 fn available(root: &Path, swap: bool) -> Option<u64> {
-    [machine(root, swap), groups(root), limits(root)].into_iter().flatten().min()
+    [machine(root, swap), groups(root, false), limits(root)].into_iter().flatten().min()
 }
 
 fn machine(root: &Path, swap: bool) -> Option<u64> {
@@ -56,27 +61,29 @@ fn limits(root: &Path) -> Option<u64> {
 
 /// File names of one version of control groups.
 struct Version {
+    /// Beyond the first, the system kills.
     limits: &'static [&'static str],
     current: &'static str,
-    /// Key in `memory.stat` of the file cache that can be evicted. `current` includes it.
-    cache: &'static str,
+    /// Keys in `memory.stat` of the file cache, which `current` includes: what can be evicted without
+    /// a loss of speed, and what is in use.
+    cache: [&'static str; 2],
 }
 
 const V1: Version = Version {
     limits: &["memory.limit_in_bytes"],
     current: "memory.usage_in_bytes",
-    cache: "total_inactive_file ",
+    cache: ["total_inactive_file ", "total_active_file "],
 };
 
 const V2: Version = Version {
     limits: &["memory.max", "memory.high"],
     current: "memory.current",
-    cache: "inactive_file ",
+    cache: ["inactive_file ", "active_file "],
 };
 
 /// Returns the bytes that the control groups of this process leave: its own group and all its
-/// parents.
-fn groups(root: &Path) -> Option<u64> {
+/// parents. With `kill`, before they kill it.
+fn groups(root: &Path, kill: bool) -> Option<u64> {
     let own = read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
     let mounts = read_to_string(root.join("proc/self/mountinfo")).unwrap_or_default();
     let mounts: Vec<Mount> = mounts.lines().filter_map(Mount::parse).collect();
@@ -88,7 +95,7 @@ fn groups(root: &Path) -> Option<u64> {
             return None;
         }
         let mount = mounts.iter().find(|mount| mount.v2 == v2)?;
-        mount.left(root, path, if v2 { &V2 } else { &V1 })
+        mount.left(root, path, if v2 { &V2 } else { &V1 }, kill)
     };
     own.lines().filter_map(left_by).min()
 }
@@ -117,27 +124,34 @@ impl Mount {
     }
 
     /// Returns the minimum of the bytes that the groups from `path` up to the mount point leave.
-    fn left(&self, root: &Path, path: &str, version: &Version) -> Option<u64> {
+    fn left(&self, root: &Path, path: &str, version: &Version, kill: bool) -> Option<u64> {
         // Inside a container, the process's group is the mount point, or lies outside the mount.
         let below = Path::new(path).strip_prefix(&self.group).unwrap_or(Path::new(""));
         let plain = |part: &Component| matches!(part, Component::Normal(_));
         let below: PathBuf = below.components().filter(plain).collect();
         let mount = root.join(self.place.strip_prefix("/").unwrap_or(&self.place));
         let groups = below.ancestors().map(|group| mount.join(group));
-        groups.filter_map(|group| version.left(&group)).min()
+        groups.filter_map(|group| version.left(&group, kill)).min()
     }
 }
 
 impl Version {
     /// Returns the bytes that one group leaves; `None` if the group has no limit.
-    fn left(&self, group: &Path) -> Option<u64> {
+    fn left(&self, group: &Path, kill: bool) -> Option<u64> {
         let number = |name: &str| -> Option<u64> {
             read_to_string(group.join(name)).ok()?.trim().parse().ok()
         };
-        let limit = self.limits.iter().filter_map(|name| number(name)).min()?;
+        let (limits, cache) = if kill {
+            (&self.limits[..1], &self.cache[..])
+        } else {
+            (self.limits, &self.cache[..1])
+        };
+        let limit = limits.iter().filter_map(|name| number(name)).min()?;
         let stat = read_to_string(group.join("memory.stat")).unwrap_or_default();
-        let cache = stat.lines().find_map(|line| line.strip_prefix(self.cache)?.parse().ok());
-        let used = number(self.current).unwrap_or(0).saturating_sub(cache.unwrap_or(0));
+        let of_line =
+            |line: &str| cache.iter().find_map(|key| line.strip_prefix(key)?.parse::<u64>().ok());
+        let cache = stat.lines().filter_map(of_line).sum();
+        let used = number(self.current).unwrap_or(0).saturating_sub(cache);
         Some(limit.saturating_sub(used))
     }
 }
@@ -150,6 +164,13 @@ mod tests {
 
     /// Computes the available bytes on a machine with 1000 MiB and these files.
     fn machine(files: &[(&str, &str)]) -> Option<u64> {
+        let root = root(files);
+        let [without, with] = [false, true].map(|swap| available(root.path(), swap));
+        assert!(with == without || with == Some(without.unwrap() + MIB));
+        without
+    }
+
+    fn root(files: &[(&str, &str)]) -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
         let all =
             [("proc/meminfo", "MemTotal: 9 kB\nMemAvailable:  1024000 kB\nSwapFree: 1024 kB\n")];
@@ -158,9 +179,7 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
-        let [without, with] = [false, true].map(|swap| available(root.path(), swap));
-        assert!(with == without || with == Some(without.unwrap() + MIB));
-        without
+        root
     }
 
     const V2_MOUNT: (&str, &str) = (
@@ -194,6 +213,22 @@ mod tests {
         assert_eq!(machine(&[V2_MOUNT, group, own, used, above, taken, high]), Some(10 * MIB));
         let over = ("sys/fs/cgroup/job/step/memory.current", "10485761");
         assert_eq!(machine(&[V2_MOUNT, group, high, over]), Some(0));
+    }
+
+    #[test]
+    fn before_a_kill_all_of_the_file_cache_is_evicted() {
+        let group = ("proc/self/cgroup", "0::/a\n");
+        let max = ("sys/fs/cgroup/a/memory.max", "943718400\n");
+        let high = ("sys/fs/cgroup/a/memory.high", "10485760\n");
+        let used = ("sys/fs/cgroup/a/memory.current", "629145600\n");
+        let stat = (
+            "sys/fs/cgroup/a/memory.stat",
+            "anon 5\ninactive_file 52428800\nactive_file 209715200\n",
+        );
+        let files = [V2_MOUNT, group, max, high, used, stat];
+        assert_eq!(before_a_kill(root(&files).path()), Some(550 * MIB));
+        assert_eq!(machine(&files), Some(0));
+        assert_eq!(before_a_kill(root(&[]).path()), Some(1001 * MIB));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a
 use super::freed::release_freed;
 use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::Result;
+use crate::film::Window;
 use crate::geometry::PrimitiveCounts;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
@@ -66,11 +67,13 @@ pub fn ensure_build_fits(
     limit.check(needed, what).map_err(|error| error.maybe_help(smaller.or(less)))
 }
 
-/// Checks that a film of `bytes` fits into the memory that the machine still has.
+/// Checks that a film with `words` channels in addition to R, G, B, A fits into the memory that the
+/// machine still has.
 ///
 /// # Errors
 /// `Retry`, with the numbers.
-pub fn ensure_film_fits(bytes: u64) -> Result<()> {
+pub fn ensure_film_fits(window: Window, words: usize) -> Result<()> {
+    let bytes = window.pixels().saturating_mul(4 * (4 + words as u64));
     limit_below(bytes).map_or(Ok(()), |limit| limit.check(bytes, "the film"))
 }
 

@@ -19,15 +19,18 @@ use crate::math::{cross, dot, sub};
 use crate::ray::LANES;
 use crate::simd::{self, Isa, Kernel};
 
-/// The least product of two edges and the direction, as a fraction of the product of their sums of
+/// The least product of normal and direction, as a fraction of the product of the sums of their
 /// magnitudes, from which f64 tells where the ray meets the plane: 2^-32. Rounding moves corners by
 /// some 2^-53 of their distance, and so a hit by 2^-21 of it: less than the slack, unless the ray
-/// starts far away. Below, t and weights may agree by chance, as both are those of a corner or the
-/// normal is rounded as much as it is long.
+/// starts far away. Below, t and weights may agree by chance, as both are those of a corner.
 const FLAT: f64 = 1.0 / (1u64 << 32) as f64;
 
-/// The same from which the tree, too, tells where the ray meets the plane, up to a few times the
-/// slack: 2^-9.
+/// The least length of the normal, as a fraction of the product of two edges, from which f64 tells
+/// more than the tree: 2^-29. f64 rounds the normal by 2^-53 of that product, and the tree moves
+/// the plane by 2^-24.
+const NEEDLE: f64 = 1.0 / (1u64 << 29) as f64;
+
+/// [`FLAT`] for the tree, up to a few times the slack: 2^-9.
 const STEEP: f64 = 1.0 / 512.0;
 
 /// A 3D vector for each lane, by axis.
@@ -247,7 +250,7 @@ fn meet([to_v0, e1, e2]: [[f64; 3]; 3], normal: [f64; 3], d: [f64; 3]) -> (f64, 
 }
 
 /// Whether the places of t and of the weights are within `slack` of each other, and the product of
-/// edges and direction is at least the fraction `least`: see [`FLAT`].
+/// normal and direction is at least the fraction `least`: see [`FLAT`] and [`NEEDLE`].
 #[inline(always)]
 fn is_near(
     corners: [[f64; 3]; 3],
@@ -260,9 +263,9 @@ fn is_near(
     let sum = |[x, y, z]: [f64; 3]| x.abs() + y.abs() + z.abs();
     let product = dot(normal, d).abs();
     // An infinite product would make t and the weights 0, the first corner.
-    let slanted = (product >= least * (sum(corners[1]) * sum(corners[2]) * sum(d)))
-        & (product < f64::INFINITY);
-    (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack) & slanted
+    let slanted = (product >= least * (sum(normal) * sum(d))) & (product < f64::INFINITY);
+    let has_plane = sum(normal) >= NEEDLE * (sum(corners[1]) * sum(corners[2]));
+    (x.abs() <= slack) & (y.abs() <= slack) & (z.abs() <= slack) & slanted & has_plane
 }
 
 /// Returns t, u and v of a ray for which [`is_near`] is false. The direction is scaled by a power

@@ -70,7 +70,7 @@ impl ShownScene {
         let [width, height] = world.frame;
         let window = Window::full(width, height);
         let channels = self.plan.layout.channels.clone();
-        memory::ensure_film_fits(memory::film_bytes(window, channels.len()))?;
+        memory::ensure_film_fits(window, channels.len())?;
         let mut film = ReservedFilm::new([width, height], window, channels)?.film();
         let isa = self.loaded.scene.backend.isa();
         let context = RenderContext { world, accelerator, isa, monitor };

@@ -24,7 +24,7 @@ use crate::reserve;
 const FAR: f64 = 2.5;
 
 /// Share of the product of the distances of the corners below which numerator and denominator of a
-/// solid angle have lost too many bits. The angle is within 1e-5 where one of them is above.
+/// solid angle have lost too many bits. The angle is within 2e-5 where one of them is above.
 const CANCELLED: f64 = 1e-10;
 
 /// The same in double-double arithmetic: the point is on an edge.

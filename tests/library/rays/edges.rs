@@ -240,3 +240,28 @@ fn the_first_hit_of_a_grazing_ray_is_the_closest() {
     }
     assert!(hits > 6000, "{hits}");
 }
+
+/// Narrow faces, seen at small slopes: t is that of f64, not the tree's, whose planes are rounded.
+#[test]
+fn narrow_faces_have_the_t_of_double_precision() {
+    let mut random = Random(1);
+    for (width, slope) in [(1e-2, 1e-8), (1e-3, 1e-7), (1e-4, 1e-6), (1e-5, 1e-5), (1e-6, 1e-4)] {
+        let mut hits = 0;
+        for _ in 0..300 {
+            let z = random.within(0.05, 0.2);
+            let corners = vec![[0.0, 0.0, z], [1.0, 0.5 * width, z], [1.0, -0.5 * width, z]];
+            let scene = mesh((corners, vec![[0, 1, 2]]));
+            let (x, t) = (random.within(0.3, 0.9), random.within(0.5, 1.5));
+            let from = [x - t, random.within(-0.1, 0.1) * width, z + t * slope];
+            let rays = (vec![from], vec![[1.0, 0.0, -slope]]);
+            let rays = RayBatch::new(&rays.0, &rays.1).expect("a ray");
+            let found = scene.closest(&rays, &Monitor::default()).expect("hits").t[0];
+            if found.is_finite() {
+                hits += 1;
+                let exact = (from[2] - z) / slope;
+                assert!((found - exact).abs() < 1e-5, "{width:e} {slope:e}: {found} {exact}");
+            }
+        }
+        assert!(hits > 50, "{width:e} {slope:e}: {hits}");
+    }
+}
