@@ -30,8 +30,8 @@ pub use self::freed::{release_freed, return_large_arrays};
 pub use available::available_bytes;
 pub use budget::{Budget, limit_for_meshes};
 pub use limits::{
-    ensure_build_fits, ensure_film_fits, less_than_predicted, limit_before_kill, limit_of_machine,
-    machine_limit_for, peak_bytes,
+    ensure_build_fits, ensure_build_may_fit, ensure_film_fits, less_than_predicted,
+    limit_before_kill, limit_of_machine, machine_limit_for, peak_bytes,
 };
 
 /// Size in bytes of a pixel in the film: R, G, B, A in f32.

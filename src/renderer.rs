@@ -269,8 +269,8 @@ impl LoadedScene {
 /// A loaded scene with its acceleration structure: renders its picture, and traces rays.
 ///
 /// It can be used any number of times, by any number of threads. Everything runs on the threads of
-/// the current rayon pool. Nothing is printed and no error ends the process: an [`Error`] holds
-/// all problems that were found.
+/// the current rayon pool. Nothing is printed and no error ends the process: an
+/// [`Error`](crate::Error) holds all problems that were found.
 ///
 /// ```
 /// use lightpath::{LoadedScene, Mesh, Positions, Ray};

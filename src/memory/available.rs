@@ -64,8 +64,8 @@ struct Version {
     /// Beyond the first, the system kills.
     limits: &'static [&'static str],
     current: &'static str,
-    /// Keys in `memory.stat` of the file cache, which `current` includes: what can be evicted without
-    /// a loss of speed, and what is in use.
+    /// Keys in `memory.stat` of the file cache, which `current` includes: what can be evicted
+    /// without a loss of speed, and what is in use.
     cache: [&'static str; 2],
 }
 

@@ -52,19 +52,64 @@ pub fn ensure_build_fits(
     counts: PrimitiveCounts,
     film_bytes: u64,
 ) -> Result<()> {
+    let Some(Lack { limit, needed, build }) = lack_for_build(backend, threads, counts, film_bytes)?
+    else {
+        return Ok(());
+    };
+    let built = |footprint: &MemoryFootprint| needed_by(footprint, counts, film_bytes);
+    let smaller = smaller_backend(backend, built(&MemoryFootprint::BVH), limit.bytes);
+    let less = less_than_predicted(backend, build, needed, limit.bytes);
+    limit
+        .check(needed, "the accelerator and the film")
+        .map_err(|error| error.maybe_help(smaller.or(less)))
+}
+
+/// Checks the same without a film, for callers who cannot switch the check off: refuses only what
+/// does not fit although the mesh is in order, see [`less_than_predicted`].
+///
+/// # Errors
+/// `Retry`, with the numbers; a backend that cannot run here.
+pub fn ensure_build_may_fit(
+    backend: Backend,
+    threads: usize,
+    counts: PrimitiveCounts,
+) -> Result<()> {
+    match lack_for_build(backend, threads, counts, 0)? {
+        Some(Lack { limit, needed, build })
+            if less_than_predicted(backend, build, needed, limit.bytes).is_none() =>
+        {
+            limit.check(needed, "the accelerator")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What an accelerator may need, if that is more than the machine still has.
+struct Lack {
+    limit: MemoryLimit,
+    needed: u64,
+    /// The share of the build.
+    build: u64,
+}
+
+fn lack_for_build(
+    backend: Backend,
+    threads: usize,
+    counts: PrimitiveCounts,
+    film_bytes: u64,
+) -> Result<Option<Lack>> {
     let maximum =
         counts.primitives.saturating_mul(MAX_BYTES_PER_PRIMITIVE).saturating_add(film_bytes);
-    let Some(limit) = limit_below(maximum) else { return Ok(()) };
-    let needed = |footprint: &MemoryFootprint| {
-        let built = footprint.built_bytes(counts).saturating_add(film_bytes);
-        footprint.peak_bytes(counts).max(built)
-    };
-    let smaller = smaller_backend(backend, needed(&MemoryFootprint::BVH), limit.bytes);
+    let Some(limit) = limit_below(maximum) else { return Ok(None) };
     let footprint = memory_footprint(backend, threads)?;
-    let (needed, build) = (needed(&footprint), footprint.peak_bytes(counts));
-    let less = less_than_predicted(backend, build, needed, limit.bytes);
-    let what = if film_bytes == 0 { "the accelerator" } else { "the accelerator and the film" };
-    limit.check(needed, what).map_err(|error| error.maybe_help(smaller.or(less)))
+    let needed = needed_by(&footprint, counts, film_bytes);
+    let build = footprint.peak_bytes(counts);
+    Ok((needed > limit.bytes).then_some(Lack { limit, needed, build }))
+}
+
+fn needed_by(footprint: &MemoryFootprint, counts: PrimitiveCounts, film_bytes: u64) -> u64 {
+    let built = footprint.built_bytes(counts).saturating_add(film_bytes);
+    footprint.peak_bytes(counts).max(built)
 }
 
 /// Checks that a film with `words` channels in addition to R, G, B, A fits into the memory that the

@@ -150,7 +150,7 @@ impl RayScene {
             RayBackend::Bvh => Backend::default(),
             RayBackend::Embree => Backend::Embree(EmbreeMode::Robust),
         };
-        memory::ensure_build_fits(of_pictures, threads, geometry.accelerated(), 0)?;
+        memory::ensure_build_may_fit(of_pictures, threads, geometry.accelerated())?;
         let tree = match backend {
             RayBackend::Bvh => {
                 SceneTree::Bvh(Box::new(OwnedBvh::build(geometry, Isa::detect(), monitor)?))

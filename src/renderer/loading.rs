@@ -35,7 +35,7 @@ pub fn load_options(ready: Vec<(PathBuf, Mesh)>) -> LoadOptions {
 /// the memory.
 pub fn build(world: &World, backend: Backend, monitor: &Monitor) -> Result<Box<dyn Accelerator>> {
     let threads = rayon::current_num_threads();
-    memory::ensure_build_fits(backend, threads, world.primitives(), 0)?;
+    memory::ensure_build_may_fit(backend, threads, world.primitives())?;
     let options = BuildOptions { threads, max_bytes: None };
     accel::build_shared(Arc::clone(&world.geometry), backend, &options, monitor)
 }

@@ -286,8 +286,8 @@ mod guard {
         }
     }
 
-    /// The signal handler. It is async-signal-safe: it uses only atomics, `mmap`, `sigaction` and the
-    /// handler that was there before.
+    /// The signal handler. It is async-signal-safe: it uses only atomics, `mmap`, `sigaction` and
+    /// the handler that was there before.
     extern "C" fn on_fault(
         signal: libc::c_int,
         info: *mut libc::siginfo_t,
