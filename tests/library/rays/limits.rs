@@ -263,11 +263,12 @@ fn two_limits_at_faces_that_meet_are_two_places() {
         for i in (0..50).filter(both) {
             let first = all.offsets[i] as usize;
             let (near, far) = (all.t[first], all.t[first + 1]);
-            for (tnear, tfar, t) in [
-                (near, far.next_up(), far),
-                (near.next_down(), far, near),
-                (near, far, f64::INFINITY),
-            ] {
+            // The next smaller and the next larger number.
+            let below = f64::from_bits(near.to_bits() - 1);
+            let above = f64::from_bits(far.to_bits() + 1);
+            for (tnear, tfar, t) in
+                [(near, above, far), (below, far, near), (near, far, f64::INFINITY)]
+            {
                 let ray = RayBatch::new(&origins[i..=i], &[[0.01, 0.02, -0.9]]).expect("a ray");
                 let ray = ray.with_limits(Limits::All(tnear), Limits::All(tfar)).expect("limits");
                 let hits = scene.closest(&ray, &monitor).expect("hits");
