@@ -92,6 +92,8 @@ struct Lack {
     build: u64,
 }
 
+/// Returns what an accelerator and a film of `film_bytes` may need, if it is more than the machine
+/// still has.
 fn lack_for_build(
     backend: Backend,
     threads: usize,
@@ -107,6 +109,7 @@ fn lack_for_build(
     Ok((needed > limit.bytes).then_some(Lack { limit, needed, build }))
 }
 
+/// Returns the most bytes at a time, of the build or of what is built and the film.
 fn needed_by(footprint: &MemoryFootprint, counts: PrimitiveCounts, film_bytes: u64) -> u64 {
     let built = footprint.built_bytes(counts).saturating_add(film_bytes);
     footprint.peak_bytes(counts).max(built)
@@ -155,6 +158,18 @@ pub(super) fn smaller_backend(backend: Backend, bytes: u64, limit: u64) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorKind;
+
+    #[test]
+    fn what_no_machine_holds_is_refused() {
+        let build = |n| ensure_build_may_fit(Backend::default(), 1, PrimitiveCounts::new(n));
+        assert_eq!(build(10), Ok(()));
+        let error = build(1 << 50).unwrap_err();
+        assert!(error.kind == ErrorKind::Retry && error.to_string().contains("the accelerator"));
+        assert_eq!(ensure_film_fits(Window::full(1, 1), 5), Ok(()));
+        let error = ensure_film_fits(Window::full(u32::MAX, u32::MAX), 5).unwrap_err();
+        assert!(error.kind == ErrorKind::Retry && error.to_string().contains("the film"));
+    }
 
     #[test]
     fn only_a_tree_that_may_fit_is_tried() {

@@ -252,17 +252,20 @@ pub(super) fn positions(mesh: &dyn MeshArrays, face: [Option<u64>; 3]) -> [DVec3
     positions
 }
 
+/// Checks that indices of 32 bits reach all vertices.
+fn check_count(count: u64, place: &str) -> Result<()> {
+    if count <= MAX_VERTICES {
+        return Ok(());
+    }
+    let message = format!("found {count} vertices, expected at most {MAX_VERTICES}");
+    Err(Error::new(ErrorKind::Limit, Problem::new(format!("{place}vertices"), message)))
+}
+
 /// Checks indices and vertices, and returns the box of the vertices that faces use.
 pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
     let (vertices, faces) = (mesh.vertices(), mesh.faces());
     let count = vertices.len();
-    if count as u64 > MAX_VERTICES {
-        let message = format!("found {count} vertices, expected at most {MAX_VERTICES}");
-        return Err(Error::new(
-            ErrorKind::Limit,
-            Problem::new(format!("{place}vertices"), message),
-        ));
-    }
+    check_count(count as u64, place)?;
     if faces.is_empty() {
         return Err(Error::invalid(
             format!("{place}faces"),
@@ -292,4 +295,17 @@ pub(super) fn check(mesh: &dyn MeshArrays, place: &str) -> Result<Box3> {
         part.fold(Box3::EMPTY, |all, i| all.union(Box3::of(&corners(mesh, i))))
     });
     Ok(boxes.into_iter().fold(Box3::EMPTY, Box3::union))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_of_32_bits_reach_all_vertices() {
+        assert_eq!(check_count(1 << 32, ""), Ok(()));
+        let error = check_count((1 << 32) + 1, "mesh 1: ").unwrap_err();
+        assert_eq!(error.kind, ErrorKind::Limit);
+        assert!(error.to_string().contains("mesh 1: vertices"), "{error}");
+    }
 }

@@ -40,10 +40,15 @@ pub fn build(world: &World, backend: Backend, monitor: &Monitor) -> Result<Box<d
     accel::build_shared(Arc::clone(&world.geometry), backend, &options, monitor)
 }
 
+/// The JSON text of a scene. Paths in it are relative to the working folder.
 pub fn of_text(text: &str) -> Source<'_> {
     Source::Text { name: "scene", text: text.as_bytes(), folder: Path::new("") }
 }
 
+/// Reads and checks a scene, with overrides `/json/pointer=VALUE`.
+///
+/// # Errors
+/// All problems of the scene.
 pub fn load_with(source: Source, overrides: &[&str]) -> Result<Loaded> {
     let overrides: Vec<String> = overrides.iter().map(|set| set.to_string()).collect();
     scene::load(source, &overrides)

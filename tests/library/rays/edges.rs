@@ -1,5 +1,6 @@
 //! Rays along the edges of meshes, which see faces edge-on.
 
+use lightpath::math::cross;
 use lightpath::{FirstHits, Limits, Mesh, Monitor, Positions, RayBatch, RayScene};
 
 use super::queries::{difference, scene};
@@ -13,7 +14,7 @@ const SLACK: f64 = 1.0 / 65536.0;
 /// The vertices and the faces of a mesh.
 type Shape = (Vec<Point>, Vec<[u32; 3]>);
 
-fn cube() -> Shape {
+pub(super) fn cube() -> Shape {
     let vertices = (0..8u8).map(|i| [0, 1, 2].map(|k| f64::from(i >> k & 1) - 0.5)).collect();
     let squares =
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -220,10 +221,6 @@ fn at_slope((vertices, faces): &Shape, slope: f64, random: &mut Random) -> [Vec<
         directions.push([0, 1, 2].map(direction));
     }
     [origins, directions]
-}
-
-fn cross([a, b, c]: Point, [x, y, z]: Point) -> Point {
-    [b * z - c * y, c * x - a * z, a * y - b * x]
 }
 
 /// Single precision moves the hits of such rays by up to the size of the scene.

@@ -3,6 +3,7 @@
 
 use lightpath::{Limits, Mesh, Monitor, Positions, RayBatch, RayScene};
 
+use super::edges::cube;
 use super::queries::{around, ball, difference, scene};
 
 /// The limit of a ray.
@@ -211,10 +212,7 @@ fn a_vertex_is_no_second_layer() {
 #[test]
 fn a_vertex_of_a_grazing_face_is_no_second_layer() {
     let monitor = Monitor::default();
-    let squares =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let faces: Vec<_> = squares.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    let mut found = 0;
+    let ((corners, faces), mut found) = (cube(), 0);
     for i in 0..400 {
         let slope = 10f64.powi(-(i % 4));
         let turn = |v: [f64; 3]| {
@@ -225,11 +223,11 @@ fn a_vertex_of_a_grazing_face_is_no_second_layer() {
                 v
             })
         };
-        let corner = |i: u8| turn([0, 1, 2].map(|k| f64::from(i >> k & 1) - 0.5));
-        let vertices = (0..8).map(corner).collect();
+        let vertices: Vec<_> = corners.iter().map(|&corner| turn(corner)).collect();
+        let corner = vertices[7];
         let scene = scene(Mesh::new(Positions::F64(vertices), faces.clone()).expect("a mesh"));
         let direction = turn([-slope, -0.6, -0.8]);
-        let origin = [0, 1, 2].map(|k| corner(7)[k] - 1.7 * direction[k]);
+        let origin = [0, 1, 2].map(|k| corner[k] - 1.7 * direction[k]);
         let ray = ([origin], [direction]);
         let ray = RayBatch::new(&ray.0, &ray.1).expect("a ray");
         let t = scene.closest(&ray, &monitor).expect("hits").t[0];
