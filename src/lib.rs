@@ -36,6 +36,7 @@ mod nearest;
 mod parallel;
 mod paths;
 mod picture;
+mod process;
 mod rays;
 mod renderer;
 mod report;

@@ -4,6 +4,8 @@
 use std::fs::read_to_string;
 use std::path::{Component, Path, PathBuf};
 
+use crate::process::{kib, left_by_limits};
+
 /// Returns the number of bytes that the process can still get without swapping. `None` if it cannot
 /// be determined.
 pub fn available_bytes() -> Option<u64> {
@@ -29,7 +31,7 @@ fn before_a_kill(root: &Path) -> Option<u64> {
 
 /// Returns the minimum over machine, groups and limits. `root` is `/`, or a folder of a test.
 fn available(root: &Path, swap: bool) -> Option<u64> {
-    [machine(root, swap), groups(root, false), limits(root)].into_iter().flatten().min()
+    [machine(root, swap), groups(root, false), left_by_limits(root)].into_iter().flatten().min()
 }
 
 fn machine(root: &Path, swap: bool) -> Option<u64> {
@@ -37,26 +39,6 @@ fn machine(root: &Path, swap: bool) -> Option<u64> {
         let swap = swap.then(|| kib(&root.join("proc/meminfo"), "SwapFree:"));
         free.saturating_add(swap.flatten().unwrap_or(0))
     })
-}
-
-/// Returns in bytes the value after `key`, which the file holds in KiB.
-pub(super) fn kib(file: &Path, key: &str) -> Option<u64> {
-    let text = read_to_string(file).unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix(key));
-    line?.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
-}
-
-/// Returns the bytes that the limits of this process (`ulimit -v`, `-d`) leave.
-fn limits(root: &Path) -> Option<u64> {
-    let text = read_to_string(root.join("proc/self/limits")).unwrap_or_default();
-    let left = |name: &str, used: &str| {
-        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-        let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
-        let used = kib(&root.join("proc/self/status"), used).unwrap_or(0);
-        Some(limit.saturating_sub(used))
-    };
-    let all = [left("Max address space", "VmSize:"), left("Max data size", "VmData:")];
-    all.into_iter().flatten().min()
 }
 
 /// File names of one version of control groups.

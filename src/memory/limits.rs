@@ -1,11 +1,12 @@
 //! How much memory the system can still provide, and whether an accelerator fits into it.
 
-use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a_kill, kib};
+use super::available::{available_bytes, available_bytes_and_swap, bytes_before_a_kill};
 use super::freed::release_freed;
 use crate::accel::{MemoryFootprint, memory_footprint};
 use crate::error::Result;
 use crate::film::Window;
 use crate::geometry::PrimitiveCounts;
+use crate::process::kib;
 use crate::reserve::MemoryLimit;
 use crate::scene::Backend;
 use crate::units;

@@ -1,6 +1,7 @@
 //! Loads the Embree library and owns a device: version, errors and memory.
 
 use std::ffi::{CStr, CString, c_char, c_void};
+use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,6 +10,7 @@ use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::process::left_by_limits;
 
 /// Memory counters and errors of a device. Embree's callbacks write them, and [`Device`] reads
 /// them.
@@ -78,6 +80,13 @@ pub fn load_library() -> Result<Arc<Api>> {
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
 }
 
+/// Settings of every device.
+///
+/// The cache of tessellated subdivision surfaces, which no scene has, would take 128 MiB of address
+/// space. If they are not to be had, Embree keeps a spin lock, and the next device waits without
+/// end.
+const CONFIG: &str = "set_affinity=0,tessellation_cache_size=0";
+
 /// Address space for the files of Embree and TBB, which have 44 MB.
 const LIBRARY_BYTES: usize = 128 << 20;
 
@@ -99,7 +108,11 @@ fn device_bytes(threads: usize, processors: usize) -> usize {
 ///
 /// The errors of the loader and of TBB do not distinguish a lack of memory from other failures.
 fn has_room(bytes: usize) -> bool {
-    Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
+    // Under a limit, no trial: it would take the memory away from builds on other threads.
+    match left_by_limits(Path::new("/")) {
+        Some(left) => left >= bytes as u64,
+        None => Vec::<u8>::new().try_reserve_exact(bytes).is_ok(),
+    }
 }
 
 impl Raw {
@@ -108,8 +121,8 @@ impl Raw {
         if !has_room(device_bytes(threads, processors)) {
             return Err(Error::no_memory("Embree", "cannot create a device: out of memory"));
         }
-        let config = CString::new(format!("threads={threads},set_affinity=0"))
-            .map_err(|e| Error::invalid("Embree", e.to_string()))?;
+        let config = format!("threads={threads},{CONFIG}");
+        let config = CString::new(config).map_err(|e| Error::invalid("Embree", e.to_string()))?;
         // SAFETY: a NUL-terminated string.
         let handle = unsafe { (api.new_device)(config.as_ptr()) };
         let Some(handle) = NonNull::new(handle) else {
@@ -250,6 +263,10 @@ impl Device {
         let message = format!("{}: {text}", error_name(code));
         Err(match code {
             ffi::RTC_ERROR_OUT_OF_MEMORY => Error::no_memory("Embree", message),
+            // TBB found no memory or no process for a thread.
+            _ if text.contains("pthread_create") => {
+                Error::new(ErrorKind::Retry, Problem::new("Embree", message))
+            }
             _ => Error::new(ErrorKind::Unsupported, Problem::new("Embree", message)),
         })
     }
