@@ -380,8 +380,8 @@ fn dropped(dropped: &Dropped) -> Option<Problem> {
     let help = match things.next_multiple_of(2) {
         ranks if ranks <= MAX_CRYPTO_RANKS => format!("--crypto-ranks {ranks} keeps all of it"),
         _ => format!(
-            "--crypto-ranks {MAX_CRYPTO_RANKS}, the most, keeps more of it: one pixel sees {things} \
-             things"
+            "{MAX_CRYPTO_RANKS} ranks are the most, and one pixel sees {things} things: shapes with \
+             the same `name` are one thing"
         ),
     };
     (pixels > 0).then(|| Problem::new("", message).help(help))

@@ -15,7 +15,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::threads::lock;
 
 use super::print;
@@ -48,6 +48,20 @@ impl ProgressMode {
     /// Returns the mode that was asked for. Without one, a quiet run shows no progress.
     pub fn of(asked: Option<Self>, quiet: bool) -> Self {
         asked.unwrap_or(if quiet { Self::Off } else { Self::Auto })
+    }
+
+    /// Refuses progress on stdout beside `--json`.
+    ///
+    /// # Errors
+    /// `Invalid` for `openjd` and `alf`.
+    pub fn refuse_beside_json(asked: Option<Self>) -> Result<()> {
+        match asked {
+            Some(Self::Openjd | Self::Alf) => {
+                let message = "found with --json, which has stdout for itself";
+                Err(Error::invalid("--progress", message).help("--stats FILE.json"))
+            }
+            _ => Ok(()),
+        }
     }
 }
 

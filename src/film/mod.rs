@@ -73,6 +73,20 @@ impl Film {
         [self.window.x0, self.window.y0].map(|side| side.wrapping_sub(self.overscan) as i32)
     }
 
+    /// Returns the part of the data window that is in the frame, counted from the data window's top
+    /// left; all of it if none is.
+    pub fn in_frame(&self) -> Window {
+        let Window { x0, y0, x1, y1 } = self.window;
+        let [x, y] = [(x0, x1, self.frame[0]), (y0, y1, self.frame[1])].map(|(from, to, side)| {
+            let edge = |at: u32| at.clamp(from, to) - from;
+            [edge(self.overscan), edge(self.overscan.saturating_add(side))]
+        });
+        match x[0] < x[1] && y[0] < y[1] {
+            true => Window { x0: x[0], y0: y[0], x1: x[1], y1: y[1] },
+            false => Window::full(self.window.width(), self.window.height()),
+        }
+    }
+
     /// Makes a black, transparent film without layers. Its memory is allocated and touched, so a
     /// lack of memory shows now, not in the middle of a render.
     ///

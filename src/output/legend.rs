@@ -6,6 +6,7 @@ use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_6X10, FONT_10X20};
 
 use crate::colormap::ColorMap;
+use crate::film::Window;
 
 use super::text::draw_text;
 use super::tonemap::{Depth, PixelFormat};
@@ -39,8 +40,10 @@ pub struct Legend {
 pub struct Canvas<'a> {
     /// Samples, row by row.
     pub bytes: &'a mut [u8],
-    /// Width and height in pixels.
-    pub size: [u32; 2],
+    /// Width in pixels.
+    pub width: u32,
+    /// The part to draw into.
+    pub shown: Window,
     /// Format of the pixels.
     pub color: PixelFormat,
 }
@@ -101,11 +104,12 @@ impl Legend {
 
     /// Draws the legend at the right border, on an opaque panel, if it [fits](Self::fits).
     pub fn draw(&self, canvas: &mut Canvas) {
-        let Some(layout) = self.layout(canvas.size) else { return };
+        let size = [canvas.shown.width(), canvas.shown.height()];
+        let Some(layout) = self.layout(size) else { return };
         let Layout { font, line, mark, labels, tall, name, ticks, panel } = layout;
         let (pad, bar, last) = (line / 2, line, tall - 1);
-        let left = canvas.size[0].saturating_sub(panel[0] + pad);
-        let top = canvas.size[1].saturating_sub(panel[1]) / 2;
+        let left = size[0].saturating_sub(panel[0] + pad);
+        let top = size[1].saturating_sub(panel[1]) / 2;
         canvas.fill([left, top], panel, PAPER);
         let (x, mut y) = (left + pad, top + pad);
         canvas.text(font, [x, y], &name);
@@ -190,8 +194,8 @@ impl Legend {
 impl Canvas<'_> {
     /// Fills a rectangle, given by its top left corner and its size.
     fn fill(&mut self, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [u8; 3]) {
-        for y in top..top.saturating_add(height).min(self.size[1]) {
-            for x in left..left.saturating_add(width).min(self.size[0]) {
+        for y in top..top.saturating_add(height).min(self.shown.height()) {
+            for x in left..left.saturating_add(width).min(self.shown.width()) {
                 self.put(x, y, color);
             }
         }
@@ -199,15 +203,18 @@ impl Canvas<'_> {
 
     /// Draws a line of text, given by its top left corner.
     fn text(&mut self, font: &MonoFont, at: [u32; 2], text: &str) {
-        draw_text(self.size, |x, y, color| self.put(x, y, color), (text, font), at, INK);
+        let size = [self.shown.width(), self.shown.height()];
+        draw_text(size, |x, y, color| self.put(x, y, color), (text, font), at, INK);
     }
 
-    /// Sets a pixel to an opaque 8-bit sRGB colour. `x` must be less than the width.
+    /// Sets a pixel of the shown part to an opaque 8-bit sRGB colour. `x` must be less than its
+    /// width.
     fn put(&mut self, x: u32, y: u32, color: [u8; 3]) {
         let PixelFormat { alpha, srgb, depth } = self.color;
         let sample = usize::from(depth.bits() / 8);
         let channels = if alpha { 4 } else { 3 };
-        let at = (y as usize * self.size[0] as usize + x as usize) * channels * sample;
+        let [x, y] = [self.shown.x0 + x, self.shown.y0 + y].map(|side| side as usize);
+        let at = (y * self.width as usize + x) * channels * sample;
         let Some(pixel) = self.bytes.get_mut(at..at + channels * sample) else { return };
         let [r, g, b] = color.map(|c| f64::from(c) / 255.0);
         let levels = [r, g, b].map(|c| if srgb { c } else { super::srgb::to_linear(c) });
@@ -228,6 +235,10 @@ mod tests {
 
     fn legend(range: [f64; 2]) -> Legend {
         Legend { name: "quality".into(), map: ColorMap::Viridis, range, nan: None }
+    }
+
+    fn whole(bytes: &mut [u8], [width, height]: [u32; 2], color: PixelFormat) -> Canvas<'_> {
+        Canvas { bytes, width, shown: Window::full(width, height), color }
     }
 
     fn texts(range: [f64; 2]) -> Vec<String> {
@@ -270,7 +281,7 @@ mod tests {
         let mut bytes = background.repeat(600 * 600);
         let color = PixelFormat { alpha: false, srgb: true, depth: Depth::Eight };
         let legend = Legend { nan: Some([255, 0, 255]), ..legend([0.0, 10.0]) };
-        legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+        legend.draw(&mut whole(&mut bytes, size, color));
         let pixel = |x: usize, y: usize| &bytes[3 * (y * 600 + x)..][..3];
         let on_panel = |x: usize| (0..600).any(|y| pixel(x, y) == PAPER);
         let right = (0..600).rev().find(|&x| on_panel(x)).expect("a panel");
@@ -289,7 +300,7 @@ mod tests {
             let size = [300, 200];
             let mut bytes = vec![0; 300 * 200 * channels * sample];
             let color = PixelFormat { alpha, srgb: true, depth };
-            legend([0.0, 1.0]).draw(&mut Canvas { bytes: &mut bytes, size, color });
+            legend([0.0, 1.0]).draw(&mut whole(&mut bytes, size, color));
             let pixel = |x: usize, y: usize| {
                 let at = (y * 300 + x) * channels * sample;
                 [0, 1, 2].map(|c| bytes[at + c * sample])
@@ -316,7 +327,7 @@ mod tests {
             let mut bytes = vec![0; (size[0] * size[1] * 3) as usize];
             let color = PixelFormat { alpha: false, srgb: false, depth: Depth::Eight };
             let legend = Legend { nan: Some([255, 0, 255]), ..legend([-0.005, 0.004]) };
-            legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+            legend.draw(&mut whole(&mut bytes, size, color));
             assert_eq!(bytes.iter().any(|byte| *byte != 0), fits, "{size:?}");
             assert_eq!(legend.fits(size), fits);
             let Some(layout) = legend.layout(size) else { continue };

@@ -105,7 +105,8 @@ impl Outputs {
         let paths = [self.exr.commit()?, self.png.commit()?];
         monitor.set_done(1);
         let largest = |name: &str, kind| options.exr.largest(name, kind);
-        let size = [film.window.width(), film.window.height()];
+        let shown = film.in_frame();
+        let size = [shown.width(), shown.height()];
         // The tiles of a picture may be too small where the merged picture is not.
         let legend = options.legend.filter(|_| !options.exr.exact);
         let legend_left_out = legend.is_some_and(|legend| !legend.fits(size));

@@ -16,11 +16,11 @@ use crate::film::Film;
 
 use super::legend::Canvas;
 use super::over;
-use super::tonemap::{self, Depth, PixelFormat};
+use super::tonemap::{self, Curve, Depth, PixelFormat};
 use super::write_options::WriteOptions;
 
-/// Writes the film's data window: over the plate if there is one, tone mapped, with the legend.
-/// `path` is for messages.
+/// Writes the film's data window: over the plate if there is one, tone mapped as the part in the
+/// frame asks, with the legend there. `path` is for messages.
 ///
 /// # Errors
 /// `Retry` if the disk is full, `Limit` for a size that PNG cannot hold.
@@ -34,11 +34,16 @@ pub fn write(
     let composite = over.map(|plate| over::over(&film.pixels, plate));
     let pixels = composite.as_deref().unwrap_or(&film.pixels);
     let alpha = options.transparent && over.is_none();
-    let mut bytes = tonemap::to_samples(pixels, tonemap, alpha, depth);
+    let shown = film.in_frame();
+    let columns = shown.x0 as usize..shown.x1 as usize;
+    let rows = pixels.chunks_exact(film.window.width() as usize);
+    let rows = rows.skip(shown.y0 as usize).take(shown.height() as usize);
+    let curve = Curve::new(rows.flat_map(|row| &row[columns.clone()]), tonemap, alpha);
+    let mut bytes = tonemap::to_samples(pixels, &curve, alpha, depth);
     let color = PixelFormat { alpha, srgb: tonemap.srgb, depth };
     if let Some(legend) = legend {
-        let size = [film.window.width(), film.window.height()];
-        legend.draw(&mut Canvas { bytes: &mut bytes, size, color });
+        let width = film.window.width();
+        legend.draw(&mut Canvas { bytes: &mut bytes, width, shown, color });
     }
     encode(film, &bytes, color, fingerprint, file, path)
 }

@@ -50,13 +50,7 @@ impl Depth {
 
 /// Returns the bytes of the pixels, row-major: 4 channels with `transparent`, else 3. Each channel
 /// has the bytes of `depth`.
-pub fn to_samples(
-    pixels: &[[f32; 4]],
-    tonemap: &Tonemap,
-    transparent: bool,
-    depth: Depth,
-) -> Vec<u8> {
-    let curve = Curve::new(pixels, tonemap, transparent);
+pub fn to_samples(pixels: &[[f32; 4]], curve: &Curve, transparent: bool, depth: Depth) -> Vec<u8> {
     let channels = if transparent { 4 } else { 3 };
     let size = usize::from(depth.bits() / 8);
     let mut bytes = vec![0; pixels.len() * channels * size];
@@ -93,7 +87,11 @@ pub struct Curve {
 
 impl Curve {
     /// Makes the curve for a picture. Only the operator `max` depends on its pixels.
-    pub fn new(pixels: &[[f32; 4]], tonemap: &Tonemap, transparent: bool) -> Self {
+    pub fn new<'a>(
+        pixels: impl IntoIterator<Item = &'a [f32; 4]>,
+        tonemap: &Tonemap,
+        transparent: bool,
+    ) -> Self {
         let gain = f64::from(tonemap.exposure).exp2();
         let scale = match tonemap.operator {
             ToneOperator::Max => match largest(pixels, transparent) {
@@ -150,7 +148,7 @@ fn straight(pixel: &[f32; 4], transparent: bool) -> [f64; 3] {
     }
 }
 
-fn largest(pixels: &[[f32; 4]], transparent: bool) -> f64 {
-    let colours = pixels.iter().flat_map(|pixel| straight(pixel, transparent));
+fn largest<'a>(pixels: impl IntoIterator<Item = &'a [f32; 4]>, transparent: bool) -> f64 {
+    let colours = pixels.into_iter().flat_map(|pixel| straight(pixel, transparent));
     colours.fold(0.0, f64::max)
 }

@@ -51,6 +51,11 @@ pub fn expected(root: &Value, schema: &Value) -> String {
     if let Some(words) = words(schema) {
         return list(words);
     }
+    let numbers = schema["enum"].as_array().into_iter().flatten().filter_map(Value::as_u64);
+    let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+    if !numbers.is_empty() {
+        return numbers.join(" or ");
+    }
     let branches = schema["oneOf"].as_array().or(schema["anyOf"].as_array());
     let kind = match (schema["type"].as_str(), branches) {
         (Some(kind), _) => kind,

@@ -49,8 +49,10 @@ impl Document {
                 Some("-") => NodeKind::List(Vec::new()),
                 _ => NodeKind::Object(Vec::new()),
             };
-            let missing = JsonNode { place: place.clone(), kind: missing };
-            node = descend(node, step, missing, &walked).map_err(|problem| Problem {
+            // An object that the override adds lacks keys because the file does, a new item does not.
+            let added = if step == "-" || i + 1 == steps.len() { &place } else { &node.place };
+            let missing = JsonNode { place: added.clone(), kind: missing };
+            node = descend(node, (step, &place), missing, &walked).map_err(|problem| Problem {
                 place: format!("--set {}", shown(assignment)),
                 ..problem
             })?;
@@ -90,10 +92,10 @@ fn replace_places(node: &mut JsonNode, place: &JsonPlace) {
 }
 
 /// Follows one step of the pointer. Adds `missing` if the step leads to a member that the object
-/// lacks, or is `-`, which appends to an array.
+/// lacks, or is `-`, which appends to an array. `place` is that of a new member's key.
 fn descend<'a>(
     node: &'a mut JsonNode,
-    step: &str,
+    (step, place): (&str, &JsonPlace),
     missing: JsonNode,
     walked: &str,
 ) -> std::result::Result<&'a mut JsonNode, Problem> {
@@ -103,7 +105,7 @@ fn descend<'a>(
                 Some(at) => at,
                 None => {
                     members.push(Member {
-                        place: missing.place.clone(),
+                        place: place.clone(),
                         key: step.to_string(),
                         value: missing,
                     });

@@ -96,8 +96,8 @@ fn limit(flag: &str, text: &str, below: bool) -> Result<Limit> {
 }
 
 fn settings(args: &CompareArgs, files: [&Picture; 2]) -> Result<CompareSettings> {
-    if !args.exposure.is_finite() {
-        let message = format!("found {}, expected a finite number of stops", args.exposure);
+    if !(-100.0..=100.0).contains(&args.exposure) {
+        let message = format!("found {}, expected a number of stops in [-100, 100]", args.exposure);
         return Err(Error::invalid("--exposure", message));
     }
     let layers = || files.into_iter().flat_map(|file| &file.layers);

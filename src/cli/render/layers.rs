@@ -78,7 +78,10 @@ pub fn named_previews(
         let these: Vec<&String> = written.iter().filter(wanted).collect();
         if these.is_empty() && name != "all" {
             let message = format!("found the layer {name:?}, which the parts do not have");
-            let help = format!("they have: {}", written.join(", "));
+            let help = match written[..] {
+                [] => "they have no layers: render them with --aov".to_string(),
+                _ => format!("they have: {}", written.join(", ")),
+            };
             return Err(Error::invalid("--png-layer", message).help(help));
         }
         for layer in these {

@@ -73,6 +73,9 @@ impl RenderFiles {
 /// Renders one scene or mesh.
 pub fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
+    if args.report.json {
+        ProgressMode::refuse_beside_json(args.report.progress)?;
+    }
     let monitor = Arc::new(Monitor::default());
     let pool = args.machine.workers.pool()?;
     let threads = pool.0.current_num_threads();

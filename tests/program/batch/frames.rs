@@ -394,6 +394,8 @@ fn manifests_are_files_of_their_frames() {
     assert_eq!(resume("settings changed"), 0);
     scratch.write("job.json", &job.replace("BITS", "12"));
     assert_eq!(resume("(/output/pngbits): found 12, expected 8 or 16"), 2);
+    scratch.write("job.json", &job.replace("BITS", "\"16\""));
+    assert_eq!(resume("(/output/pngbits): found \"16\", expected 8 or 16"), 2);
 }
 
 #[test]

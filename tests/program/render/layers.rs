@@ -286,6 +286,55 @@ fn overscan_is_data_beside_the_frame() {
     assert!(done.stderr().contains("--overscan"), "{}", done.stderr());
 }
 
+/// A sphere beyond the frame is the brightest thing. The legend keeps its place, too.
+#[test]
+fn the_frame_of_a_png_is_the_same_with_overscan() {
+    let scratch = scratch();
+    scratch.write(
+        "m.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+         property float z\nproperty float heat\nelement face 1\n\
+         property list uchar int vertex_indices\nend_header\n0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n",
+    );
+    let lamp = "/scene/shapes/-={\"type\": \"sphere\", \"center\": [-3.2, 0, 0], \"radius\": 0.5, \
+        \"material\": {\"kd\": 50}}";
+    let mesh = ["m.ply", "--color", "heat", "--legend", "--size", "160x120"];
+    for args in [&["s.json", "--set", lamp][..], &mesh] {
+        for (name, overscan) in [("x", "0"), ("y", "24")] {
+            let more = ["-o", name, "--quiet", "--overscan", overscan];
+            scratch.run(&[&["render"], args, &more].concat()).good();
+        }
+        let [x, y] = ["x.png", "y.png"]
+            .map(|name| image::load_from_memory(&scratch.read(name)).unwrap().to_rgb8());
+        let inside = image::imageops::crop_imm(&y, 24, 24, x.width(), x.height()).to_image();
+        assert!(x == inside, "{args:?}");
+        assert!(y.pixels().any(|pixel| !x.pixels().any(|other| other == pixel)), "{args:?}");
+    }
+}
+
+#[test]
+fn one_stream_holds_one_kind_of_text() {
+    let scratch = scratch();
+    for mode in ["openjd", "alf"] {
+        let done = render(&scratch, &["-o", "x", "--json", "--progress", mode]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        assert!(done.stderr().contains("--progress: found with --json"), "{}", done.stderr());
+    }
+    assert!(!scratch.path("x.exr").exists());
+}
+
+#[test]
+fn a_missing_camera_is_missed_in_the_file() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", r#"{ "scene": { "shapes": [] } }"#);
+    let done = render(&scratch, &["-o", "x", "--size", "5x5", "--fov", "30"]);
+    let said = done.stderr();
+    assert!(
+        done.code() == 2 && said.contains("s.json:1:1 (/camera): missing key `type`"),
+        "{said}"
+    );
+}
+
 /// The fisheye folds some 20 pixels beyond the frame.
 #[test]
 fn overscan_ends_where_a_distortion_folds() {
