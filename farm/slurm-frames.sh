@@ -26,7 +26,7 @@ case $status in
     # Some inputs are bad: another try would not help. The last job lists them and fails.
     1) exit 0 ;;
     # Disk full, out of memory, a signal, killed by the kernel for its memory: three more tries.
-    3 | 129 | 130 | 131 | 137 | 143)
+    3 | 129 | 130 | 131 | 137 | 143 | 152)
         if [ "${SLURM_RESTART_COUNT:-0}" -lt 3 ]; then
             scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID" && sleep 60
         fi

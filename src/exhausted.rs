@@ -72,22 +72,25 @@ pub fn exit_instead_of_abort() {
 #[cfg(not(unix))]
 pub fn exit_instead_of_abort() {}
 
-/// Ends the process with exit code 3 if a new thread panics because it finds no memory for the
-/// stack of its signal handlers. The panic is outside every `catch_unwind`.
+/// Ends the process with exit code 3 if a panic is for lack of memory: that of a new thread without
+/// memory for the stack of its signal handlers, outside every `catch_unwind`, and those of the
+/// compression libraries in C, whose allocations the allocator here does not see.
 ///
 /// Rust's own hook may wait for ever then: it allocates memory for a backtrace, and the failure of
 /// that allocation prints another one.
 #[cfg(unix)]
-pub fn exit_without_signal_stack(panic: &PanicHookInfo) {
-    // All panics of that file of Rust's library are for lack of memory.
-    if panic.location().is_some_and(|place| place.file().ends_with("stack_overflow.rs")) {
+pub fn exit_on_panic_for_memory(panic: &PanicHookInfo) {
+    // `libdeflater` and `zstd-safe` panic for lack of memory, or for a bug in them.
+    let places = ["stack_overflow.rs", "libdeflater-", "zstd-safe-"];
+    let file = panic.location().map_or("", |place| place.file());
+    if places.iter().any(|place| file.contains(place)) || !is_memory_left() {
         end();
     }
 }
 
-/// Does nothing: outside Unix, threads have no such stack.
+/// Does nothing: outside Unix, this is not needed.
 #[cfg(not(unix))]
-pub fn exit_without_signal_stack(_: &PanicHookInfo) {}
+pub fn exit_on_panic_for_memory(_: &PanicHookInfo) {}
 
 /// Handles SIGABRT in the thread that aborts. A failed allocation has returned by then, so removing
 /// files is safe. The process aborts if this function returns.

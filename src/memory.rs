@@ -25,7 +25,7 @@ mod budget;
 mod freed;
 mod limits;
 
-pub use self::freed::{release_freed, return_large_arrays};
+pub use self::freed::{limit_arenas, release_freed, return_large_arrays};
 
 pub use available::available_bytes;
 pub use budget::{Budget, limit_for_meshes};

@@ -1,5 +1,6 @@
 //! The files of a picture: storage options, header attributes, manifests, warnings.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -62,6 +63,16 @@ impl PictureFiles {
         };
         let manifests = manifests.into_iter().map(Manifest::create).collect::<Result<_>>()?;
         Ok(Self { outputs, attributes, manifests })
+    }
+
+    /// Returns handles of the files of [`PictureFiles::names`], in their order: see
+    /// [`PartFile::handle`].
+    ///
+    /// # Errors
+    /// As [`PartFile::handle`].
+    pub fn handles(&self) -> Result<Vec<File>> {
+        let beside = self.manifests.iter().map(|(part, _)| part.handle());
+        self.outputs.handles()?.into_iter().map(Ok).chain(beside).collect()
     }
 
     /// Adds another file to the picture: see [`Outputs::add`].

@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
@@ -22,9 +22,18 @@ const CHUNK: usize = 1 << 18;
 /// # Errors
 /// A file that cannot be read.
 pub fn sum(path: &Path) -> Result<String> {
+    let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
+    sum_of(file, path)
+}
+
+/// Returns the same of an open file, from its start. `path` is for messages.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn sum_of(mut file: File, path: &Path) -> Result<String> {
     let mut hash = Xxh3::new();
-    File::open(path)
-        .and_then(|file| io::copy(&mut BufReader::with_capacity(CHUNK, file), &mut hash))
+    file.rewind()
+        .and_then(|()| io::copy(&mut BufReader::with_capacity(CHUNK, file), &mut hash))
         .map_err(|error| Error::io(path, "read", &error))?;
     Ok(format!("{:032x}", hash.digest128()))
 }

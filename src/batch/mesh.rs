@@ -29,7 +29,7 @@ use crate::scene::{Backend, CheckedCamera, Scene, ToneOperator};
 use crate::threads::lock;
 use crate::world::{ContentHashes, LoadOptions, World};
 
-use super::file_hashes::sum;
+use super::file_hashes::sum_of;
 use super::journal::{FrameRecord, JournalRecord, MeshRecord, seen_from};
 use super::origins::{self, Group};
 use super::resume::Resume;
@@ -294,6 +294,8 @@ impl Run<'_> {
         }
         let files = create(frame, &plan, self.job.storage)
             .inspect_err(|error| self.end_if_shared(error))?;
+        // Somebody may move a frame as soon as it has its name, and its hash is taken after that.
+        let handles = files.handles().inspect_err(|error| self.end_if_shared(error))?;
         let film = match film {
             Some(film) if film.frame == size => film,
             film => {
@@ -352,7 +354,8 @@ impl Run<'_> {
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
         let warnings = self.warn_once(built.input, &picture::oddity_warnings(&oddities));
-        let xxh3 = paths.iter().map(|path| sum(path)).collect::<Result<_>>();
+        let handles = handles.into_iter().zip(&paths);
+        let xxh3 = handles.map(|(file, path)| sum_of(file, path)).collect::<Result<_>>();
         let xxh3 = xxh3.inspect_err(|error| self.end_if_shared(error))?;
         self.finished(&counts);
         let (input, name) = self.named(built.input.task.input);

@@ -75,7 +75,7 @@ pub fn run(
     let loading = threads::pool(options.threads)?;
     let path = journal_path(job, options.range.as_ref());
     let inputs = loading.install(|| -> Result<_> {
-        let inputs = outputs::inputs(job)?;
+        let inputs = outputs::inputs(job, monitor)?;
         outputs::refuse(job, &tasks, &path, &inputs)?;
         outputs::refuse_photographs(job, &tasks)?;
         Ok(inputs)

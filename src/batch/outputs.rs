@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::files::FileSet;
 use crate::layers::LayerPlan;
+use crate::monitor::Monitor;
 use crate::output::{Outputs, atomic, finished};
 use crate::parallel;
 use crate::picture::{self, PictureFiles};
+use crate::studio;
 use crate::world::{self, MissingImage, Sources};
 
 use super::inputs::not_a_file;
@@ -22,9 +24,28 @@ use super::{scene, sheet};
 /// Reads scenes and mesh headers on the threads of the current rayon pool.
 ///
 /// # Errors
-/// A pipe or a device among the files of an input: they are read more than once.
-pub fn inputs(job: &Job) -> Result<FileSet> {
-    let named = parallel::map(job.inputs.iter(), |input| named(job, input));
+/// `Interrupted` if a signal arrives. A pipe or a device among the files of an input: they are read more than once.
+pub fn inputs(job: &Job, monitor: &Monitor) -> Result<FileSet> {
+    // Meshes with the same settings have the same studio, whose files are found once.
+    let mut meshes = job.inputs.iter().filter(|input| studio::is_mesh(&input.path));
+    let first = meshes.find_map(|input| Some((input, files_of_scene(job, input)?)));
+    let named = parallel::map(job.inputs.iter(), |input| {
+        if monitor.stopped() {
+            return Sources::default();
+        }
+        let is_alike =
+            |other: &JobInput| studio::is_mesh(&input.path) && other.overrides == input.overrides;
+        let mut named = match &first {
+            Some((other, _)) if is_alike(other) => None,
+            _ => files_of_scene(job, input),
+        }
+        // A mesh header names its texture even if the scene around it is invalid.
+        .unwrap_or_else(|| world::mesh_sources(&input.path));
+        named.files.push(input.path.clone());
+        named
+    });
+    monitor.check()?;
+    let named: Vec<_> = first.into_iter().map(|(_, named)| named).chain(named).collect();
     let read: Vec<_> = named.iter().flat_map(|named| &named.files).collect();
     let refused = parallel::map(read.into_iter(), |path| not_a_file(path));
     let refused = refused.into_iter().chain(job.looks.texture.iter().map(|path| not_a_file(path)));
@@ -37,16 +58,9 @@ pub fn inputs(job: &Job) -> Result<FileSet> {
     Ok(all)
 }
 
-/// Returns an input's path and the paths of the files that it names. If the scene is
-/// invalid, these are only the files that a mesh header names.
-fn named(job: &Job, input: &JobInput) -> Sources {
-    let mut named = match scene::with_default_placement(job, input) {
-        Ok(scene) => world::sources(&scene),
-        // A mesh header names its texture even if the scene around it is invalid.
-        Err(_) => world::mesh_sources(&input.path),
-    };
-    named.files.push(input.path.clone());
-    named
+/// Returns the paths of the files that an input's scene names; `None` if the scene is invalid.
+fn files_of_scene(job: &Job, input: &JobInput) -> Option<Sources> {
+    scene::with_default_placement(job, input).ok().map(|scene| world::sources(&scene))
 }
 
 /// Refuses frames, journals and contact sheets that would overwrite an input. Also refuses frames
@@ -116,7 +130,7 @@ pub fn refuse_sheet(job: &Job) -> Result<()> {
 /// # Errors
 /// The first such file; those of `inputs`.
 pub fn refuse_files(job: &Job, mut outputs: impl Iterator<Item = PathBuf>) -> Result<()> {
-    let inputs = inputs(job)?;
+    let inputs = inputs(job, &Monitor::default())?;
     outputs.try_for_each(|output| refuse_if_input(&output, &inputs))
 }
 

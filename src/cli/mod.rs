@@ -97,6 +97,7 @@ fn with_hint(mut error: clap::Error) -> clap::Error {
 fn run(arguments: &Arguments, words: &[OsString], program: Option<&Path>) -> Result<()> {
     signals::survive_size_limit_signal();
     memory::return_large_arrays();
+    memory::limit_arenas();
     if arguments.version {
         return about::version(arguments.verbose);
     }

@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering::{Relaxed, SeqCst};
 use std::sync::atomic::{AtomicBool, AtomicI32};
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
 use crate::cli::print;
@@ -91,7 +91,7 @@ fn spawn(mut act: impl FnMut(i32) + Send + 'static) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("<signals>".as_ref(), "watch", &error);
     // `nohup` ignores SIGHUP so that the job survives its terminal. A script ignores SIGINT and
     // SIGQUIT for a job that it starts with `&`.
-    let mut ending = vec![SIGHUP, SIGINT, SIGQUIT];
+    let mut ending = vec![SIGHUP, SIGINT, SIGQUIT, SIGXCPU];
     ending.retain(|&signal| !is_ignored(signal));
     ending.push(SIGTERM);
     let mut signals = Signals::new(ending).map_err(failed)?;

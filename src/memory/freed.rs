@@ -1,4 +1,10 @@
-//! Returns freed memory to the system, which the allocator would keep.
+//! Makes the allocator keep less memory and fewer addresses.
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+use std::path::Path;
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+use crate::process::left_by_limits;
 
 /// Arrays from this size on are returned when they are freed. Those of small meshes stay below it:
 /// they are used again by the next build of a batch.
@@ -21,6 +27,20 @@ pub fn return_large_arrays() {
     unsafe {
         libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BYTES);
         libc::mallopt(libc::M_TRIM_THRESHOLD, KEPT_BYTES);
+    }
+}
+
+/// With a limit of address space, lets the arenas of the allocator take about an eighth of it. Call
+/// it before other threads start.
+///
+/// An arena reserves 64 MiB of addresses, and every thread has one. With one arena left to share,
+/// threads allocate one after another. Does nothing unless the C library is glibc on Linux.
+pub fn limit_arenas() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    if let Some(left) = left_by_limits(Path::new("/")) {
+        let arenas = (left / 8 / (64 << 20)).clamp(1, 1 << 10);
+        // SAFETY: may be called at any time, from any thread; touches no live allocation.
+        unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas as libc::c_int) };
     }
 }
 

@@ -131,6 +131,14 @@ impl PartFile {
         &self.target
     }
 
+    /// Returns another handle of the file, which stays open when the file is renamed or moved.
+    ///
+    /// # Errors
+    /// `Retry` if the process has too many open files.
+    pub fn handle(&self) -> Result<File> {
+        self.file.as_file().try_clone().map_err(|error| Error::io(&self.target, "open", &error))
+    }
+
     /// Writes all bytes and waits until they are on the disk.
     ///
     /// # Errors

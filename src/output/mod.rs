@@ -21,6 +21,7 @@ pub mod tonemap;
 mod value_counts;
 mod write_options;
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
@@ -64,6 +65,14 @@ impl Outputs {
             png: PartFile::create(&png)?,
             further_files: Vec::new(),
         })
+    }
+
+    /// Returns handles of the EXR and the PNG: see [`PartFile::handle`].
+    ///
+    /// # Errors
+    /// As [`PartFile::handle`].
+    pub fn handles(&self) -> Result<[File; 2]> {
+        Ok([self.exr.handle()?, self.png.handle()?])
     }
 
     /// Adds a further file of the same picture, which must be written and synced.

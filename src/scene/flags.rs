@@ -16,7 +16,7 @@ use super::node::JsonPlace;
 type Place = Cow<'static, str>;
 
 /// Overrides in the order of their application, with the flags they come from.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overrides {
     /// Flag or place in a job file, JSON pointer, `POINTER=VALUE`. `--set` itself has no flag.
     list: Vec<(Option<Place>, String, String)>,

@@ -175,6 +175,43 @@ fn an_invalid_mesh_fails_alone() {
     );
 }
 
+/// A watch folder moves every file as soon as it has its name.
+#[test]
+fn frames_may_be_moved_at_once() {
+    let scratch = Scratch::new();
+    let names: Vec<String> = (0..16).map(|i| format!("i{i:02}.ply")).collect();
+    names.iter().for_each(|name| scratch.write(name, PYRAMID));
+    fs::create_dir_all(scratch.path("out")).unwrap();
+    fs::create_dir_all(scratch.path("moved")).unwrap();
+    let mut args = vec!["batch", "-o", "out", "--no-sheet", "--quiet"];
+    args.extend(SMALL);
+    args.extend(names.iter().map(String::as_str));
+    let mut command = scratch.command(&args);
+    let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let (out, moved) = (scratch.path("out"), scratch.path("moved"));
+    let move_all = || {
+        for entry in fs::read_dir(&out).unwrap().flatten() {
+            let name = entry.file_name();
+            let is_frame = [".exr", ".png"].iter().any(|end| name.to_string_lossy().ends_with(end));
+            if is_frame {
+                fs::rename(entry.path(), moved.join(&name)).unwrap();
+            }
+        }
+    };
+    while child.try_wait().unwrap().is_none() {
+        move_all();
+    }
+    move_all();
+    let done = program::Done::from(child.wait_with_output().unwrap());
+    assert_eq!((done.code(), done.stderr()), (0, String::new()));
+    assert_eq!(names_in(&moved).len(), 32);
+    for record in journal(&scratch, "out/batch.jsonl") {
+        for sum in record["xxh3"].as_array().into_iter().flatten() {
+            assert_eq!(sum.as_str().unwrap().len(), 32, "{record}");
+        }
+    }
+}
+
 #[test]
 fn resume_keeps_complete_matching_frames_and_gives_reasons() {
     let scratch = scans();

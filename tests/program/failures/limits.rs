@@ -12,6 +12,8 @@ fn limited(scratch: &Scratch, limit: &str, args: &[&str]) -> Done {
     command.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]);
     command.arg(env!("CARGO_BIN_EXE_lightpath")).args(args).args(SMALL);
     command.current_dir(scratch.path("")).env_remove("SLURM_CPUS_PER_TASK");
+    // A panic for lack of memory waited without end while it printed a backtrace.
+    command.env("RUST_BACKTRACE", "1");
     Done::of(&mut command)
 }
 
@@ -133,6 +135,22 @@ fn a_batch_at_any_limit_of_address_space() {
         let _ = fs::remove_dir_all(scratch.path("out"));
     }
     assert!(alone > 0, "the large mesh never failed alone");
+}
+
+/// The allocator's arenas reserve 64 MiB for each thread: at some of these limits they left too
+/// little, or every allocation tried to reserve one more.
+#[test]
+fn more_addresses_never_hurt() {
+    let scratch = Scratch::new();
+    let names: Vec<String> = (0..12).map(|i| format!("i{i:02}.ply")).collect();
+    names.iter().for_each(|name| scratch.write(name, PYRAMID));
+    let mut args = vec!["batch", "-o", "out", "--no-sheet", "--quiet", "--jobs", "2"];
+    args.extend(names.iter().map(String::as_str));
+    for mib in [120, 160, 180, 228, 244, 310] {
+        let done = limited(&scratch, &format!("-v {}", mib << 10), &args);
+        ended(&done, &[0], &format!("{mib} MiB"));
+        fs::remove_dir_all(scratch.path("out")).unwrap();
+    }
 }
 
 /// Limits from one at which nothing works to one at which everything works.

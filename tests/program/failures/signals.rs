@@ -86,6 +86,8 @@ on_both! {
             // A closed terminal, and Ctrl-\.
             stops((&scratch, "slow.json"), backend, "render", "HUP", 129);
             stops((&scratch, "slow.json"), backend, "render", "QUIT", 131);
+            // The soft limit of `ulimit -t`.
+            stops((&scratch, "slow.json"), backend, "render", "XCPU", 152);
         }
     }
 }
