@@ -1,13 +1,13 @@
 //! Compares the tone operators with values computed by hand from docs/guide/scene-format.md.
 
 use lightpath::{
-    output::tonemap::{Depth, to_samples},
+    output::tonemap::{Curve, Depth, to_samples},
     scene::{ToneOperator, Tonemap},
 };
 
 fn map(operator: ToneOperator, exposure: f32, srgb: bool, pixels: &[[f32; 4]]) -> Vec<u8> {
     let tonemap = Tonemap { operator, exposure, srgb };
-    to_samples(pixels, &tonemap, false, Depth::Eight)
+    to_samples(pixels, &Curve::new(pixels, &tonemap, false), false, Depth::Eight)
 }
 
 #[test]
@@ -66,6 +66,6 @@ fn negative_and_non_finite_values() {
 fn maximum_of_a_transparent_picture_is_of_its_straight_colour() {
     let tonemap = Tonemap { operator: ToneOperator::Max, exposure: 0.0, srgb: false };
     let pixels = [[0.5, 0.25, 0.0, 0.25], [1.0, 0.0, 0.0, 1.0], [0.0; 4]];
-    let bytes = to_samples(&pixels, &tonemap, true, Depth::Eight);
+    let bytes = to_samples(&pixels, &Curve::new(&pixels, &tonemap, true), true, Depth::Eight);
     assert_eq!(bytes, [255, 128, 0, 64, 128, 0, 0, 255, 0, 0, 0, 0]);
 }
