@@ -81,14 +81,14 @@ pub fn exit_instead_of_abort() {}
 #[cfg(unix)]
 pub fn exit_on_panic_for_memory(panic: &PanicHookInfo) {
     // `libdeflater` and `zstd-safe` panic for lack of memory, or for a bug in them.
-    let places = ["stack_overflow.rs", "libdeflater-", "zstd-safe-"];
+    let places = ["stack_overflow.rs", "/libdeflater", "/zstd-safe"];
     let file = panic.location().map_or("", |place| place.file());
     if places.iter().any(|place| file.contains(place)) || !is_memory_left() {
         end();
     }
 }
 
-/// Does nothing: outside Unix, this is not needed.
+/// Does nothing: outside Unix, a panic is one.
 #[cfg(not(unix))]
 pub fn exit_on_panic_for_memory(_: &PanicHookInfo) {}
 
@@ -101,10 +101,11 @@ extern "C" fn on_abort(_: libc::c_int) {
     }
 }
 
-/// Whether the system still gives 64 KiB of memory.
+/// Whether the system still gives 1 MiB of memory: so much glibc maps for an allocation for which
+/// its heaps have no room. It also aborts threads for which it finds none.
 #[cfg(unix)]
 fn is_memory_left() -> bool {
-    let (size, access) = (64 << 10, libc::PROT_READ | libc::PROT_WRITE);
+    let (size, access) = (1 << 20, libc::PROT_READ | libc::PROT_WRITE);
     let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
     // SAFETY: a new mapping that nothing uses; both are plain system calls.
     unsafe {

@@ -65,16 +65,6 @@ impl PictureFiles {
         Ok(Self { outputs, attributes, manifests })
     }
 
-    /// Returns handles of the files of [`PictureFiles::names`], in their order: see
-    /// [`PartFile::handle`].
-    ///
-    /// # Errors
-    /// As [`PartFile::handle`].
-    pub fn handles(&self) -> Result<Vec<File>> {
-        let beside = self.manifests.iter().map(|(part, _)| part.handle());
-        self.outputs.handles()?.into_iter().map(Ok).chain(beside).collect()
-    }
-
     /// Adds another file to the picture: see [`Outputs::add`].
     pub fn add(&mut self, part: PartFile) -> PathBuf {
         self.outputs.add(part)
@@ -196,7 +186,8 @@ pub struct PictureHeader<'a> {
     pub fingerprint: Option<&'a str>,
 }
 
-/// Writes the film of a scene. Returns the paths of [`PictureFiles`], in their order.
+/// Writes the film of a scene. Returns the paths of [`PictureFiles::names`], in their order, and
+/// the open files.
 ///
 /// # Errors
 /// As [`Outputs::write`].
@@ -207,7 +198,7 @@ pub fn write(
     says: PictureHeader,
     storage: Storage,
     monitor: &Monitor,
-) -> Result<(Vec<PathBuf>, ValueCounts)> {
+) -> Result<(Vec<(PathBuf, File)>, ValueCounts)> {
     let PictureFiles { mut outputs, attributes: layers, manifests } = files;
     let manifests = manifests.into_iter().map(|manifest| Manifest::write(manifest, &mut outputs));
     let beside = manifests.collect::<Result<Vec<_>>>()?;
@@ -234,8 +225,10 @@ pub fn write(
             multipart: storage.multipart,
         },
     };
-    let (paths, oddities) = outputs.write(film, &options, monitor)?;
-    Ok((paths.into_iter().chain(beside).collect(), oddities))
+    let (mut written, oddities) = outputs.write(film, &options, monitor)?;
+    let further = written.split_off(2).into_iter().filter(|(path, _)| beside.contains(path));
+    written.extend(further);
+    Ok((written, oddities))
 }
 
 /// Checks the storage options against the scene.

@@ -294,8 +294,6 @@ impl Run<'_> {
         }
         let files = create(frame, &plan, self.job.storage)
             .inspect_err(|error| self.end_if_shared(error))?;
-        // Somebody may move a frame as soon as it has its name, and its hash is taken after that.
-        let handles = files.handles().inspect_err(|error| self.end_if_shared(error))?;
         let film = match film {
             Some(film) if film.frame == size => film,
             film => {
@@ -345,7 +343,7 @@ impl Run<'_> {
         });
         self.status.ended(&monitor);
         let (counts, written) = written?;
-        let (paths, oddities) = match written {
+        let (written, oddities) = match written {
             Err(error) => {
                 self.end_if_shared(&error);
                 return Err(error);
@@ -354,8 +352,10 @@ impl Run<'_> {
         };
         let write_s = began.elapsed().as_secs_f64() - render_s;
         let warnings = self.warn_once(built.input, &picture::oddity_warnings(&oddities));
-        let handles = handles.into_iter().zip(&paths);
-        let xxh3 = handles.map(|(file, path)| sum_of(file, path)).collect::<Result<_>>();
+        // Somebody may have moved a frame as soon as it had its name: its open file is read.
+        let (paths, open): (Vec<_>, Vec<_>) = written.into_iter().unzip();
+        let xxh3 = open.into_iter().zip(&paths).map(|(file, path)| sum_of(file, path));
+        let xxh3 = xxh3.collect::<Result<_>>();
         let xxh3 = xxh3.inspect_err(|error| self.end_if_shared(error))?;
         self.finished(&counts);
         let (input, name) = self.named(built.input.task.input);

@@ -24,7 +24,8 @@ use super::{scene, sheet};
 /// Reads scenes and mesh headers on the threads of the current rayon pool.
 ///
 /// # Errors
-/// `Interrupted` if a signal arrives. A pipe or a device among the files of an input: they are read more than once.
+/// `Interrupted` if a signal arrives. A pipe or a device among the files of an input: they are read
+/// more than once.
 pub fn inputs(job: &Job, monitor: &Monitor) -> Result<FileSet> {
     // Meshes with the same settings have the same studio, whose files are found once.
     let mut meshes = job.inputs.iter().filter(|input| studio::is_mesh(&input.path));

@@ -102,8 +102,10 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         let manifests = manifests.into_iter().map(|m| picture::Manifest::write(m, &mut files));
         let mut beside = manifests.collect::<Result<Vec<_>>>()?;
         beside.extend(layers::write_previews(&film, previews, |part| files.add(part))?);
-        let (paths, oddities) = files.write(&film, &options, &monitor)?;
-        Ok(([&paths[..], &beside].concat(), oddities))
+        let (written, oddities) = files.write(&film, &options, &monitor)?;
+        // All further files are in `beside`, in the order of the messages.
+        let paths = written.into_iter().take(2).map(|(path, _)| path);
+        Ok((paths.chain(beside).collect::<Vec<_>>(), oddities))
     })?;
     if !args.messages.quiet {
         for warning in no_mattes.iter().chain(&no_layers) {

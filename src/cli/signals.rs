@@ -59,6 +59,8 @@ pub fn watch(monitor: &Arc<Monitor>) -> Result<()> {
                 end_now(signal);
             }
         }
+        // The kernel repeats this one in every second of processor time.
+        Some(_) if signal == SIGXCPU => {}
         // The user does not want to wait for the job.
         Some(first) if first.elapsed() > SAME_REQUEST => end(signal),
         Some(_) => {}

@@ -33,12 +33,18 @@ pub fn return_large_arrays() {
 /// With a limit of address space, lets the arenas of the allocator take about an eighth of it. Call
 /// it before other threads start.
 ///
-/// An arena reserves 64 MiB of addresses, and every thread has one. With one arena left to share,
-/// threads allocate one after another. Does nothing unless the C library is glibc on Linux.
+/// An arena reserves 64 MiB of addresses. Threads have one each, up to 8 for each processor. Threads
+/// that share an arena allocate one after another. Does nothing if the user limits the arenas, or
+/// unless the C library is glibc on Linux.
 pub fn limit_arenas() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    if let Some(left) = left_by_limits(Path::new("/")) {
-        let arenas = (left / 8 / (64 << 20)).clamp(1, 1 << 10);
+    if let (Some(left), None, None) = (
+        left_by_limits(Path::new("/")),
+        std::env::var_os("MALLOC_ARENA_MAX"),
+        std::env::var_os("GLIBC_TUNABLES"),
+    ) {
+        let usual = 8 * std::thread::available_parallelism().map_or(1, usize::from) as u64;
+        let arenas = (left / 8 / (64 << 20)).clamp(1, usual);
         // SAFETY: may be called at any time, from any thread; touches no live allocation.
         unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas as libc::c_int) };
     }

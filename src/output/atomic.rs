@@ -131,14 +131,6 @@ impl PartFile {
         &self.target
     }
 
-    /// Returns another handle of the file, which stays open when the file is renamed or moved.
-    ///
-    /// # Errors
-    /// `Retry` if the process has too many open files.
-    pub fn handle(&self) -> Result<File> {
-        self.file.as_file().try_clone().map_err(|error| Error::io(&self.target, "open", &error))
-    }
-
     /// Writes all bytes and waits until they are on the disk.
     ///
     /// # Errors
@@ -166,20 +158,21 @@ impl PartFile {
     /// Those of [`PartFile::fill`] and [`PartFile::commit`].
     pub fn finish(mut self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.fill(content.as_ref())?;
-        self.commit()
+        self.commit().map(|(path, _)| path)
     }
 
     /// Renames the file to its final name and replaces any file of that name. Call
-    /// [`PartFile::fill`] first.
+    /// [`PartFile::fill`] first. Returns the final name, and the open file, which somebody may
+    /// already have moved.
     ///
     /// # Errors
     /// A failed rename: the part file is removed, and the target is unchanged. `Retry` if another
     /// process has removed the part file, as one does on a file system whose locks it cannot see.
     /// `Retry` if the disk fails or is full after the rename: the target is the new file, which a
     /// power cut may undo.
-    pub fn commit(self) -> Result<PathBuf> {
+    pub fn commit(self) -> Result<(PathBuf, File)> {
         let Self { target, file, live } = self;
-        file.persist(&target).map_err(|error| match error.error.kind() {
+        let file = file.persist(&target).map_err(|error| match error.error.kind() {
             io::ErrorKind::NotFound => {
                 lost(&target, "its part file was removed while it was written")
             }
@@ -190,7 +183,7 @@ impl PartFile {
         let synced = File::open(folder_of(&target)).map(|folder| folder.sync_all());
         match synced {
             Ok(Err(error)) if loses_data(&error) => Err(Error::io(&target, "write", &error)),
-            _ => Ok(target),
+            _ => Ok((target, file)),
         }
     }
 }

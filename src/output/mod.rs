@@ -67,14 +67,6 @@ impl Outputs {
         })
     }
 
-    /// Returns handles of the EXR and the PNG: see [`PartFile::handle`].
-    ///
-    /// # Errors
-    /// As [`PartFile::handle`].
-    pub fn handles(&self) -> Result<[File; 2]> {
-        Ok([self.exr.handle()?, self.png.handle()?])
-    }
-
     /// Adds a further file of the same picture, which must be written and synced.
     /// [`Outputs::write`] gives it its final name. Returns that name.
     pub fn add(&mut self, part: PartFile) -> PathBuf {
@@ -84,7 +76,8 @@ impl Outputs {
     }
 
     /// Writes the EXR and the PNG, then renames all files. Uses the caller's rayon pool. Returns
-    /// the names of the EXR and the PNG, and counts of the values that they cannot hold.
+    /// the names and open files of EXR, PNG and further files, and counts of the values that EXR
+    /// and PNG cannot hold.
     ///
     /// # Errors
     /// `Retry` if the disk is full, `Limit` for a size that a format cannot hold, `Interrupted` if
@@ -95,7 +88,7 @@ impl Outputs {
         film: &Film,
         options: &WriteOptions,
         monitor: &Monitor,
-    ) -> Result<([PathBuf; 2], ValueCounts)> {
+    ) -> Result<(Vec<(PathBuf, File)>, ValueCounts)> {
         monitor.begin(Phase::Write, 1);
         let (exr, png) = rayon::join(
             || {
@@ -110,8 +103,9 @@ impl Outputs {
         png?;
         monitor.check()?;
         // The EXR may refer to the further files, so they are renamed first.
-        self.further_files.into_iter().try_for_each(|part| part.commit().map(drop))?;
-        let paths = [self.exr.commit()?, self.png.commit()?];
+        let further = self.further_files.into_iter().map(PartFile::commit);
+        let further = further.collect::<Result<Vec<_>>>()?;
+        let written = [self.exr.commit()?, self.png.commit()?].into_iter().chain(further).collect();
         monitor.set_done(1);
         let largest = |name: &str, kind| options.exr.largest(name, kind);
         let shown = film.in_frame();
@@ -119,6 +113,6 @@ impl Outputs {
         // The tiles of a picture may be too small where the merged picture is not.
         let legend = options.legend.filter(|_| !options.exr.exact);
         let legend_left_out = legend.is_some_and(|legend| !legend.fits(size));
-        Ok((paths, ValueCounts { legend_left_out, ..ValueCounts::count(film, largest) }))
+        Ok((written, ValueCounts { legend_left_out, ..ValueCounts::count(film, largest) }))
     }
 }

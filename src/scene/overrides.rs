@@ -49,10 +49,8 @@ impl Document {
                 Some("-") => NodeKind::List(Vec::new()),
                 _ => NodeKind::Object(Vec::new()),
             };
-            // An object that the override adds lacks keys because the file does, a new item does not.
-            let added = if step == "-" || i + 1 == steps.len() { &place } else { &node.place };
-            let missing = JsonNode { place: added.clone(), kind: missing };
-            node = descend(node, (step, &place), missing, &walked).map_err(|problem| Problem {
+            let missing = JsonNode { place: place.clone(), kind: missing };
+            node = descend(node, step, missing, &walked).map_err(|problem| Problem {
                 place: format!("--set {}", shown(assignment)),
                 ..problem
             })?;
@@ -92,10 +90,10 @@ fn replace_places(node: &mut JsonNode, place: &JsonPlace) {
 }
 
 /// Follows one step of the pointer. Adds `missing` if the step leads to a member that the object
-/// lacks, or is `-`, which appends to an array. `place` is that of a new member's key.
+/// lacks, or is `-`, which appends to an array.
 fn descend<'a>(
     node: &'a mut JsonNode,
-    (step, place): (&str, &JsonPlace),
+    step: &str,
     missing: JsonNode,
     walked: &str,
 ) -> std::result::Result<&'a mut JsonNode, Problem> {
@@ -105,7 +103,7 @@ fn descend<'a>(
                 Some(at) => at,
                 None => {
                     members.push(Member {
-                        place: place.clone(),
+                        place: missing.place.clone(),
                         key: step.to_string(),
                         value: missing,
                     });

@@ -1,16 +1,18 @@
 //! Loads the Embree library and owns a device: version, errors and memory.
 
+use std::alloc::{Layout, alloc};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::process::left_by_limits;
+use crate::process::{self, left_by_limits};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, and [`Device`] reads
 /// them.
@@ -97,11 +99,44 @@ const DEVICE_BYTES: usize = 128 << 20;
 /// Address space for each thread that TBB starts, as [`DEVICE_BYTES`].
 const THREAD_BYTES: usize = 32 << 20;
 
-/// Returns the address space that a device needs. TBB starts no more threads than there are
+/// Stack of a worker of TBB.
+const STACK_BYTES: usize = 4 << 20;
+
+/// Returns the number of workers that TBB may start. It starts no more threads than there are
 /// processors, and the thread that builds is one of them.
-fn device_bytes(threads: usize, processors: usize) -> usize {
+fn worker_count(threads: usize, processors: usize) -> usize {
     let all = if threads == 0 { processors } else { threads.min(processors) };
-    DEVICE_BYTES + all.saturating_sub(1) * THREAD_BYTES
+    all.saturating_sub(1)
+}
+
+/// Starts as many threads as TBB may start, and ends them: TBB aborts the process if it cannot
+/// start one.
+///
+/// # Errors
+/// `Retry` if the system refuses a thread.
+fn ensure_workers_start(count: usize) -> Result<()> {
+    let before = process::threads();
+    let gate = Mutex::new(());
+    std::thread::scope(|scope| {
+        // All threads live until the last one has started.
+        let closed = gate.lock();
+        let start = || {
+            let thread = std::thread::Builder::new().stack_size(STACK_BYTES);
+            thread.spawn_scoped(scope, || drop(gate.lock()))
+        };
+        let started: std::io::Result<Vec<_>> = (0..count).map(|_| start()).collect();
+        drop(closed);
+        started.map(drop)
+    })
+    .map_err(|error| Error::io("Embree".as_ref(), "start threads", &error))?;
+    // The system still counts a thread for some microseconds after its end.
+    for _ in 0..100 {
+        if count == 0 || process::threads() <= before {
+            break;
+        }
+        std::thread::sleep(Duration::from_micros(100));
+    }
+    Ok(())
 }
 
 /// Returns whether so much address space is left.
@@ -118,9 +153,10 @@ fn has_room(bytes: usize) -> bool {
 impl Raw {
     fn new(api: Arc<Api>, threads: usize) -> Result<Self> {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        if !has_room(device_bytes(threads, processors)) {
+        if !has_room(DEVICE_BYTES + worker_count(threads, processors) * THREAD_BYTES) {
             return Err(Error::no_memory("Embree", "cannot create a device: out of memory"));
         }
+        ensure_workers_start(worker_count(threads, processors))?;
         let config = format!("threads={threads},{CONFIG}");
         let config = CString::new(config).map_err(|e| Error::invalid("Embree", e.to_string()))?;
         // SAFETY: a NUL-terminated string.
@@ -263,10 +299,6 @@ impl Device {
         let message = format!("{}: {text}", error_name(code));
         Err(match code {
             ffi::RTC_ERROR_OUT_OF_MEMORY => Error::no_memory("Embree", message),
-            // TBB found no memory or no process for a thread.
-            _ if text.contains("pthread_create") => {
-                Error::new(ErrorKind::Retry, Problem::new("Embree", message))
-            }
             _ => Error::new(ErrorKind::Unsupported, Problem::new("Embree", message)),
         })
     }
@@ -311,9 +343,24 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
         // SAFETY: Embree passes a NUL-terminated string.
         unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
     };
+    if text.contains("pthread_create") {
+        end_without_worker();
+    }
     if let Ok(mut last) = watch.last_error.lock() {
         last.get_or_insert((code, text));
     }
+}
+
+/// Ends the process at once, as a failed allocation does: TBB could not start a worker.
+///
+/// TBB still holds the task for the worker, which refers to the call of `rtcCommitScene` that has
+/// failed. Another worker may run it, and the release of the scene would abort.
+fn end_without_worker() -> ! {
+    let all = Layout::from_size_align(isize::MAX as usize, 1).unwrap_or(Layout::new::<u8>());
+    // The program's allocator remembers that an allocation of this thread has failed.
+    // SAFETY: the layout has a size. Nothing uses the memory, which no system has.
+    std::hint::black_box(unsafe { alloc(all) });
+    std::process::abort()
 }
 
 unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {
@@ -335,9 +382,9 @@ mod tests {
 
     #[test]
     fn only_threads_that_start_need_room() {
-        let mib = |threads, processors| device_bytes(threads, processors) >> 20;
-        assert_eq!([mib(1, 1), mib(1, 64), mib(64, 1), mib(0, 1)], [128; 4]);
-        assert_eq!([mib(2, 2), mib(64, 2), mib(0, 2), mib(usize::MAX, 2)], [160; 4]);
-        assert_eq!([mib(64, 64), mib(900, 64), mib(0, 64)], [128 + 63 * 32; 3]);
+        let count = worker_count;
+        assert_eq!([count(1, 1), count(1, 64), count(64, 1), count(0, 1)], [0; 4]);
+        assert_eq!([count(2, 2), count(64, 2), count(0, 2), count(usize::MAX, 2)], [1; 4]);
+        assert_eq!([count(64, 64), count(900, 64), count(0, 64)], [63; 3]);
     }
 }

@@ -10,7 +10,7 @@ use super::fixed::PinnedBox;
 use super::sphere::{self, SphereSet};
 use crate::accel::accelerator::BuildInfo;
 use crate::accel::geometry_ref::GeometryRef;
-use crate::error::{ErrorKind, Result};
+use crate::error::Result;
 use crate::geometry::{Geometry, Unseen};
 use crate::monitor::Monitor;
 use crate::ray::NONE;
@@ -19,10 +19,6 @@ use crate::scene::EmbreeMode;
 /// A committed Embree scene that reads the arrays of a geometry.
 pub struct EmbreeScene<'g> {
     handle: NonNull<SceneHandle>,
-    /// True if the scene is never released: its build found too little memory. If that was before
-    /// the first task of the build started, TBB still counts the task, and a release would abort
-    /// the process. Such a scene holds some kilobytes: Embree frees the tree of a failed build.
-    is_kept: bool,
     // These are dropped after the scene is released.
     /// The geometry whose arrays Embree reads, and the user data of the spheres.
     spheres: PinnedBox<SphereSet<'g>>,
@@ -51,7 +47,7 @@ impl<'g> EmbreeScene<'g> {
             EmbreeMode::Compact => ffi::RTC_SCENE_FLAG_ROBUST | ffi::RTC_SCENE_FLAG_COMPACT,
         };
         let flags = mode_flags | ffi::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
-        let mut scene = Self::new(device, flags, spheres)?;
+        let scene = Self::new(device, flags, spheres)?;
         let quads = geometry.quads_id();
         let own = |id: u32| geometry.bases()[id as usize]..geometry.bases()[id as usize + 1];
         for id in 0..quads {
@@ -79,7 +75,7 @@ impl<'g> EmbreeScene<'g> {
             device.check()?;
             return Err(crate::error::Error::invalid("Embree", "no scene was created"));
         };
-        let scene = Self { handle, is_kept: false, spheres: PinnedBox::new(spheres), device };
+        let scene = Self { handle, spheres: PinnedBox::new(spheres), device };
         // SAFETY: live handles.
         unsafe {
             (scene.api().set_scene_flags)(scene.handle(), flags);
@@ -235,7 +231,7 @@ impl<'g> EmbreeScene<'g> {
         self.device.check()
     }
 
-    fn commit(&mut self, monitor: &Monitor) -> Result<()> {
+    fn commit(&self, monitor: &Monitor) -> Result<()> {
         let user = std::ptr::from_ref(monitor).cast_mut().cast::<c_void>();
         // SAFETY: the callback is taken back before `monitor`'s borrow ends.
         unsafe {
@@ -245,17 +241,14 @@ impl<'g> EmbreeScene<'g> {
         }
         let committed = self.device.check();
         monitor.check()?;
-        self.is_kept = committed.as_ref().is_err_and(|error| error.kind != ErrorKind::Limit);
         committed
     }
 }
 
 impl Drop for EmbreeScene<'_> {
     fn drop(&mut self) {
-        if !self.is_kept {
-            // SAFETY: created by `rtcNewScene`, released once, before the device.
-            unsafe { (self.api().release_scene)(self.handle()) };
-        }
+        // SAFETY: created by `rtcNewScene`, released once, before the device.
+        unsafe { (self.api().release_scene)(self.handle()) };
     }
 }
 

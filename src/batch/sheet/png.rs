@@ -47,7 +47,7 @@ pub fn write(path: &Path, entries: &[SheetEntry], strips: &[Option<Strip>]) -> R
         // Dropping a BufWriter would ignore the error of a full disk.
         buffered.flush().map_err(|error| Error::io(path, "write", &error))
     })?;
-    part.commit()
+    part.commit().map(|(path, _)| path)
 }
 
 /// Returns true for a PNG that [`write`] has made, by its size and its upper margin.

@@ -287,8 +287,9 @@ impl RenderRun<'_> {
         let mut previews = layers::write_previews(film, previews, |part| picture.add(part))?;
         let seen = (plan, world, scene);
         previews.extend(dataset.write(film, seen, |part| picture.add(part))?);
-        let (mut paths, oddities) =
+        let (written, oddities) =
             picture::write(picture, film, scene, says, options.file_storage(), self.monitor)?;
+        let mut paths: Vec<_> = written.into_iter().map(|(path, _)| path).collect();
         self.warn(&picture::oddity_warnings(&oddities));
         paths.extend(previews);
         texts.write("--write-scene", || saved)?;

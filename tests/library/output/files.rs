@@ -391,8 +391,8 @@ fn both_files_appear_and_nothing_else() {
     let (paths, odd) = outputs.write(&film(), &options, &Monitor::default()).unwrap();
     assert_eq!(odd, ValueCounts::default());
     assert_eq!(names_in(folder.path()), ["frame.0001.exr", "frame.0001.png"]);
-    assert_eq!(fs::read(&paths[0]).unwrap(), exr_bytes(&film()));
-    assert_eq!(fs::read(&paths[1]).unwrap(), png_bytes(&film(), &CLAMP, false));
+    assert_eq!(fs::read(&paths[0].0).unwrap(), exr_bytes(&film()));
+    assert_eq!(fs::read(&paths[1].0).unwrap(), png_bytes(&film(), &CLAMP, false));
 }
 
 #[test]

@@ -205,11 +205,13 @@ fn frames_may_be_moved_at_once() {
     let done = program::Done::from(child.wait_with_output().unwrap());
     assert_eq!((done.code(), done.stderr()), (0, String::new()));
     assert_eq!(names_in(&moved).len(), 32);
-    for record in journal(&scratch, "out/batch.jsonl") {
-        for sum in record["xxh3"].as_array().into_iter().flatten() {
-            assert_eq!(sum.as_str().unwrap().len(), 32, "{record}");
-        }
+    // The journal has the hashes of the files.
+    for name in names_in(&moved) {
+        fs::rename(moved.join(&name), out.join(&name)).unwrap();
     }
+    args.retain(|arg| *arg != "--quiet");
+    let done = scratch.run(&[&args[..], &["--resume"]].concat()).good();
+    assert!(done.stderr().contains("0 frames rendered, 16 kept"), "{}", done.stderr());
 }
 
 #[test]

@@ -323,18 +323,6 @@ fn one_stream_holds_one_kind_of_text() {
     assert!(!scratch.path("x.exr").exists());
 }
 
-#[test]
-fn a_missing_camera_is_missed_in_the_file() {
-    let scratch = Scratch::new();
-    scratch.write("s.json", r#"{ "scene": { "shapes": [] } }"#);
-    let done = render(&scratch, &["-o", "x", "--size", "5x5", "--fov", "30"]);
-    let said = done.stderr();
-    assert!(
-        done.code() == 2 && said.contains("s.json:1:1 (/camera): missing key `type`"),
-        "{said}"
-    );
-}
-
 /// The fisheye folds some 20 pixels beyond the frame.
 #[test]
 fn overscan_ends_where_a_distortion_folds() {
