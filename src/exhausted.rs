@@ -101,8 +101,8 @@ extern "C" fn on_abort(_: libc::c_int) {
     }
 }
 
-/// Whether the system still gives 1 MiB of memory: so much glibc maps for an allocation for which
-/// its heaps have no room. It also aborts threads for which it finds none.
+/// Whether the system still gives 1 MiB of memory. For an allocation that its heaps cannot hold,
+/// glibc maps so much, and where it cannot, it may abort the process.
 #[cfg(unix)]
 fn is_memory_left() -> bool {
     let (size, access) = (1 << 20, libc::PROT_READ | libc::PROT_WRITE);

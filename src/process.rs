@@ -1,4 +1,4 @@
-//! What the system says about this process: limits of its memory, its threads.
+//! What the system says about this process.
 
 use std::fs::read_to_string;
 use std::path::Path;
@@ -22,13 +22,8 @@ pub fn kib(file: &Path, key: &str) -> Option<u64> {
     number(file, key)?.checked_mul(1024)
 }
 
-/// Returns the number of threads of this process that the system counts.
-pub fn threads() -> Option<u64> {
-    number("/proc/self/status".as_ref(), "Threads:")
-}
-
 /// Returns the number after `key`.
-fn number(file: &Path, key: &str) -> Option<u64> {
+pub fn number(file: &Path, key: &str) -> Option<u64> {
     let text = read_to_string(file).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix(key));
     line?.split_whitespace().next()?.parse().ok()

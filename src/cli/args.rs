@@ -15,9 +15,9 @@ use super::submit::SubmitArgs;
 
 /// Text below the help of every command that can fail in several ways.
 pub const EXIT_CODES: &str = "\
-Exit codes: 0 done; 1 a check failed, in a batch an input; 2 bad use or bad input; 3 a failure worth \
-retrying (disk full, out of memory); 130, 143, 129, 131, 152 stopped by SIGINT, SIGTERM, SIGHUP, SIGQUIT, \
-SIGXCPU. Results go to stdout, messages to stderr.";
+Exit codes: 0 done; 1 a check failed, in a batch an input; 2 bad use or bad input; 3 a failure \
+worth retrying (disk full, out of memory); 130, 143, 129, 131, 152 stopped by SIGINT, SIGTERM, \
+SIGHUP, SIGQUIT, SIGXCPU. Results go to stdout, messages to stderr.";
 
 /// CPU ray tracer for big scanned meshes: scene.json or scan.ply -> EXR and PNG.
 #[derive(Debug, Parser)]

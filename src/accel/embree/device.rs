@@ -12,7 +12,7 @@ use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::process::{self, left_by_limits};
+use crate::process::{left_by_limits, number};
 
 /// Memory counters and errors of a device. Embree's callbacks write them, and [`Device`] reads
 /// them.
@@ -115,7 +115,8 @@ fn worker_count(threads: usize, processors: usize) -> usize {
 /// # Errors
 /// `Retry` if the system refuses a thread.
 fn ensure_workers_start(count: usize) -> Result<()> {
-    let before = process::threads();
+    let counted = || number("/proc/self/status".as_ref(), "Threads:");
+    let before = counted();
     let gate = Mutex::new(());
     std::thread::scope(|scope| {
         // All threads live until the last one has started.
@@ -131,7 +132,7 @@ fn ensure_workers_start(count: usize) -> Result<()> {
     .map_err(|error| Error::io("Embree".as_ref(), "start threads", &error))?;
     // The system still counts a thread for some microseconds after its end.
     for _ in 0..100 {
-        if count == 0 || process::threads() <= before {
+        if count == 0 || counted() <= before {
             break;
         }
         std::thread::sleep(Duration::from_micros(100));
