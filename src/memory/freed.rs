@@ -33,9 +33,9 @@ pub fn return_large_arrays() {
 /// With a limit of address space, lets the arenas of the allocator take about an eighth of it. Call
 /// it before other threads start.
 ///
-/// An arena reserves 64 MiB of addresses. Threads have one each, up to 8 for each processor. Threads
-/// that share an arena allocate one after another. Does nothing if the user limits the arenas, or
-/// unless the C library is glibc on Linux.
+/// An arena reserves 64 MiB of addresses. Threads have one each, up to 8 for each processor.
+/// Threads that share an arena allocate one after another. Does nothing if the user limits the
+/// arenas, or unless the C library is glibc on Linux.
 pub fn limit_arenas() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     if let (Some(left), None, None) = (
