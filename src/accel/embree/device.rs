@@ -6,7 +6,6 @@ use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
@@ -131,11 +130,11 @@ fn ensure_workers_start(count: usize) -> Result<()> {
     })
     .map_err(|error| Error::io("Embree".as_ref(), "start threads", &error))?;
     // The system still counts a thread for some microseconds after its end.
-    for _ in 0..100 {
+    for _ in 0..200 {
         if count == 0 || counted() <= before {
             break;
         }
-        std::thread::sleep(Duration::from_micros(100));
+        std::thread::yield_now();
     }
     Ok(())
 }
