@@ -22,7 +22,7 @@ pub fn kib(file: &Path, key: &str) -> Option<u64> {
     number(file, key)?.checked_mul(1024)
 }
 
-/// Returns the number after `key`.
+/// Returns the number after `key` in a file of `/proc`.
 pub fn number(file: &Path, key: &str) -> Option<u64> {
     let text = read_to_string(file).unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix(key));

@@ -28,8 +28,8 @@ use super::{scene, sheet};
 /// more than once.
 pub fn inputs(job: &Job, monitor: &Monitor) -> Result<FileSet> {
     // Meshes with the same settings have the same studio, whose files are found once.
-    let mut meshes = job.inputs.iter().filter(|input| studio::is_mesh(&input.path));
-    let first = meshes.find_map(|input| Some((input, files_of_scene(job, input)?)));
+    let first = job.inputs.iter().find(|input| studio::is_mesh(&input.path));
+    let first = first.and_then(|input| Some((input, files_of_scene(job, input)?)));
     let named = parallel::map(job.inputs.iter(), |input| {
         if monitor.stopped() {
             return Sources::default();

@@ -196,6 +196,20 @@ mod tests {
     }
 
     #[test]
+    fn the_part_in_the_frame_lies_in_the_data_window() {
+        let in_frame = |overscan, window| {
+            let film = Film::new([4, 3], Window::full(4, 3)).unwrap();
+            Film { overscan, window, ..film }.in_frame()
+        };
+        let window = |x0, y0, x1, y1| Window { x0, y0, x1, y1 };
+        assert_eq!(in_frame(0, Window::full(4, 3)), Window::full(4, 3));
+        assert_eq!(in_frame(0, window(1, 1, 3, 2)), Window::full(2, 1), "a crop");
+        assert_eq!(in_frame(2, Window::full(8, 7)), window(2, 2, 6, 5));
+        assert_eq!(in_frame(2, window(3, 0, 8, 4)), window(0, 2, 3, 4), "a part of it");
+        assert_eq!(in_frame(2, window(0, 0, 2, 7)), Window::full(2, 7), "none of it");
+    }
+
+    #[test]
     fn a_film_with_fewer_values_than_pixels_is_refused() {
         let film = || Film::new([4, 3], Window::full(4, 3)).unwrap();
         assert!(film().check().is_ok());

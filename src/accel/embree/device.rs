@@ -1,6 +1,5 @@
 //! Loads the Embree library and owns a device: version, errors and memory.
 
-use std::alloc::{Layout, alloc};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::Path;
 use std::ptr::NonNull;
@@ -343,24 +342,9 @@ unsafe extern "C" fn on_error(watch: *mut c_void, code: Enum, text: *const c_cha
         // SAFETY: Embree passes a NUL-terminated string.
         unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
     };
-    if text.contains("pthread_create") {
-        end_without_worker();
-    }
     if let Ok(mut last) = watch.last_error.lock() {
         last.get_or_insert((code, text));
     }
-}
-
-/// Ends the process at once, as a failed allocation does: TBB could not start a worker.
-///
-/// TBB still holds the task for the worker, which refers to the call of `rtcCommitScene` that has
-/// failed. Another worker may run it, and the release of the scene would abort.
-fn end_without_worker() -> ! {
-    let all = Layout::from_size_align(isize::MAX as usize, 1).unwrap_or(Layout::new::<u8>());
-    // The program's allocator remembers that an allocation of this thread has failed.
-    // SAFETY: the layout has a size. Nothing uses the memory, which no system has.
-    std::hint::black_box(unsafe { alloc(all) });
-    std::process::abort()
 }
 
 unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) -> bool {

@@ -72,7 +72,7 @@ fn a_batch_with_embree_ends_at_any_limit() {
         scratch.write(name, PYRAMID);
         args.push(name);
     }
-    for mib in (390..960).step_by(30) {
+    for mib in (60..960).step_by(30) {
         let limits = format!("-t 60 && ulimit -v {}", mib << 10);
         let done = limited(&scratch, &limits, &args);
         ended(&done, &[0, 3], &format!("{mib} MiB"));
