@@ -76,7 +76,8 @@ docs: setup ## the API documentation, no warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
 
 # Not `install: build`, and no rule that builds: `sudo make install` must not compile as root.
-install: $(BINARY) ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
+install: ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
+	@[ -x "$(BINARY)" ] || { echo 'found no $(BINARY): run `make build` first, or set BINARY=PROGRAM' >&2; exit 2; }
 	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
@@ -84,9 +85,6 @@ dist: build ## a .deb and a relocatable tarball in target/dist/
 
 portable: build ## static programs for x86-64 and aarch64, one for glibc 2.28, their SBOM and sums, in target/dist/
 	scripts/portable.sh
-
-$(BINARY):
-	@echo 'found no $@: run `make build` first, or set BINARY=PROGRAM' >&2; exit 2
 
 clean: ## remove compiled and rendered files (not vendor/)
 	cargo clean

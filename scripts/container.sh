@@ -23,10 +23,12 @@ done
 # Keeps images in the scratch folder. `chroot` needs no other rights than those of root.
 image() { buildah --root "$scratch/store" --runroot "$scratch/run" --storage-driver vfs "$@"; }
 
-# A context of only the files that the Containerfile names.
+# A context of only the files that the Containerfile names, with the modes that they have under umask 077.
 context=$scratch/context
-install -D -t "$context/target/${static%/*}" "$target/$static"
-cp LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt "$context"
+install -D -m 700 -t "$context/target/${static%/*}" "$target/$static"
+install -m 600 -t "$context" LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt
+size=$(du -sb "$context" | cut -f 1)
+[ "$size" -lt 60000000 ] || die "the image would have $size bytes"
 image build --quiet --isolation chroot --file Containerfile --tag lightpath "$context" >/dev/null
 say "$(image images --format '{{.Size}}' lightpath)"
 container=$(image from lightpath)

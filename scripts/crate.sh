@@ -17,11 +17,15 @@ say() { printf 'crate: %s\n' "$*"; }
 cargo package --quiet --locked --no-verify --allow-dirty --target-dir "$scratch/target"
 crate=$scratch/lightpath-$version
 tar -xf "$scratch/target/package/lightpath-$version.crate" -C "$scratch"
-say "$(find "$crate" -type f | wc -l) files, $(du -sk "$crate" | cut -f 1) KiB"
+size=$(stat -c %s "$scratch/target/package/lightpath-$version.crate")
+say "$(find "$crate" -type f | wc -l) files, $size bytes packed"
+[ "$size" -lt 10000000 ] || { say "crates.io takes no more than 10 MB" >&2; exit 1; }
 if [ "${1:-}" = check ]; then
     # Cargo lists them behind the program's name, and with them what build.rs looks at: the repository's
     # commit and the library of Embree, which a crate has not. It rewrites Cargo.toml in a crate.
-    files=$(sed "s|^[^:]*:||; s| /|\n/|g" "$built.d" | sed -n "s|^$PWD/||p" | sed '/^\.git\//d; /^vendor\//d')
+    # Its spaces within names follow a backslash.
+    folder=$(printf %s "$PWD" | tr ' ' '\001')
+    files=$(sed 's|\\ |\x01|g; s|^[^:]*:||; s| /|\n/|g' "$built.d" | sed -n "s|^$folder/||p" | sed '/^\.git\//d; /^vendor\//d')
     count=$(echo "$files" | wc -w)
     [ "$count" -gt 500 ] || { say "found too few files in $built.d"; exit 1; }
     mv "$crate/Cargo.toml.orig" "$crate/Cargo.toml"

@@ -9,15 +9,14 @@
 #
 # With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. With EMBREE_DIR,
 # EMBREE must say whose Embree they contain: EMBREE=$EMBREE_DIR/lib. Both are made with `make install`. The
-# same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0 (fast) to 9. Needs dpkg-deb
-# and xz.
+# same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0 (fast) to 9. Needs xz;
+# without dpkg-deb there is no .deb. SHA256SUMS is of all files in the folder.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
 
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 machine=$(uname -m)
-architecture=$(dpkg --print-architecture)
 dist=${CARGO_TARGET_DIR:-target}/dist
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
 export SOURCE_DATE_EPOCH
@@ -40,8 +39,19 @@ installed_size() { find "$1" -type f -printf '%s\n' | awk '{ sum += int(($1 + 10
 same_times() { find "$1" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +; }
 
 # --------------------------------------------------------------------------------------------------
+# The folder
+
+scripts/folder.sh "$dist" "lightpath-$version-$machine-linux" "${EMBREE:-vendor/embree}"
+
+# --------------------------------------------------------------------------------------------------
 # The package
 
+if ! command -v dpkg-deb >/dev/null; then
+    say "no .deb: this system has no dpkg-deb"
+    scripts/sums.sh "$dist"
+    exit
+fi
+architecture=$(dpkg --print-architecture)
 deb=$stage/deb
 install_to "$deb" /usr
 # Where Debian's zsh looks. Other systems have site-functions.
@@ -92,8 +102,4 @@ same_times "$deb"
 package=$dist/lightpath_${version}_$architecture.deb
 dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
-
-# --------------------------------------------------------------------------------------------------
-# The folder
-
-scripts/folder.sh "$dist" "lightpath-$version-$machine-linux" "${EMBREE:-vendor/embree}"
+scripts/sums.sh "$dist"

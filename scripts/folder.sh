@@ -5,6 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export LC_ALL=C
+command -v xz >/dev/null || { echo 'dist: found no xz: install xz-utils' >&2; exit 2; }
 
 dist=$1
 name=$2
@@ -17,6 +18,7 @@ trap 'rm -rf "$stage" "$part"' EXIT
 umask 022
 mkdir -p "$dist"
 make --no-print-directory install DESTDIR="$stage/$name" PREFIX= EMBREE="$embree" >/dev/null
+install -m 644 -t "$stage/$name/share/doc/lightpath" CHANGELOG.md
 tar -C "$stage" --sort=name --mtime="@$SOURCE_DATE_EPOCH" --owner=0 --group=0 --numeric-owner -cf - "$name" |
     xz "-${XZ_LEVEL:-6}" -T2 --block-size=16MiB >"$part"
 mv "$part" "$dist/$name.tar.xz"

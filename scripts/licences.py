@@ -53,10 +53,10 @@ def cargo(*arguments):
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, encoding="utf-8").stdout
 
 
-def crates():
+def crates(manifests=("Cargo.toml", "python/Cargo.toml")):
     """Returns the packages, as `cargo metadata` describes them, by (name, version)."""
     found = {}
-    for manifest in ("Cargo.toml", "python/Cargo.toml"):
+    for manifest in manifests:
         every = json.loads(cargo("metadata", "--format-version", "1", "--manifest-path", manifest))["packages"]
         every = {(package["name"], package["version"]): package for package in every}
         for target in TARGETS:

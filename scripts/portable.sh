@@ -4,7 +4,7 @@
 #   lightpath-VERSION-x86_64-linux-glibc2.28.tar.xz   with the Embree of vendor/embree, if it is there
 #   lightpath-VERSION-x86_64-linux-static.tar.xz      needs nothing; `bvh` is inside, Embree is not
 #   lightpath-VERSION-aarch64-linux-static.tar.xz     the same for 64-bit ARM
-#   lightpath-VERSION.cdx.json                        their dependencies (CycloneDX)
+#   lightpath-VERSION.cdx.json                        what they and those of `make dist` contain (CycloneDX)
 #   SHA256SUMS                                        of everything in the folder
 #
 # Zig compiles the C parts and links: it has the C libraries of all these systems. It comes from PyPI into
@@ -36,7 +36,12 @@ build() {
     local triple=$1 name=lightpath-$version-$2 embree=$3
     rustup target add "${triple%.2.28}"
     cargo zigbuild --locked --release --bin lightpath --target "$triple" --target-dir "$target" "${@:4}"
-    BINARY=$target/${triple%.2.28}/release/lightpath SPEAKER=$target/release/lightpath \
+    local program=$target/${triple%.2.28}/release/lightpath
+    local newest
+    newest=$(grep -ao 'GLIBC_2\.[0-9]*' "$program" | sort -uV | tail -n 1 || true)
+    [ "$(printf '%s\n' "$newest" GLIBC_2.28 | sort -V | tail -n 1)" = GLIBC_2.28 ] ||
+        { echo "portable: $program needs $newest" >&2; exit 1; }
+    BINARY=$program SPEAKER=$target/release/lightpath \
         scripts/folder.sh "$dist" "$name" "$embree"
 }
 build x86_64-unknown-linux-gnu.2.28 x86_64-linux-glibc2.28 vendor/embree
@@ -48,24 +53,10 @@ unset CARGO_ENCODED_RUSTFLAGS CFLAGS
     echo "portable: installing cargo-cyclonedx from crates.io into $tools"
     cargo install --quiet --locked --root "$tools" cargo-cyclonedx@0.5.7
 }
-cargo cyclonedx --quiet --format json --override-filename sbom --target x86_64-unknown-linux-gnu
+cargo cyclonedx --quiet --format json --override-filename sbom --target all
 # It writes one for every package.
 rm -f python/sbom.json tests/reference/sbom.json
-# Of one commit the same bytes: without the folder, the day and the random number of this run.
-python3 - "$PWD" sbom.json "$dist/lightpath-$version.cdx.json" <<'END'
-import json, os, sys, time
-folder, found, clean = sys.argv[1:]
-with open(found) as file:
-    bom = json.loads(file.read().replace("path+file://" + folder, "path+file:///lightpath"))
-del bom["serialNumber"]
-epoch = int(os.environ["SOURCE_DATE_EPOCH"])
-bom["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(epoch))
-with open(clean, "w") as file:
-    json.dump(bom, file, indent=2)
-os.remove(found)
-END
+scripts/sbom.py sbom.json "$dist/lightpath-$version.cdx.json"
+rm sbom.json
 
-cd "$dist"
-rm -f SHA256SUMS
-sums=$(sha256sum -- *)
-printf '%s\n' "$sums" | tee SHA256SUMS
+scripts/sums.sh "$dist"

@@ -55,6 +55,8 @@ wheel)
     own=$(uname -m) machine=${MACHINE:-$(uname -m)} wheels=$target/wheels
     if [ "$machine" != "$own" ]; then
         wheels=$target/wheels-$machine
+        command -v rustup >/dev/null ||
+            { echo "python: found no rustup, which installs Rust's libraries for $machine: https://rustup.rs" >&2; exit 2; }
         rustup target add "$machine-unknown-linux-gnu"
     fi
     rm -rf "$wheels"
