@@ -15,21 +15,12 @@ export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 dist=$target/dist
-: "${SOURCE_DATE_EPOCH:=$(git log -1 --format=%ct 2>/dev/null || date +%s)}"
-export SOURCE_DATE_EPOCH
 
 # shellcheck source=scripts/zig.sh
 . scripts/zig.sh
 
-# The programs must not contain paths of this machine. These may have spaces: the C flags are quoted, and Rust's
-# are separated by the byte 31.
-registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
-sysroot=$(rustc --print sysroot)
-maps=("$PWD=." "$registry=registry" "$target=target")
-export CC_SHELL_ESCAPED_FLAGS=1
-CFLAGS=$(printf "'-ffile-prefix-map=%s' " "${maps[@]}")
-CARGO_ENCODED_RUSTFLAGS=$(printf -- '--remap-path-prefix=%s\x1f' "${maps[@]}")--remap-path-prefix=$sysroot=rust
-export CFLAGS CARGO_ENCODED_RUSTFLAGS
+# shellcheck source=scripts/remap.sh
+. scripts/remap.sh
 
 # build TARGET NAME EMBREE FLAG...
 build() {

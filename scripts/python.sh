@@ -59,6 +59,8 @@ wheel)
             { echo "python: found no rustup, which installs Rust's libraries for $machine: https://rustup.rs" >&2; exit 2; }
         rustup target add "$machine-unknown-linux-gnu"
     fi
+    # shellcheck source=scripts/remap.sh
+    . scripts/remap.sh
     rm -rf "$wheels"
     PATH=$builder/bin:$PATH "$builder/bin/maturin" build --release --locked --zig \
         --target "$machine-unknown-linux-gnu" --compatibility "${COMPATIBILITY:-manylinux_2_28}" \

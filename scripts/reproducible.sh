@@ -2,9 +2,13 @@
 # Makes the packages of HEAD twice and compares their bytes. The two builds differ in the folder, the
 # umask, the time zone, the language, the file system of temporary files, and the day, for which
 # `faketime` is needed (apt-get install faketime). By hand: two whole builds, some 5 minutes each.
+#
+# reproducible.sh all   the packages of `make portable` and the wheel, too: some 15 minutes each. The wheel is made on
+#                       the same day, as pip refuses the certificates of another.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source=$PWD
+what=${1:-dist}
 commit=$(git rev-parse HEAD)
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
 unset CARGO_TARGET_DIR SOURCE_DATE_EPOCH RUSTFLAGS EMBREE_DIR
@@ -29,12 +33,19 @@ packages() (
     say "$(faketime -f "$2" date +%F), $PWD"
     faketime -f "$2" cargo build --quiet --locked --release
     faketime -f "$2" scripts/dist.sh
+    [ "$what" = all ] || return 0
+    scripts/python.sh wheel
+    # shellcheck source=scripts/zig.sh
+    . scripts/zig.sh
+    cp "$source/target/portable-tools/bin/cargo-cyclonedx" target/portable-tools/bin
+    faketime -f "$2" scripts/portable.sh
 )
 (umask 022 && packages "$scratch/one" +0 LC_ALL=C TZ=UTC)
 (umask 077 && packages "$scratch/some/other/folder" +40d LC_ALL=C.UTF-8 TZ=Pacific/Auckland TMPDIR=/dev/shm)
 
 same=0
-for file in "$scratch/one/target/release/lightpath" "$scratch/one"/target/dist/*; do
+shopt -s nullglob
+for file in "$scratch/one/target/release/lightpath" "$scratch/one"/target/{dist,wheels}/*; do
     other=$scratch/some/other/folder/${file#"$scratch/one/"}
     if cmp "$file" "$other"; then
         say "the same $(stat -c %s "$file") bytes: ${file##*/}, SHA-256 $(sha256sum "$file" | cut -c 1-16)"
