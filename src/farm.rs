@@ -124,7 +124,6 @@ impl Slurm {
 
     fn options(&self, suffix: &str, log: &str, more: &[String]) -> Vec<String> {
         let mut words = vec!["--parsable".to_string(), format!("--job-name={}{suffix}", self.name)];
-        words.extend_from_slice(more);
         words.push("--requeue".to_string());
         words.push(format!("--cpus-per-task={}", self.cpus));
         words.push(format!("--mem={}M", self.memory_mib));
@@ -137,6 +136,9 @@ impl Slurm {
         // one percent sign.
         words.push(format!("--output={}/slurm/{log}.log", self.folder.replace('%', "%%")));
         words.extend_from_slice(&self.options);
+        // Of two equal options sbatch takes the last. The sheet waits for the frames, whatever these
+        // wait for.
+        words.extend_from_slice(more);
         words
     }
 }

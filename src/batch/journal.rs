@@ -66,7 +66,7 @@ pub enum JournalRecord {
         rendered: u64,
         /// Number of existing frames that were kept.
         kept: u64,
-        /// Number of failures: inputs and single frames.
+        /// Number of frames that failed.
         failed: u64,
         /// Number of the signal that stopped the run.
         signal: Option<i32>,

@@ -32,7 +32,7 @@ pub use flags::Flags;
 pub use job::{Job, without_mesh};
 pub use journal::{FrameRecord, JournalRecord};
 pub use outputs::{
-    refuse_files, refuse_foreign_sheet, refuse_photographs, refuse_sheet, task_files,
+    check_lengths, refuse_files, refuse_foreign_sheet, refuse_photographs, refuse_sheet, task_files,
 };
 pub use places::Places;
 pub use scene::{check_settings, predict};
@@ -90,7 +90,7 @@ pub fn run(
         time: now(),
         rendered: outcome.rendered,
         kept: outcome.kept,
-        failed: outcome.failures.len() as u64,
+        failed: status.failed.load(Relaxed),
         signal: outcome.signal,
     });
     // After a fatal error, such as a full disk, the failures are more telling.

@@ -82,6 +82,18 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
     checked.into_iter().collect()
 }
 
+/// Refuses frames whose names are too long, as [`refuse`] does.
+///
+/// # Errors
+/// The first such frame.
+pub fn check_lengths(job: &Job, tasks: &[Task]) -> Result<()> {
+    let checked = parallel::map(tasks.iter(), |task| {
+        let mut files = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
+        files.try_for_each(|file| atomic::check_length(&file))
+    });
+    checked.into_iter().collect()
+}
+
 /// Refuses frames of a list of cameras that would overwrite a picture that no batch has rendered.
 /// They are named after photographs, which the job need not read: only the folder tells the two
 /// apart.

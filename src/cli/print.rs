@@ -113,7 +113,7 @@ pub fn path_lines(paths: &[PathBuf]) -> Vec<u8> {
         // Bytes, because a name need not be valid UTF-8.
         let name = path.as_os_str().as_encoded_bytes();
         // Render farms read a line that begins with such a prefix as a command.
-        if name.starts_with(b"openjd_") || name.starts_with(b"ALF_") {
+        if [&b"openjd_"[..], b"ALF_", b"TR_"].iter().any(|prefix| name.starts_with(prefix)) {
             lines.extend_from_slice(b"./");
         }
         lines.extend_from_slice(name);

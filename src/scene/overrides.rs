@@ -15,7 +15,7 @@ impl Document {
     /// also to a missing array. A `target` of the camera replaces its `lookat`, and the reverse.
     ///
     /// # Errors
-    /// - A text without `=`, or a pointer without a leading `/`.
+    /// - A text without `=`, or a pointer without a leading `/` or with an unknown escape.
     /// - A pointer of more steps than a scene may have levels.
     /// - A pointer below a value that is neither an object nor an array.
     /// - A pointer to an array index that does not exist.
@@ -30,6 +30,10 @@ impl Document {
             let problem =
                 complain("found a pointer without a leading `/`, expected /json/pointer=VALUE");
             return Err(problem.help(format!("write --set /{}", shown(assignment))));
+        }
+        if pointer.split('~').skip(1).any(|rest| !rest.starts_with(['0', '1'])) {
+            let problem = complain("found `~` without 0 or 1 behind it, expected a JSON pointer");
+            return Err(problem.help("`~0` stands for `~`, `~1` for `/`"));
         }
         let steps: Vec<String> = tokens(pointer).collect();
         if steps.len() > MAX_DEPTH {

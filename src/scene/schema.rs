@@ -99,11 +99,16 @@ fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     }
 }
 
-/// Removes `null` from a type. The generator writes `Option` as "or null", but in the format an
+/// Removes `null` from a type, its values and its default. The generator writes `Option` as "or null", but in the format an
 /// optional key is left out and never `null`.
 fn drop_null(map: &mut Map<String, Value>) {
-    if map.get("default") == Some(&Value::Null) {
-        map.remove("default");
+    match map.get_mut("default") {
+        Some(Value::Null) => drop(map.remove("default")),
+        Some(Value::Object(members)) => members.retain(|_, member| !member.is_null()),
+        _ => {}
+    }
+    if let Some(Value::Array(values)) = map.get_mut("enum") {
+        values.retain(|value| !value.is_null());
     }
     if let Some(Value::Array(types)) = map.get("type") {
         let kept = types.iter().find(|t| **t != json!("null")).cloned();

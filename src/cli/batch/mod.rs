@@ -377,6 +377,7 @@ fn set_output(file: &mut JobFile, output: Option<&Path>) -> Result<()> {
 /// Prints the frames of a run, one JSON object per line.
 fn list(job: &Job, args: &BatchArgs) -> Result<()> {
     let tasks = batch::tasks(job.inputs.len(), job.frames(), args.frames.range.as_ref())?;
+    batch::check_lengths(job, &tasks)?;
     batch::refuse_photographs(job, &tasks)?;
     for task in tasks {
         let files = batch::task_files(job, &task);

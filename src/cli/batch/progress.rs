@@ -38,10 +38,12 @@ pub fn meter(status: &Arc<Status>) -> impl FnMut() -> Reading + Send + use<> {
             // Unit: a thousandth of a frame.
             done: (1000.0 * settled) as u64,
             total: 1000 * total,
-            overall: match status.settled() >= total {
-                true => 1.0,
+            overall: match status.settled() {
+                // An empty batch is one that has not started.
+                _ if total == 0 => 0.0,
+                all if all >= total => 1.0,
                 // Stays below 100% until the files of the last frame have their final names.
-                false => (settled / total as f64).min(0.99),
+                _ => (settled / total as f64).min(0.99),
             },
             message,
             json: json!({

@@ -179,7 +179,7 @@ pub fn json(
     json!({
         "image": path(&args.test),
         "reference": path(&args.reference),
-        "tonemap": { "operator": curve(found), "exposure": found.tonemap.exposure },
+        "tonemap": { "operator": found.tonemap.operator, "exposure": found.tonemap.exposure },
         "layers": found.layers.iter().map(layer).collect::<Vec<_>>(),
         "only_in_image": alone,
         "only_in_reference": missing,

@@ -267,7 +267,7 @@ pub fn csv(report: &StudyReport) -> String {
             p.samples,
             p.seconds.len(),
             p.median_s,
-            p.mad_s,
+            if p.seconds.len() > 1 { p.mad_s.to_string() } else { String::new() },
             p.rays,
             estimates.join(","),
             p.at_floor,

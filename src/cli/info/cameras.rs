@@ -88,9 +88,10 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
         for (primitive, ..) in counts.seen() {
             let Some(area) = areas.get(primitive as usize) else { continue };
             coverage.faces += 1;
-            coverage.area += area / whole;
+            coverage.area += area;
             seen_by_any[primitive as usize] = true;
         }
+        coverage.area = (coverage.area / whole).min(1.0);
         seen.push(coverage);
         cameras.push(scene.camera);
     }
@@ -98,7 +99,8 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     spread(&cameras, facts);
     distances(&cameras, &loaded, facts);
     let pairs = seen_by_any.iter().zip(&areas).filter(|(seen, _)| **seen);
-    let (any, any_area) = pairs.fold((0, 0.0), |(n, sum), (_, area)| (n + 1, sum + area / whole));
+    let (any, any_area) = pairs.fold((0, 0.0), |(n, sum), (_, area)| (n + 1, sum + area));
+    let any_area = (any_area / whole).min(1.0);
     let line = format!(
         "seen by any camera: {:.1}% of the faces, {:.1}% of the area",
         100.0 * of_faces(any),

@@ -5,6 +5,7 @@
 //! after an invalid one, and all errors are reported at the end.
 
 pub mod args;
+mod attributes;
 mod cameras;
 mod facts;
 mod scene;
@@ -13,8 +14,8 @@ use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
+use ::exr::compression::Compression;
 use ::exr::meta::MetaData;
-use ::exr::meta::attribute::AttributeValue;
 use ::exr::meta::header::Header;
 use serde_json::{Map, Value, json};
 
@@ -23,7 +24,6 @@ use crate::error::{Error, Failures, Problem, Result};
 use crate::film::Window;
 use crate::memory::{self, Prediction};
 use crate::monitor::Monitor;
-use crate::output::exr::text::decode;
 use crate::output::exr_check::{check_whole, exr_error};
 use crate::scene::{Backend, Overrides};
 use crate::studio::{self, Appearance, Studio, Subject, Template, UsedVertices};
@@ -289,7 +289,7 @@ fn part(header: &Header, facts: &mut Facts) -> Value {
         size.y(),
         data.x(),
         data.y(),
-        header.compression,
+        compression(header.compression),
         header.line_order
     ));
     let own = &header.own_attributes;
@@ -301,51 +301,34 @@ fn part(header: &Header, facts: &mut Facts) -> Value {
         .collect();
     let names: Vec<String> = channels.iter().map(|[name, kind]| format!("{name} {kind}")).collect();
     facts.lines.push(format!("channels: {}", names.join(", ")));
-    let mut attributes: Map<String, Value> = Map::new();
-    if let Some(software) = &header.own_attributes.software_name {
-        attributes.insert("software".into(), software.to_string().into());
-    }
-    let mut numbers = |name: &str, values: &[f32]| {
-        let values: Vec<String> = values.iter().map(f32::to_string).collect();
-        attributes.insert(name.into(), values.join(" ").into());
-    };
-    if let Some(c) = &header.shared_attributes.chromaticities {
-        let [r, g, b, w] = [c.red, c.green, c.blue, c.white].map(|c| [c.x(), c.y()]);
-        numbers("chromaticities", [r, g, b, w].as_flattened());
-    }
-    numbers("pixelAspectRatio", &[header.shared_attributes.pixel_aspect]);
-    let center = own.screen_window_center;
-    numbers("screenWindowCenter", &[center.x(), center.y()]);
-    numbers("screenWindowWidth", &[own.screen_window_width]);
-    if let Some(matrix) = &own.world_to_camera {
-        numbers("worldToCamera", matrix);
-    }
-    if let Some(matrix) = &own.world_to_normalized_device {
-        numbers("worldToNDC", matrix);
-    }
-    if let Some((above, below)) = own.frames_per_second {
-        attributes.insert("framesPerSecond".into(), format!("{above}/{below}").into());
-    }
-    let mut others: Vec<_> = own.other.iter().collect();
-    others.sort_by_key(|(name, _)| name.to_string());
-    for (name, value) in others {
-        let text = match value {
-            AttributeValue::Text(text) => decode(text),
-            AttributeValue::I32(number) => number.to_string(),
-            AttributeValue::F32(number) => number.to_string(),
-            other => format!("{other:?}"),
-        };
-        attributes.insert(name.to_string(), text.into());
-    }
-    for (name, value) in &attributes {
-        facts.lines.push(format!("{name}: {}", value.as_str().unwrap_or_default()));
-    }
+    let attributes = attributes::attributes(header);
+    facts.lines.extend(attributes.iter().map(|(name, text)| format!("{name}: {text}")));
+    let attributes: Map<String, Value> =
+        attributes.into_iter().map(|(name, text)| (name, text.into())).collect();
     json!({
         "name": name,
         "display_window": [display.position.x(), display.position.y(), display.size.x(), display.size.y()],
         "data_window": [data.x(), data.y(), size.x(), size.y()],
-        "compression": header.compression.to_string(),
+        "compression": compression(header.compression),
         "channels": channels,
         "attributes": attributes,
     })
+}
+
+/// Returns the name of a method, as `--compression` and OpenEXR's tools have it.
+fn compression(method: Compression) -> &'static str {
+    match method {
+        Compression::Uncompressed => "none",
+        Compression::RLE => "rle",
+        Compression::ZIP1 => "zips",
+        Compression::ZIP16 => "zip",
+        Compression::PIZ => "piz",
+        Compression::PXR24 => "pxr24",
+        Compression::B44 => "b44",
+        Compression::B44A => "b44a",
+        Compression::DWAA(_) => "dwaa",
+        Compression::DWAB(_) => "dwab",
+        Compression::HTJ2K32 => "htj2k32",
+        Compression::HTJ2K256 => "htj2k256",
+    }
 }

@@ -106,7 +106,9 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         .map(|(name, text)| (folder.join(name), text));
     // Before any mesh is opened: opening a pipe waits for its writer.
     batch::refuse_files(&job, scripts.iter().map(|(path, _)| path.clone()))?;
-    batch::refuse_photographs(&job, &batch::tasks(job.inputs.len(), job.frames(), None)?)?;
+    let tasks = batch::tasks(job.inputs.len(), job.frames(), None)?;
+    batch::check_lengths(&job, &tasks)?;
+    batch::refuse_photographs(&job, &tasks)?;
     batch::refuse_foreign_sheet(&job)?;
     let slurm = plan(args, &job, &limits, &program)?;
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
@@ -244,21 +246,26 @@ const SHORT_FLAGS: &str = "HOQVWhksuv";
 ///
 /// # Errors
 /// A word that it would take for the script: one without dashes that is not the value of the option
-/// before it, or any after `--`. A last option that would take the script for its value.
+/// before it. `--`. Another array. A last option that would take what follows for its value.
 fn check_options(words: &[String]) -> Result<()> {
     let refused = |word: &String, expected: &str| {
         let message = format!("found {word:?}, expected {expected}");
         Err(Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu"))
     };
-    let (mut takes_value, mut no_more_options) = (false, false);
+    // Own options follow, which `--` would end. Of two arrays sbatch would take the own.
+    if let Some(word) = words.iter().find(|word| *word == "--") {
+        return refused(word, "an option of sbatch");
+    }
+    let is_array = |word: &&String| word.starts_with("--array") || word.starts_with("-a");
+    if let Some(word) = words.iter().find(is_array) {
+        return refused(word, "another option: the tasks of the array are the chunks of frames");
+    }
+    let mut takes_value = false;
     let script = words.iter().find(|word| {
-        let is_value = std::mem::take(&mut takes_value);
-        if is_value || no_more_options {
-            return !is_value;
+        if std::mem::take(&mut takes_value) {
+            return false;
         }
-        no_more_options = *word == "--";
         takes_value = match (word.strip_prefix("--"), word.strip_prefix('-')) {
-            (Some(""), _) => false,
             (Some(name), _) => !name.contains('=') && !FLAGS.split(' ').any(|flag| flag == name),
             (None, None | Some("")) => return true,
             // The rest of the word after such a letter is its value.
@@ -338,13 +345,15 @@ fn absolute(path: &Path) -> Result<String> {
 
 /// Messages of sbatch if the controller does not answer (Slurm's `slurm_errno.c`). Submitting again
 /// may then help.
-const UNREACHABLE: [&str; 6] = [
+const UNREACHABLE: [&str; 8] = [
     "Unable to contact slurm controller",
     "Communication connection failure",
     "Socket timed out on send/recv operation",
     "Zero Bytes were transmitted or received",
     "Slurm backup controller in standby mode",
     "Connection refused",
+    "DNS SRV lookup failed",
+    "Could not establish a configuration source",
 ];
 
 /// Submits a job to Slurm and returns its id.

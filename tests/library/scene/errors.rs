@@ -364,6 +364,9 @@ fn lights_and_materials_and_files() {
 fn bad_overrides() {
     says(set(&["camera"]), &["--set camera: found no `=`"]);
     says(set(&["camera/fov=3"]), &["without a leading `/`", "--set /camera/fov=3"]);
+    for pointer in ["/scene/materials/a~2b={}", "/scene/materials/a~={}"] {
+        says(set(&[pointer]), &["found `~` without 0 or 1", "`~0` stands for `~`"]);
+    }
     says(set(&["/scene/shapes/7=3"]), &["found the index `7` into /scene/shapes, an array of 1"]);
     says(set(&["/scene/shapes/00=3"]), &["found the index `00`"]);
     says(set(&["/camera/fov/x=3"]), &["found the key `x` below /camera/fov"]);

@@ -677,6 +677,10 @@ fn progress_for_farms() {
     assert!(openjd.contains("openjd_status: frames 12 of 12"), "{openjd}");
     let said = percents(&run("alf", &[]).0, "ALF_PROGRESS ", "%");
     assert!(said.is_sorted() && said.last() == Some(&100));
+    // A batch that cannot begin has done nothing.
+    let beyond = ["scans", "-o", "out", "--range", "0..4", "--no-sheet", "--progress", "alf"];
+    let done = batch(&scratch, &beyond);
+    assert_eq!((done.code(), done.stdout().as_str()), (2, "ALF_PROGRESS 0%\n"));
     assert!(run("json", &[]).1.contains("framed "));
     // Beside `--quiet`, a program reads nothing but JSON.
     let said = run("json", &["--quiet"]).1;

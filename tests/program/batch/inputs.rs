@@ -142,8 +142,15 @@ fn another_try_may_cure_an_error_of_the_device() {
     }
     // A face of a missing vertex needs another file.
     scratch.write("bad.ply", &PYRAMID.replace("3 3 0 4", "3 3 0 9"));
-    let done = scratch.run(&[&["batch", "a.ply", "bad.ply", "--no-sheet"], &SMALL[..]].concat());
+    scratch.write("b.ply", PYRAMID);
+    let turntable = ["batch", "b.ply", "bad.ply", "--turntable", "3", "-o", "out", "--no-sheet"];
+    let done = scratch.run(&[&turntable[..], &SMALL].concat());
     assert_eq!(done.code(), 1, "{}", done.stderr());
+    // The frames of the bad mesh count, as they do in the progress of the batch.
+    let journal = String::from_utf8(scratch.read("out/batch.jsonl")).unwrap();
+    let end: Value = serde_json::from_str(journal.lines().last().unwrap()).unwrap();
+    let counts = ["rendered", "kept", "failed"].map(|key| end[key].as_u64().unwrap());
+    assert_eq!(counts, [3, 0, 3], "{end}");
 }
 
 /// Of each input 200 problems are shown, and every input that failed.

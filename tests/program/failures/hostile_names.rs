@@ -317,6 +317,11 @@ fn names_too_long_for_their_part_files_are_refused_at_once() {
         let said = done.stderr();
         assert!(said.contains("found a file name of 244 bytes, expected at most 241"), "{said}");
         assert!(said.contains("help: choose a shorter name"), "{said}");
+        // Also before the frames are rendered somewhere else.
+        if args[0] == "batch" {
+            let done = scratch.run(&[args, &["--dry-run"], &SMALL[..]].concat());
+            assert_eq!((done.code(), done.stdout().as_str()), (2, ""), "{}", done.stderr());
+        }
         assert!(scratch.names().iter().all(|name| name == &mesh || name == "out"));
     }
     scratch.run(&[&["render", &mesh, "-o", "short"], &SMALL[..]].concat()).good();

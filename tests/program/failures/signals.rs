@@ -224,12 +224,14 @@ fn a_limit_of_file_sizes_is_an_error_and_leaves_nothing() {
     let scratch = scratch();
     // In blocks of 512 or 1024 bytes; the EXR is larger.
     let render = "ulimit -f 4; exec \"$0\" render slow.json -o out/x --size 128x128 --spp 1 --float \
-                  --compression none --quiet";
+                  --compression none --quiet --progress openjd";
     let mut command = Command::new("sh");
     command.args(["-c", render, env!("CARGO_BIN_EXE_lightpath")]).current_dir(scratch.path(""));
     let done = program::Done::of(&mut command);
     assert_eq!(done.code(), 2, "{}", done.stderr());
     assert!(done.stderr().starts_with("error: out/x."), "{}", done.stderr());
+    let said = done.stdout();
+    assert!(said.contains("openjd_progress: 99\n") && !said.contains(": 100\n"), "{said}");
     assert_eq!(names_in(&scratch.path("out")), [""; 0]);
 }
 

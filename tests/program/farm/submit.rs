@@ -364,7 +364,7 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
     }
     assert_eq!(run(&["--sbatch=-p", "--sbatch=cpu", "--sbatch=x"]).code(), 2);
     // Options that take no value, or have theirs in the same word.
-    for first in ["--exclusive", "--hold", "-pcpu", "-H", "-HQ", "-HQpcpu", "--"] {
+    for first in ["--exclusive", "--hold", "-pcpu", "-H", "-HQ", "-HQpcpu"] {
         let first = format!("--sbatch={first}");
         assert_eq!(run(&[&first, "--sbatch=x"]).code(), 2, "{first}");
         assert_eq!(run(&[&first]).code(), 0, "{first}");
@@ -377,12 +377,34 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
         let said = done.stderr();
         assert!(done.code() == 2 && said.contains("expected a value after it"), "{said}");
     }
-    assert_eq!(run(&["--sbatch=--", "--sbatch=-H"]).code(), 2);
+    for word in ["--sbatch=--", "--sbatch=--array=0-3", "--sbatch=-a0-3"] {
+        assert_eq!(run(&[word]).code(), 2, "{word}");
+    }
+}
+
+#[test]
+fn the_sheet_waits_for_the_frames_whatever_these_wait_for() {
+    let scratch = scratch(1);
+    let said = submit(&scratch, &["--sbatch=--dependency=afterok:77"]).good().stdout();
+    let [frames, sheet] = commands(&said).try_into().expect("two commands");
+    // Of two equal options sbatch takes the last.
+    let last = |command: &str| {
+        let words = command.split(' ').filter(|word| word.starts_with("--dependency="));
+        words.last().expect("a dependency").to_string()
+    };
+    assert_eq!(last(&frames), "--dependency=afterok:77", "{said}");
+    assert!(last(&sheet).starts_with("--dependency=afterany:"), "{said}");
 }
 
 #[test]
 fn names_that_slurm_cannot_use_are_refused() {
     let scratch = scratch(1);
+    let long = format!(r#"{{ "inputs": ["a.ply"], "output": {{ "name": "{:x>240}" }} }}"#, "");
+    scratch.write("long.json", &long);
+    let done = scratch.run(&["submit", "slurm", "long.json", "-o", "out", "--dry-run"]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("choose a shorter name"), "{}", done.stderr());
+    assert!(!scratch.path("out").exists());
     for (name, said) in [
         ("a\nb", "a\\nb: found a control character"),
         ("a\u{1b}[2Jb", "found a control character"),
