@@ -389,11 +389,11 @@ fn the_sheet_waits_for_the_frames_whatever_these_wait_for() {
     let [frames, sheet] = commands(&said).try_into().expect("two commands");
     // Of two equal options sbatch takes the last.
     let last = |command: &str| {
-        let words = command.split(' ').filter(|word| word.starts_with("--dependency="));
-        words.last().expect("a dependency").to_string()
+        let found = command.split(' ').rfind(|word| word.starts_with("--dependency="));
+        found.expect("a dependency").to_string()
     };
-    assert_eq!(last(&frames), "--dependency=afterok:77", "{said}");
-    assert!(last(&sheet).starts_with("--dependency=afterany:"), "{said}");
+    assert_eq!(last(frames), "--dependency=afterok:77", "{said}");
+    assert!(last(sheet).starts_with("--dependency=afterany:"), "{said}");
 }
 
 #[test]
