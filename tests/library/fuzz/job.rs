@@ -1,12 +1,21 @@
 //! Reads bytes as a job file in a folder that has a mesh, a scene and a list of cameras. The result
-//! must be an error with a message, or a job whose frames stay in the output folder.
+//! must be an error with a message, or a job whose frames stay in the output folder. Bytes that
+//! begin as a journal does are read as the journal of a batch that has made no frame.
 
+use std::fs;
 use std::path::Path;
 
+use lightpath::batch::sheet;
 use lightpath::batch::{Flags, Job, JobFile, Task, WrittenInput, predict};
 use lightpath::scene::{Document, read_as};
 
 use super::inputs;
+
+/// Begins a journal.
+const EVENT: &[u8] = br#"{"event""#;
+/// The job of the journals.
+const BATCH: &str = r#"{ "inputs": ["a.ply"], "size": [8, 6], "turntable": { "frames": 3 },
+    "output": { "folder": "out" } }"#;
 
 /// Writes the files that a job may name.
 pub fn prepare(folder: &Path) {
@@ -22,13 +31,28 @@ pub fn prepare(folder: &Path) {
     for (name, text) in files {
         inputs::write(&folder.join(name), text.as_bytes());
     }
+    fs::create_dir(folder.join("out")).expect("space for a temporary folder");
 }
 
 /// Runs one input in a prepared folder.
 pub fn run(folder: &Path, text: &[u8]) {
+    if text.starts_with(EVENT) {
+        return journal(folder, text);
+    }
     if let Err(error) = check(folder, text) {
         inputs::check_error(&error);
     }
+}
+
+/// Whatever a journal says, frames without files are missing.
+fn journal(folder: &Path, text: &[u8]) {
+    inputs::write(&folder.join("out/batch.jsonl"), text);
+    let document = Document::parse("job.json", BATCH.as_bytes()).expect("valid JSON");
+    let file = read_as(&document).expect("a valid job file");
+    let job = Job::check(file, folder, Flags::default()).expect("a valid job");
+    let [problems] = &sheet::missing(&job, None)[..] else { panic!("one input") };
+    let said = problems.first().expect("a problem").to_string();
+    assert!(said.contains("all frames are missing"), "{said}");
 }
 
 fn check(folder: &Path, text: &[u8]) -> lightpath::Result<()> {
