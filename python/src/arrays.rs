@@ -1,6 +1,6 @@
 //! Converts numpy arrays to slices, and `Vec`s to numpy arrays.
 
-use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray2};
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
@@ -12,9 +12,12 @@ pub type Triples<'py> = PyReadonlyArray2<'py, f64>;
 /// # Errors
 /// `ValueError` for another number of columns, or an array that is not in C order.
 pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray2<'_, T>) -> PyResult<&'a [[T; 3]]> {
-    let [rows, columns] = *array.as_array().shape() else {
+    let [rows, columns] = *array.shape() else {
         return Err(PyValueError::new_err("expected an array of two dimensions"));
     };
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err("expected an array in C order"));
+    }
     let flat = array.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
     if columns != 3 || flat.len() != rows * 3 {
         return Err(PyValueError::new_err(format!(

@@ -26,7 +26,10 @@ impl<T: Element> Rows<T> {
         let rows = |array: &Bound<'_, PyArray2<T>>| {
             let read: PyReadonlyArray2<'_, T> = array.try_readonly()?;
             let rows = arrays::rows(&read)?;
-            Ok(Self { start: rows.as_ptr(), len: rows.len(), _array: array.clone().into() })
+            // Not from the slice, which is borrowed: Python may write to the array between queries.
+            // An empty array may have no aligned memory.
+            let start = if rows.is_empty() { rows.as_ptr() } else { array.data().cast_const().cast() };
+            Ok(Self { start, len: rows.len(), _array: array.clone().into() })
         };
         Some(rows(array))
     }

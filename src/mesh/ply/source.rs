@@ -330,15 +330,17 @@ mod guard {
         type Plain = extern "C" fn(libc::c_int);
         type Full = extern "C" fn(libc::c_int, *mut libc::siginfo_t, *mut libc::c_void);
         let handler = before.sa_sigaction;
+        // The system knows the function as a number.
+        let function = std::ptr::with_exposed_provenance::<()>(handler);
         // SAFETY: a handler that is neither SIG_DFL nor SIG_IGN is a function, with the signature
         // that SA_SIGINFO tells. The caller vouches for the arguments.
         unsafe {
             if handler == libc::SIG_DFL || handler == libc::SIG_IGN {
                 libc::sigaction(signal, before, std::ptr::null_mut());
             } else if before.sa_flags & libc::SA_SIGINFO != 0 {
-                std::mem::transmute::<usize, Full>(handler)(signal, info, context);
+                std::mem::transmute::<*const (), Full>(function)(signal, info, context);
             } else {
-                std::mem::transmute::<usize, Plain>(handler)(signal);
+                std::mem::transmute::<*const (), Plain>(function)(signal);
             }
         }
     }
