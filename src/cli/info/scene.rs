@@ -119,7 +119,11 @@ fn contents(scene: &Scene, facts: &mut Facts) {
             ShapeKind::Sphere { .. } => 0,
             ShapeKind::Plane { .. } => 1,
             ShapeKind::Triangle { .. } => 2,
-            ShapeKind::Trimesh(_) => 3,
+            ShapeKind::Trimesh(ref mesh) => {
+                // The first copy.
+                counts[4] += usize::from(mesh.transform.is_some());
+                3
+            }
             ShapeKind::Instance { .. } => 4,
         }] += 1;
     }
