@@ -149,6 +149,9 @@ fn a_template_is_framed_with_all_instances() {
     scene["scene"]["shapes"][0]["instances"] = json!([at(-4.0), at(4.0)]);
     scene["scene"]["shapes"].as_array_mut().unwrap().truncate(1);
     let scratch = scratch(&scene);
+    let info = scratch.run(&["info", "s.json", "--json"]).good().stdout();
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    assert_eq!(info["shapes"]["instance"], 2, "{info}");
     let args = ["render", "sheet.ply", "--template", "s.json", "--transparent", "-o", "t"];
     let said = scratch.run(&args).good().stderr();
     assert!(!said.contains("outside the camera's view"), "{said}");
