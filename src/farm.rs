@@ -136,8 +136,8 @@ impl Slurm {
         // one percent sign.
         words.push(format!("--output={}/slurm/{log}.log", self.folder.replace('%', "%%")));
         words.extend_from_slice(&self.options);
-        // Of two equal options sbatch takes the last. The sheet waits for the frames, whatever these
-        // wait for.
+        // Of two equal options sbatch takes the last. The sheet waits for the frames, whatever
+        // these wait for.
         words.extend_from_slice(more);
         words
     }

@@ -28,7 +28,8 @@ impl<T: Element> Rows<T> {
             let rows = arrays::rows(&read)?;
             // Not from the slice, which is borrowed: Python may write to the array between queries.
             // An empty array may have no aligned memory.
-            let start = if rows.is_empty() { rows.as_ptr() } else { array.data().cast_const().cast() };
+            let start =
+                if rows.is_empty() { rows.as_ptr() } else { array.data().cast_const().cast() };
             Ok(Self { start, len: rows.len(), _array: array.clone().into() })
         };
         Some(rows(array))

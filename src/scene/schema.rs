@@ -99,8 +99,8 @@ fn inline_variant(map: &mut Map<String, Value>, definitions: &Value) {
     }
 }
 
-/// Removes `null` from a type, its values and its default. The generator writes `Option` as "or null", but in the format an
-/// optional key is left out and never `null`.
+/// Removes `null` from a type, its values and its default. The generator writes `Option` as "or
+/// null", but in the format an optional key is left out and never `null`.
 fn drop_null(map: &mut Map<String, Value>) {
     match map.get_mut("default") {
         Some(Value::Null) => drop(map.remove("default")),
