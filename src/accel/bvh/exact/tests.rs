@@ -209,43 +209,44 @@ fn in_all_turns(
 
 /// In the plane of a narrow triangle, the line crosses the box at a side. There, an error of t
 /// leaves the box within the depths of the corners.
+const BESIDE_THE_BOX: [NarrowCase; 4] = [
+    (
+        [
+            [3.6118023, 3.999046, 4.3324785],
+            [3.9863052, 3.998962, 5.7323728],
+            [3.8114007, 4.0003376, 5.0755134],
+        ],
+        [1.9, 2.0, 2.5168395],
+    ),
+    (
+        [
+            [3.6278367, 3.997651, 4.399482],
+            [3.9653184, 3.9951446, 5.7962847],
+            [3.836752, 4.002608, 5.2469926],
+        ],
+        [1.9, 2.0, 2.5512393],
+    ),
+    (
+        [
+            [3.7800047, 3.9989173, 3.378285],
+            [4.133324, 3.9955413, 4.7748423],
+            [3.9766667, 4.002107, 4.1410995],
+        ],
+        [0.99, 1.0001497, 1.02],
+    ),
+    (
+        [
+            [3.77913, 4.0000277, 3.3798304],
+            [4.1403503, 3.9998364, 4.7796354],
+            [3.991538, 4.000562, 4.2011333],
+        ],
+        [0.99, 1.0000485, 1.02],
+    ),
+];
+
 #[test]
 fn a_hit_beside_the_box_of_a_narrow_triangle_moves_into_the_triangle() {
-    let cases: [NarrowCase; 4] = [
-        (
-            [
-                [3.6118023, 3.999046, 4.3324785],
-                [3.9863052, 3.998962, 5.7323728],
-                [3.8114007, 4.0003376, 5.0755134],
-            ],
-            [1.9, 2.0, 2.5168395],
-        ),
-        (
-            [
-                [3.6278367, 3.997651, 4.399482],
-                [3.9653184, 3.9951446, 5.7962847],
-                [3.836752, 4.002608, 5.2469926],
-            ],
-            [1.9, 2.0, 2.5512393],
-        ),
-        (
-            [
-                [3.7800047, 3.9989173, 3.378285],
-                [4.133324, 3.9955413, 4.7748423],
-                [3.9766667, 4.002107, 4.1410995],
-            ],
-            [0.99, 1.0001497, 1.02],
-        ),
-        (
-            [
-                [3.77913, 4.0000277, 3.3798304],
-                [4.1403503, 3.9998364, 4.7796354],
-                [3.991538, 4.000562, 4.2011333],
-            ],
-            [0.99, 1.0000485, 1.02],
-        ),
-    ];
-    in_all_turns(cases, |ray, triangle, corners| {
+    in_all_turns(BESIDE_THE_BOX, |ray, triangle, corners| {
         assert!(triangle.inside());
         let is_between = |t: f64| {
             let (low, high) = triangle.depth_range();
@@ -383,4 +384,185 @@ fn the_sum_of_the_normal_counts_every_axis() {
     assert_eq!(plane.normal_l1(), 6.0);
     let reversed = TrianglePlane::new([corners[0], corners[2], corners[1]]);
     assert_eq!(reversed.normal_l1(), 6.0);
+}
+
+/// Seen from either side, also beyond the range of f32.
+#[test]
+fn weights_are_the_shares_of_the_edge_functions() {
+    for scale in [1.0, -1.0, 1e60, -1e-60] {
+        assert_eq!(weights_of([1.0, 2.0, 5.0].map(|x| x * scale)), [0.25, 0.625], "{scale:e}");
+    }
+}
+
+#[test]
+fn a_ray_that_starts_on_the_triangle_does_not_hit_it_there() {
+    let corners = SLOPING.map(|v| turned(v, 0));
+    for (depth, expected) in [(4.0, true), (5.0, false), (6.0, false)] {
+        let is_after = |ray: &Ray64, _: &ShearedTriangle, _| {
+            ray.hit_is_after_start(5.0 - f64::from(depth), corners)
+        };
+        let is_after = shear(corners, [1.0, 2.0, depth], [0.0, 0.0, 1.0], is_after);
+        assert_eq!(is_after, expected, "{depth}");
+    }
+}
+
+/// The corners of a triangle whose edges have different lengths, and are parallel to no axis.
+const SLANTED: [[f32; 3]; 3] = [[1.0, -1.0, 3.0], [3.0, 0.5, 3.5], [0.5, 3.0, 2.5]];
+
+#[test]
+fn products_with_the_edges_are_weights() {
+    for turn in 0..6 {
+        let plane = TrianglePlane::new(SLANTED.map(|v| turned(v, turn)));
+        let [e1, e2] = plane.edges;
+        let products = plane.weights().map(|w| [dot(w, e1), dot(w, e2), dot(w, plane.normal)]);
+        for (product, expected) in
+            products.as_flattened().iter().zip([1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+        {
+            assert!((product - expected).abs() < 1e-14, "{turn}: {products:?}");
+        }
+    }
+}
+
+/// Places with weights on, beside and beyond the triangle, some of them above its plane.
+#[test]
+fn a_place_is_near_if_it_is_near_the_point_of_its_clamped_weights() {
+    let weights = [-0.5, 0.0, 0.25, 0.75, 1.0, 1.5];
+    let places = weights.into_iter().flat_map(|v| weights.map(|w| (v, w)));
+    for ((v, w), turn) in places.flat_map(|place| (0..6).map(move |turn| (place, turn))) {
+        let plane = TrianglePlane::new(SLANTED.map(|v| turned(v, turn)));
+        let ([e1, e2], n) = (plane.edges, plane.normal);
+        let (on_v, on_w) = (f64::max(v, 0.0), f64::max(w, 0.0));
+        let sum = f64::max(on_v + on_w, 1.0);
+        for height in [0.0, 0.125, -2.0] {
+            let at = |v: f64, w: f64, k: usize| plane.point[k] + v * e1[k] + w * e2[k];
+            let place = [0, 1, 2].map(|k| at(v, w, k) + height * n[k]);
+            let off = [0, 1, 2].map(|k| (place[k] - at(on_v / sum, on_w / sum, k)).abs());
+            let farthest = off.into_iter().fold(0.0, f64::max);
+            let (direction, t) = ([0.25, -0.5, 2.0], 3.0);
+            let origin = [0, 1, 2].map(|k| place[k] - t * direction[k]);
+            let is_near =
+                |t, slack| plane.is_near(&plane.weights(), (origin, direction), (t, slack));
+            assert!(is_near(t, 1.001 * farthest + 1e-12), "{v} {w} {height} {turn}");
+            assert!(!is_near(t, 0.999 * farthest - 1e-12), "{v} {w} {height} {turn}");
+            assert!(!is_near(f64::NAN, 100.0));
+        }
+    }
+}
+
+/// The edge functions are 1, 2 and 5, or have the same ratios.
+#[test]
+fn a_depth_is_near_where_the_line_passes_through_the_triangle() {
+    let near = |edges, depths, depth| ShearedTriangle { edges, depths }.passes_near(depth);
+    for (depths, passing, reach) in [
+        ([3.0, 5.0, 11.0], 8.5, 11.0),
+        ([-3.0, -5.0, -11.0], -8.5, 11.0),
+        ([-1.0, 5.0, 11.0], 8.0, 11.0),
+        ([1.0, -5.0, -11.0], -8.0, 11.0),
+    ] {
+        let slack = 0.5 * BOX_SLACK * reach;
+        for edges in [1.0, -1.0, 1e9].map(|scale| [1.0, 2.0, 5.0].map(|x| x * scale)) {
+            for slack in [slack, -slack] {
+                assert!(near(edges, depths, passing + 0.99 * slack), "{edges:?} {depths:?}");
+                assert!(!near(edges, depths, passing + 1.01 * slack), "{edges:?} {depths:?}");
+            }
+        }
+    }
+}
+
+/// The edges have the lengths 8 and 2.
+#[test]
+fn no_hit_on_a_triangle_that_is_too_thin_is_steep() {
+    for unit in [1.0, 1024.0, 1.0 / 1024.0] {
+        for (share, is_thin) in [(0.0, true), (0.99, true), (1.01, false), (4.0, false)] {
+            let corners = [[0.0; 3], [8.0, 0.0, 0.0], [2.0, 2.0 * share * THIN as f32, 0.0]];
+            let l1 = TrianglePlane::new(corners.map(|v| v.map(|x| x * unit))).normal_l1();
+            assert_eq!(l1.is_infinite(), is_thin, "{unit} {share}");
+        }
+    }
+}
+
+/// Powers of two, which round nothing. `|n|` is about 1e-3 for triangles of unit size.
+#[test]
+fn t_scales_with_the_triangle_and_the_direction() {
+    in_all_turns(BESIDE_THE_BOX, |ray, triangle, corners| {
+        let t = triangle.t(ray, corners);
+        let direction = ray.direction.map(|x| x as f32);
+        for (unit, length) in [(0, 70), (40, 70), (0, -40), (-20, 0)] {
+            let (unit, length) = (2f32.powi(unit), 2f32.powi(length));
+            let corners = corners.map(|v| v.map(|x| x * unit));
+            let direction = direction.map(|x| x * length);
+            let scaled = shear(corners, [0.0; 3], direction, |r, t, _| t.t(r, corners));
+            assert_eq!(scaled * f64::from(length), t * f64::from(unit), "{unit} {length}");
+        }
+    });
+}
+
+/// The plane's t is near the triangle, outside the depths of the corners by a few roundings.
+#[test]
+fn a_hit_near_the_triangle_moves_only_to_the_depths_of_the_corners() {
+    let cases: [NarrowCase; 2] = [
+        (
+            [
+                [3.615635, 3.643195, 6.371281],
+                [3.6154766, 3.6432717, 6.3712816],
+                [3.6150017, 3.6434932, 6.371272],
+            ],
+            [0.56746435, 0.57182723, 1.0],
+        ),
+        (
+            [
+                [-6.8520417, -5.918576, 0.41619557],
+                [-6.8521104, -5.918644, 0.41616467],
+                [-6.85203, -5.9185433, 0.4162844],
+            ],
+            [-1.0, -0.86376685, 0.06074583],
+        ),
+    ];
+    for (corners, direction) in cases {
+        shear(corners, [0.0; 3], direction, |ray, triangle, _| {
+            assert!(triangle.inside());
+            let (low, high) = triangle.depth_range();
+            let plane = TrianglePlane::new(corners).intersect(ray.origin, ray.direction).0;
+            let depth = plane * ray.dominant_component;
+            let slack = depth * DEPTH_SLACK;
+            let nearer = if depth + slack < low { low } else { high };
+            assert!(nearer == low || depth - slack > high, "{depth} {low} {high}");
+            assert_eq!(triangle.t(ray, corners) * ray.dominant_component, nearer, "{depth}");
+        });
+    }
+}
+
+#[test]
+fn t_of_a_steep_ray_is_that_of_the_plane_if_it_is_beyond_the_corners_by_rounding() {
+    let corners = [
+        [8.276669, 3.358447, 1.7434754],
+        [8.276668, 3.2467306, 1.7434753],
+        [8.276669, 3.255501, 1.7434754],
+    ];
+    shear(corners, [0.0; 3], [1.0, 0.40013915, 0.21064942], |ray, triangle, _| {
+        let plane = TrianglePlane::new(corners).intersect(ray.origin, ray.direction).0;
+        assert!(triangle.inside() && plane > triangle.depth_range().1, "{plane}");
+        assert_eq!(triangle.t(ray, corners), plane);
+    });
+}
+
+/// The sheared triangle lies beside the box, much farther than rounding puts it.
+#[test]
+fn t_moves_into_the_box_even_if_the_line_passes_through_the_sheared_triangle_outside_of_it() {
+    for (y, expected) in [([4.0, 4.25, 4.5], 4.5), ([4.9, 4.95, 5.0], 4.9)] {
+        for (turn, length) in (0..6).flat_map(|turn| [1.0, 0.25].map(|l| (turn, l))) {
+            let corners = [[4.0, y[0], 2.0], [5.0, y[1], 2.5], [4.5, y[2], 2.125]];
+            let corners = corners.map(|v| turned(v, turn));
+            let direction = turned([length, 0.9999 * length, 0.5 * length], turn);
+            shear(corners, [0.0; 3], direction, |ray, _, _| {
+                let sign = ray.dominant_component.signum() as f32;
+                let depths = [4.4, 4.8, 5.2].map(|depth| sign * depth);
+                let triangle = ShearedTriangle { edges: [1.0; 3], depths };
+                let t = triangle.clamped(ray, 4.8 / f64::from(length), true, corners);
+                let y = 0.9999f32 * length;
+                let off = (t * f64::from(y) - expected).abs();
+                assert!(off <= 1.001 * 5.0 * BOX_SLACK, "{turn}: {off:e}");
+            });
+        }
+    }
 }
