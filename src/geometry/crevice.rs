@@ -420,4 +420,80 @@ mod tests {
             assert_eq!(rises(corner, point + above, own + above, up), expected, "{height}");
         }
     }
+
+    fn mesh(vertices: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Geometry {
+        let mesh = super::super::TriangleMesh::new(vertices, triangles, false);
+        Geometry::new(DVec3::ZERO, vec![mesh], vec![], vec![]).unwrap()
+    }
+
+    /// The other triangle lies in the plane x + y + z = 0, and the point below it.
+    #[test]
+    fn hits_are_tied_up_to_twice_the_diagonal_of_what_is_near() {
+        let vertices = vec![[8.0, -4.0, -4.0], [-4.0, 8.0, -4.0], [-4.0, -4.0, 8.0], [-4.0; 3]];
+        let geometry = mesh(vertices, vec![[3, 0, 1], [0, 1, 2]]);
+        let own = geometry.meshes[0].corners(0).map(doubles);
+        let across = DVec3::ONE / 3f64.sqrt();
+        let size = Nearby::new(DVec3::ZERO, own).reach([DVec3::splat(-4.0), DVec3::splat(8.0)]);
+        for (share, expected) in [(0.5, true), (1.5, true), (3.4, true), (3.6, false)] {
+            let point = across * -share * size.unwrap();
+            for length in [0.01, 1.0, 100.0] {
+                let hit = hides(&geometry, point, (own, 0), across * -length, &[0, 1]);
+                assert_eq!(hit.is_some(), expected, "{share} {length}");
+            }
+        }
+    }
+
+    /// A ceiling at 1.002 times the height of the origin is too close, at 1.005 times it is not.
+    #[test]
+    fn an_origin_keeps_away_from_a_ceiling_by_more_than_rounding() {
+        let height = 2f32.powi(-22);
+        for (share, is_kept) in [(0.5, false), (1.002, false), (1.005, true), (1.9, true)] {
+            let at = |z: f32| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+            let vertices = [at(0.0), at(share * height)].concat();
+            let geometry = mesh(vertices, vec![[0, 1, 2], [3, 4, 5]]);
+            let own = geometry.meshes[0].corners(0).map(doubles);
+            let (point, origin) = (DVec3::new(0.25, 0.25, 0.0), [0.25, 0.25, height]);
+            let crevice = Crevice::new(&geometry, (point, origin), (own, DVec3::Z, 0), &[0, 1]);
+            let crevice = crevice.unwrap();
+            assert!(crevice.is_clear && crevice.origin[2] > 0.0, "{share}");
+            assert_eq!(crevice.origin == origin, is_kept, "{share}");
+        }
+    }
+
+    #[test]
+    fn points_around_a_point_are_up_to_two_steps_away_along_each_axis() {
+        let points: Vec<_> = around(DVec3::new(1.0 + 1e-9, -4.0, 0.0)).collect();
+        let steps = [f32::EPSILON, 4.0 * f32::EPSILON, f32::MIN_POSITIVE];
+        for k in -2..=2 {
+            for j in -2..=2 {
+                for i in -2..=2 {
+                    let [x, y, z] = [(i, steps[0]), (j, steps[1]), (k, steps[2])]
+                        .map(|(n, step): (i32, f32)| n as f32 * step);
+                    assert!(points.contains(&[1.0 + x, y - 4.0, z]), "{i} {j} {k}");
+                }
+            }
+        }
+        assert_eq!(points.len(), 125);
+    }
+
+    #[test]
+    fn normals_are_across_both_edges() {
+        let corners = [[1.0, -1.0, 3.0], [3.0, 0.5, 3.5], [0.5, 3.0, 2.5]];
+        let geometry = mesh(corners.to_vec(), vec![[0, 1, 2]]);
+        let [found] = triangles(&geometry, 0).collect::<Vec<_>>()[..] else { panic!() };
+        let [a, b, c] = found.corners;
+        assert_eq!((found.normal.dot(b - a), found.normal.dot(c - a)), (0.0, 0.0));
+        assert_eq!(found.normal, DVec3::new(-2.75, 0.75, 8.75));
+    }
+
+    /// At the first corner, the ray is almost at its end. Weights are rounded there, too.
+    #[test]
+    fn edges_are_hit_up_to_the_rounding_next_to_the_first_corner() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let wall = Triangle { primitive: 0, corners, normal: DVec3::Z, second_half: false };
+        for (off, expected) in [(0.5, true), (2.0, false)] {
+            let point = DVec3::new(-off * EQUAL, 1e-10, 1e-10);
+            assert_eq!(wall.meet(point, -DVec3::Z).is_some(), expected, "{off}");
+        }
+    }
 }
