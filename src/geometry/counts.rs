@@ -87,4 +87,12 @@ mod tests {
         assert_eq!(loose(4, vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]), 2);
         assert_eq!(loose(99, vec![[0, 1, 2], [3, 4, 5]]), 5);
     }
+
+    #[test]
+    fn copies_count_as_often_as_there_are_copies() {
+        let counts = PrimitiveCounts { primitives: 3, loose_vertices: 5 };
+        assert_eq!(counts.times(4), PrimitiveCounts { primitives: 12, loose_vertices: 20 });
+        let most = PrimitiveCounts { primitives: u64::MAX, loose_vertices: u64::MAX };
+        assert_eq!(counts.times(u64::MAX), most);
+    }
 }

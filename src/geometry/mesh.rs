@@ -129,7 +129,8 @@ mod tests {
 
     #[test]
     fn bounds_contain_all_finite_coordinates() {
-        let vertices = vec![[1.0, -2.0, 3.0], [-4.0, 5.0, -6.0], [f32::NAN, 7.0, -f32::INFINITY]];
+        let mut vertices = vec![[1.0, -2.0, 3.0], [-4.0, 5.0, -6.0]];
+        vertices.extend([[f32::NAN, 7.0, -f32::INFINITY], [f32::INFINITY; 3]]);
         let mesh = TriangleMesh::new(vertices, vec![], false);
         assert_eq!(mesh.bounds(), [[-4.0, -2.0, -6.0], [1.0, 7.0, 3.0]]);
         let nothing = TriangleMesh::new(vec![], vec![], false).bounds();

@@ -62,17 +62,27 @@ mod tests {
 
     #[test]
     fn the_box_around_a_point_is_as_large_as_the_rounding() {
-        let point = DVec3::new(1.0, -2.0, 3.0);
-        let corners = [point - DVec3::X, point + DVec3::Y * 4.0, point];
-        let reach = 2.0 * REACH * (3.0 + 4.0);
-        let [low, high] = Nearby::new(point, corners).bounds().map(doubles);
-        for (below, above, size) in
-            [0, 1, 2].map(|k| (point[k] - low[k], high[k] - point[k], point[k].abs()))
-        {
-            let largest = reach + 2.0 * f64::from(f32::EPSILON) * size;
-            assert!((reach..=largest).contains(&below), "{below:e} {reach:e}");
-            assert!((reach..=largest).contains(&above), "{above:e} {reach:e}");
+        // Not all coordinates are f32.
+        for unit in [1.0, 1000.1, 0.001] {
+            let point = DVec3::new(1.1, -2.1, 3.0) * unit;
+            let corners = [point - DVec3::X * unit, point + DVec3::Y * 4.0 * unit, point];
+            let reach = 2.0 * REACH * (3.0 + 4.0) * unit * (1.0 - 1e-6);
+            let [low, high] = Nearby::new(point, corners).bounds().map(doubles);
+            for (below, above, size) in
+                [0, 1, 2].map(|k| (point[k] - low[k], high[k] - point[k], point[k].abs()))
+            {
+                let largest = reach + 2.0 * f64::from(f32::EPSILON) * size;
+                assert!((reach..=largest).contains(&below), "{below:e} {reach:e}");
+                assert!((reach..=largest).contains(&above), "{above:e} {reach:e}");
+            }
         }
+    }
+
+    #[test]
+    fn a_point_at_zero_is_near_itself() {
+        let zero = [DVec3::ZERO; 2];
+        let reach = Nearby::new(DVec3::ZERO, [DVec3::ZERO; 3]).reach(zero);
+        assert_eq!(reach, Some(f64::from(f32::MIN_POSITIVE)));
     }
 
     /// Boxes beside, above and below a point of a triangle of size 4, on each axis.
