@@ -359,6 +359,35 @@ mod tests {
     }
 
     #[test]
+    fn as_many_lines_are_read_as_are_allowed() {
+        let header = |comments: usize| {
+            format!("ply\nformat ascii 1.0\n{}end_header\n", "comment\n".repeat(comments))
+        };
+        let largest = parse(header(MAX_LINES - 3).as_bytes(), "a.ply").unwrap();
+        assert_eq!(largest.lines, MAX_LINES as u64);
+        for more in [1, 100] {
+            let header = header(MAX_LINES - 3 + more);
+            let error = parse(header.as_bytes(), "a.ply").unwrap_err().to_string();
+            assert!(error.contains("the header is longer than"), "{error}");
+        }
+    }
+
+    #[test]
+    fn texture_files_are_named_in_comments() {
+        let header = "ply\nformat ascii 1.0\ncomment TextureFile a b.png\n comment  TextureFile \
+                      c.png \ncomment TextureFiles d.png\ncomment e.png\nend_header\n";
+        let header = parse(header.as_bytes(), "a.ply").unwrap();
+        assert_eq!(header.texture_files, ["a b.png", "c.png"]);
+    }
+
+    #[test]
+    fn a_line_that_is_too_long_is_named() {
+        let header = format!("ply\nformat ascii 1.0\ncomment {}\n", "x".repeat(MAX_LINE));
+        let error = parse(header.as_bytes(), "a.ply").unwrap_err().to_string();
+        assert!(error.contains("a.ply:3") && error.contains("the line is longer"), "{error}");
+    }
+
+    #[test]
     fn a_header_is_complete_with_the_line_end_of_its_last_line() {
         for complete in ["ply\nend_header\n", "ply\n end_header \r\n1 2", "end_header x\n"] {
             assert!(is_complete(complete.as_bytes()), "{complete:?}");
@@ -375,7 +404,7 @@ mod tests {
         };
         assert_eq!([rows("vertex", 1), rows("vertex", 2)], ["1 vertex", "2 vertices"]);
         assert_eq!([rows("face", 1), rows("face", 0)], ["1 face", "0 faces"]);
-        assert_eq!(rows("edge", 1), "1 row of 'edge'");
+        assert_eq!([rows("edge", 1), rows("edge", 2)], ["1 row of 'edge'", "2 rows of 'edge'"]);
     }
 
     #[test]
