@@ -10,7 +10,7 @@
 # With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. With EMBREE_DIR,
 # EMBREE must say whose Embree they contain: EMBREE=$EMBREE_DIR/lib. Both are made with `make install`. The
 # same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0 (fast) to 9. Needs xz;
-# without dpkg-deb there is no .deb. SHA256SUMS is of all files in the folder.
+# without dpkg-deb there is no .deb. SHA256SUMS is of all files of this version.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -29,6 +29,7 @@ stage=$(mktemp -d)
 trap 'rm -rf "$stage"' EXIT
 umask 022
 mkdir -p "$dist"
+rm -f "$dist/SHA256SUMS"
 
 say() { printf 'dist: %s\n' "$*"; }
 install_to() {
@@ -48,7 +49,7 @@ scripts/folder.sh "$dist" "lightpath-$version-$machine-linux" "${EMBREE:-vendor/
 
 if ! command -v dpkg-deb >/dev/null; then
     say "no .deb: this system has no dpkg-deb"
-    scripts/sums.sh "$dist"
+    scripts/sums.sh "$dist" "$version"
     exit
 fi
 architecture=$(dpkg --print-architecture)
@@ -102,4 +103,4 @@ same_times "$deb"
 package=$dist/lightpath_${version}_$architecture.deb
 dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
-scripts/sums.sh "$dist"
+scripts/sums.sh "$dist" "$version"

@@ -5,7 +5,7 @@
 #   lightpath-VERSION-x86_64-linux-static.tar.xz      needs nothing; `bvh` is inside, Embree is not
 #   lightpath-VERSION-aarch64-linux-static.tar.xz     the same for 64-bit ARM
 #   lightpath-VERSION.cdx.json                        what they and those of `make dist` contain (CycloneDX)
-#   SHA256SUMS                                        of everything in the folder
+#   SHA256SUMS                                        of everything of this version in the folder
 #
 # Zig compiles the C parts and links: it has the C libraries of all these systems. It comes from PyPI into
 # target/portable-tools/, Rust's libraries for the targets from rustup, cargo-cyclonedx from crates.io.
@@ -21,6 +21,8 @@ dist=$target/dist
 
 # shellcheck source=scripts/remap.sh
 . scripts/remap.sh
+
+rm -f "$dist/SHA256SUMS"
 
 # build TARGET NAME EMBREE FLAG...
 build() {
@@ -44,10 +46,10 @@ unset CARGO_ENCODED_RUSTFLAGS CFLAGS
     echo "portable: installing cargo-cyclonedx from crates.io into $tools"
     cargo install --quiet --locked --root "$tools" cargo-cyclonedx@0.5.7
 }
+trap 'rm -f sbom.json' EXIT
 cargo cyclonedx --quiet --format json --override-filename sbom --target all
 # It writes one for every package.
 rm -f python/sbom.json tests/reference/sbom.json
 scripts/sbom.py sbom.json "$dist/lightpath-$version.cdx.json"
-rm sbom.json
 
-scripts/sums.sh "$dist"
+scripts/sums.sh "$dist" "$version"

@@ -3,8 +3,8 @@
 # umask, the time zone, the language, the file system of temporary files, and the day, for which
 # `faketime` is needed (apt-get install faketime). By hand: two whole builds, some 5 minutes each.
 #
-# reproducible.sh all   the packages of `make portable` and the wheel, too: some 15 minutes each. The wheel is made on
-#                       the same day, as pip refuses the certificates of another.
+# reproducible.sh all   the packages of `make portable`, which must have run once, and the wheel, too: some 15 minutes
+#                       each. The wheel is made on the same day, as pip refuses the certificates of another.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source=$PWD
@@ -17,6 +17,9 @@ trap 'rm -rf "$scratch"' EXIT
 
 say() { printf 'reproducible: %s\n' "$*"; }
 command -v faketime >/dev/null || { say "found no faketime: apt-get install faketime" >&2; exit 2; }
+
+sbom=$source/target/portable-tools/bin/cargo-cyclonedx
+[ "$what" != all ] || [ -x "$sbom" ] || { say "found no $sbom: make portable" >&2; exit 2; }
 
 # rustc hangs under faketime. It reads no clock, so it gets the real one.
 printf '#!/bin/sh\nunset LD_PRELOAD\nexec %s "$@"\n' "$(command -v rustc)" >"$scratch/rustc"
@@ -37,7 +40,7 @@ packages() (
     scripts/python.sh wheel
     # shellcheck source=scripts/zig.sh
     . scripts/zig.sh
-    cp "$source/target/portable-tools/bin/cargo-cyclonedx" target/portable-tools/bin
+    cp "$sbom" target/portable-tools/bin
     faketime -f "$2" scripts/portable.sh
 )
 (umask 022 && packages "$scratch/one" +0 LC_ALL=C TZ=UTC)

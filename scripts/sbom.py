@@ -16,6 +16,7 @@ import re
 import subprocess
 import sys
 import time
+from urllib.parse import quote
 
 from licences import ROOT, crates
 
@@ -84,7 +85,7 @@ def linked():
 
 def main():
     path, clean = sys.argv[1:]
-    bom = json.loads(text(path).replace("path+file://" + ROOT, "path+file:///lightpath"))
+    bom = json.loads(text(path).replace("path+file://" + quote(ROOT), "path+file:///lightpath"))
     del bom["serialNumber"]
     epoch = int(os.environ["SOURCE_DATE_EPOCH"])
     bom["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(epoch))

@@ -1,7 +1,7 @@
 //! State that a long job shares with other threads: its progress, and a request to stop.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicI32, AtomicU8, AtomicU64};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -48,12 +48,13 @@ impl Monitor {
     pub fn begin(&self, phase: Phase, total: u64) {
         self.done.store(0, Relaxed);
         self.total.store(total, Relaxed);
-        self.phase.store(phase as u8, Relaxed);
+        // Who sees the phase also sees its counters.
+        self.phase.store(phase as u8, Release);
     }
 
     /// Returns the current phase.
     pub fn phase(&self) -> Phase {
-        match self.phase.load(Relaxed) {
+        match self.phase.load(Acquire) {
             0 => Phase::Load,
             1 => Phase::Build,
             2 => Phase::Render,

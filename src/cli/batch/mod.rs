@@ -40,6 +40,7 @@ pub fn run(args: &BatchArgs) -> Result<()> {
         batch::refuse_foreign_sheet(&job)?;
     }
     if args.run.dry_run {
+        machine::default_pool()?;
         return list(&job, args);
     }
     let options = options(args, &limits)?;

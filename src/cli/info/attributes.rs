@@ -1,6 +1,8 @@
 //! Attributes of a part of an EXR file as text, by the names that they have in the file.
 
-use exr::meta::attribute::{AttributeValue, EnvironmentMap, IntegerBounds, Text, TimeCode};
+use exr::meta::attribute::{
+    AttributeValue, Chromaticities, EnvironmentMap, IntegerBounds, Text, TimeCode,
+};
 use exr::meta::header::Header;
 
 use crate::output::exr::text::decode;
@@ -21,10 +23,6 @@ pub fn attributes(header: &Header) -> Vec<(String, String)> {
         ("view", &own.view_name),
     ];
     let texts = texts.map(|(name, text)| (name, text.as_ref().map(decode)));
-    let chromaticities = shared.chromaticities.map(|c| {
-        let [r, g, b, w] = [c.red, c.green, c.blue, c.white].map(|c| [c.x(), c.y()]);
-        numbers([r, g, b, w].as_flattened())
-    });
     let center = own.screen_window_center;
     let always = [
         ("pixelAspectRatio", vec![shared.pixel_aspect]),
@@ -58,14 +56,16 @@ pub fn attributes(header: &Header) -> Vec<(String, String)> {
         ("keyCode", own.film_key_code.map(|code| text(&AttributeValue::KeyCode(code)))),
         ("envmap", own.environment_map.map(environment)),
         ("multiView", own.multi_view_names.as_deref().map(list)),
+        ("deepImageState", own.deep_image_state.map(rational)),
         ("originalDataWindow", own.original_data_window.map(window)),
         ("preview", own.preview.as_ref().map(|p| format!("{} x {}", p.size.x(), p.size.y()))),
     ];
-    let standard = texts.into_iter().chain([("chromaticities", chromaticities)]);
+    let standard =
+        texts.into_iter().chain([("chromaticities", shared.chromaticities.map(chromaticities))]);
     let standard = standard.chain(always).chain(floats).chain(others);
     let standard = standard.filter_map(|(name, text)| Some((name.to_string(), text?)));
-    let mut own: Vec<_> =
-        own.other.iter().map(|(name, value)| (name.to_string(), text(value))).collect();
+    let own = own.other.iter().chain(&shared.other);
+    let mut own: Vec<_> = own.map(|(name, value)| (name.to_string(), text(value))).collect();
     own.sort();
     standard.chain(own).collect()
 }
@@ -90,6 +90,7 @@ fn text(value: &AttributeValue) -> String {
             numbers(&[rect.min.x(), rect.min.y(), rect.max.x(), rect.max.y()])
         }
         AttributeValue::TimeCode(code) => time_code(*code),
+        AttributeValue::Chromaticities(colors) => chromaticities(*colors),
         AttributeValue::EnvironmentMap(map) => environment(*map),
         AttributeValue::KeyCode(code) => {
             let numbers = [
@@ -113,6 +114,12 @@ fn text(value: &AttributeValue) -> String {
 
 fn numbers(values: &[f32]) -> String {
     values.iter().map(f32::to_string).collect::<Vec<_>>().join(" ")
+}
+
+/// Returns x and y of red, green, blue and white.
+fn chromaticities(colors: Chromaticities) -> String {
+    let Chromaticities { red, green, blue, white } = colors;
+    numbers([red, green, blue, white].map(|c| [c.x(), c.y()]).as_flattened())
 }
 
 fn list(texts: &[Text]) -> String {
@@ -174,7 +181,9 @@ mod tests {
             binary_group_flags: [false; 3],
             binary_groups: [0; 8],
         };
-        header.shared_attributes.time_code = Some(drop_frame);
+        let shared = &mut header.shared_attributes;
+        shared.time_code = Some(drop_frame);
+        shared.other.insert("camera".into(), AttributeValue::TimeCode(drop_frame));
         let found = attributes(&header);
         let expected = [
             ("owner", "a studio"),
@@ -187,6 +196,7 @@ mod tests {
             ("timeCode", "01:02:03;04"),
             ("envmap", "cube"),
             ("multiView", "left right"),
+            ("camera", "01:02:03;04"),
             ("large", "2.5"),
             ("pair", "1 2.5"),
         ];

@@ -91,7 +91,7 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
             coverage.area += area;
             seen_by_any[primitive as usize] = true;
         }
-        coverage.area = (coverage.area / whole).min(1.0);
+        coverage.area = share(coverage.area, whole);
         seen.push(coverage);
         cameras.push(scene.camera);
     }
@@ -100,7 +100,7 @@ pub fn describe(path: &Path, list: &Path, args: &InfoArgs, facts: &mut Facts) ->
     distances(&cameras, &loaded, facts);
     let pairs = seen_by_any.iter().zip(&areas).filter(|(seen, _)| **seen);
     let (any, any_area) = pairs.fold((0, 0.0), |(n, sum), (_, area)| (n + 1, sum + area));
-    let any_area = (any_area / whole).min(1.0);
+    let any_area = share(any_area, whole);
     let line = format!(
         "seen by any camera: {:.1}% of the faces, {:.1}% of the area",
         100.0 * of_faces(any),
@@ -197,5 +197,20 @@ fn focal_length(camera: &CheckedCamera) -> Option<f64> {
             Some(calibration.focal[0])
         }
         Projection::Orthographic { .. } | Projection::Panorama { .. } => None,
+    }
+}
+
+/// Returns the share of a part, from 0 to 1. All is 0 of a mesh without area.
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { (part / whole).min(1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_at_most_all_and_nothing_of_nothing() {
+        assert_eq!([share(1.0, 4.0), share(1.0 + 1e-15, 1.0), share(0.0, 0.0)], [0.25, 1.0, 0.0]);
     }
 }

@@ -34,7 +34,7 @@ pub fn meter(monitor: &Arc<Monitor>) -> impl FnMut() -> Reading + Send + use<> {
             total,
             overall: match phase {
                 Phase::Load | Phase::Build => 0.0,
-                // Stays below 100% until the files have their final names.
+                // Stays below 100% until the pictures have their final names.
                 Phase::Write if done >= total => 1.0,
                 Phase::Write => 0.99,
                 Phase::Render | Phase::Check => (done as f64 / total.max(1) as f64).min(0.99),

@@ -252,32 +252,36 @@ fn check_options(words: &[String]) -> Result<()> {
         let message = format!("found {word:?}, expected {expected}");
         Err(Error::invalid("--sbatch", message).help("for example --sbatch=--partition=cpu"))
     };
-    // Own options follow, which `--` would end. Of two arrays sbatch would take the own.
-    if let Some(word) = words.iter().find(|word| *word == "--") {
-        return refused(word, "an option of sbatch");
-    }
-    let is_array = |word: &&String| word.starts_with("--array") || word.starts_with("-a");
-    if let Some(word) = words.iter().find(is_array) {
-        return refused(word, "another option: the tasks of the array are the chunks of frames");
-    }
     let mut takes_value = false;
-    let script = words.iter().find(|word| {
+    for word in words {
         if std::mem::take(&mut takes_value) {
-            return false;
+            continue;
         }
-        takes_value = match (word.strip_prefix("--"), word.strip_prefix('-')) {
-            (Some(name), _) => !name.contains('=') && !FLAGS.split(' ').any(|flag| flag == name),
-            (None, None | Some("")) => return true,
-            // The rest of the word after such a letter is its value.
+        let is_array;
+        (takes_value, is_array) = match (word.strip_prefix("--"), word.strip_prefix('-')) {
+            // Own options follow, which `--` would end.
+            (Some(""), _) | (None, None | Some("")) => return refused(word, "an option of sbatch"),
+            (Some(option), _) => {
+                let name = option.split('=').next().unwrap_or_default();
+                let has_value = option.contains('=') || FLAGS.split(' ').any(|flag| flag == name);
+                // sbatch accepts the beginning of a name.
+                (!has_value, name.len() > 1 && "array".starts_with(name))
+            }
             (None, Some(letters)) => {
-                letters.find(|c| !SHORT_FLAGS.contains(c)) == letters.len().checked_sub(1)
+                let end = letters.find(|c| !SHORT_FLAGS.contains(c));
+                // The rest of the word after such a letter is its value.
+                (
+                    end == letters.len().checked_sub(1),
+                    end.is_some_and(|k| letters[k..].starts_with('a')),
+                )
             }
         };
-        false
-    });
-    match (script, words.last()) {
-        (Some(word), _) => refused(word, "an option of sbatch"),
-        (None, Some(word)) if takes_value => refused(word, "a value after it"),
+        if is_array {
+            return refused(word, "another option: the tasks of the array are chunks of frames");
+        }
+    }
+    match words.last() {
+        Some(word) if takes_value => refused(word, "a value after it"),
         _ => Ok(()),
     }
 }

@@ -31,7 +31,7 @@ pub fn prepare(folder: &Path) {
     for (name, text) in files {
         inputs::write(&folder.join(name), text.as_bytes());
     }
-    fs::create_dir(folder.join("out")).expect("space for a temporary folder");
+    fs::create_dir_all(folder.join("out")).expect("space for a temporary folder");
 }
 
 /// Runs one input in a prepared folder.

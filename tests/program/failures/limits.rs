@@ -306,6 +306,7 @@ fn few_threads_cause_no_panic() {
     let mut commands = vec![
         sized(&["render", "a.ply", "-o", "x"]),
         sized(&["batch", "a.ply", "b.ply", "c.ply.zst", "-o", "out", "--turntable", "3"]),
+        sized(&["batch", "a.ply", "-o", "dry", "--turntable", "3", "--dry-run"]),
         vec!["compare", "x.png", "x.png", "--threads", "2"],
         vec!["compare", "t.exr", "t.exr", "--threads", "2"],
         vec!["info", "a.ply", "c.ply.zst", "--backend", "bvh"],

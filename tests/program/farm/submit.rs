@@ -377,9 +377,15 @@ fn a_word_that_is_no_option_of_sbatch_is_refused() {
         let said = done.stderr();
         assert!(done.code() == 2 && said.contains("expected a value after it"), "{said}");
     }
-    for word in ["--sbatch=--", "--sbatch=--array=0-3", "--sbatch=-a0-3"] {
-        assert_eq!(run(&[word]).code(), 2, "{word}");
+    for word in ["--", "--array=0-3", "--arr=0-3", "-a0-3", "-Ha0-3", "-a"] {
+        assert_eq!(run(&[&format!("--sbatch={word}")]).code(), 2, "{word}");
     }
+    // A value may look like them.
+    for value in ["--", "-about", "--array"] {
+        let done = run(&["--sbatch=--comment", &format!("--sbatch={value}")]);
+        assert_eq!(done.code(), 0, "{value}: {}", done.stderr());
+    }
+    assert_eq!(run(&["--sbatch=--account=film", "--sbatch=-Afilm"]).code(), 0);
 }
 
 #[test]
