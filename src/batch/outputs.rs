@@ -82,7 +82,7 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
     checked.into_iter().collect()
 }
 
-/// Refuses frames whose names are too long, as [`refuse`] does.
+/// Refuses frames whose names are too long.
 ///
 /// # Errors
 /// The first such frame.
