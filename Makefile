@@ -15,6 +15,9 @@ BINARY ?= $(CARGO_TARGET_DIR)/release/lightpath
 SPEAKER ?= $(BINARY)
 # One profile for all targets, so that nothing is compiled twice.
 FLAGS  := --locked --release
+# A Python module takes its symbols from the Python that loads it. PyO3 would link it with a library
+# that Debian's python3 does not bring.
+export PYO3_BUILD_EXTENSION_MODULE := 1
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
