@@ -72,14 +72,10 @@ fn files_of_scene(job: &Job, input: &JobInput) -> Option<Sources> {
 pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Result<()> {
     let beside = sheet::paths(job).chain([journal.to_owned()]);
     beside.into_iter().try_for_each(|output| refuse_if_input(&output, inputs))?;
-    let checked = parallel::map(tasks.iter(), |task| {
-        let mut outputs = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
-        outputs.try_for_each(|output| {
-            atomic::check_length(&output)?;
-            refuse_if_input(&output, inputs)
-        })
-    });
-    checked.into_iter().collect()
+    each_file(job, tasks, |output| {
+        atomic::check_length(output)?;
+        refuse_if_input(output, inputs)
+    })
 }
 
 /// Refuses frames whose names are too long.
@@ -87,9 +83,14 @@ pub fn refuse(job: &Job, tasks: &[Task], journal: &Path, inputs: &FileSet) -> Re
 /// # Errors
 /// The first such frame.
 pub fn check_lengths(job: &Job, tasks: &[Task]) -> Result<()> {
+    each_file(job, tasks, atomic::check_length)
+}
+
+/// Checks every file of every frame, on the threads of the current rayon pool.
+fn each_file(job: &Job, tasks: &[Task], check: impl Fn(&Path) -> Result<()> + Sync) -> Result<()> {
     let checked = parallel::map(tasks.iter(), |task| {
         let mut files = task.frames.clone().flat_map(|frame| frame_files(job, task.input, frame));
-        files.try_for_each(|file| atomic::check_length(&file))
+        files.try_for_each(|file| check(&file))
     });
     checked.into_iter().collect()
 }

@@ -142,6 +142,8 @@ fn another_try_may_cure_an_error_of_the_device() {
     }
     // A face of a missing vertex needs another file.
     scratch.write("bad.ply", &PYRAMID.replace("3 3 0 4", "3 3 0 9"));
+    let done = scratch.run(&[&["batch", "a.ply", "bad.ply", "--no-sheet"], &SMALL[..]].concat());
+    assert_eq!(done.code(), 1, "{}", done.stderr());
     scratch.write("b.ply", PYRAMID);
     let turntable = ["batch", "b.ply", "bad.ply", "--turntable", "3", "-o", "out", "--no-sheet"];
     let done = scratch.run(&[&turntable[..], &SMALL].concat());

@@ -121,6 +121,8 @@ fn lossy_compression_and_layers_of_more_bits_exclude_each_other() {
     for name in ["zip", "zips", "piz", "rle", "none"] {
         let done = render(&scratch, &["--aov", "cryptomatte", "--compression", name, "-o", name]);
         assert_eq!(done.code(), 0, "{}", done.stderr());
+        // `info` has the names of the flag.
+        assert_eq!(part(&scratch, &format!("{name}.exr"), 0)["compression"], name);
     }
     assert_eq!(render(&scratch, &["--compression", "dwaa", "-o", "d"]).code(), 0);
 }
