@@ -1,18 +1,26 @@
 //! Reads bytes as a job file in a folder that has a mesh, a scene and a list of cameras. The result
 //! must be an error with a message, or a job whose frames stay in the output folder. Bytes that
-//! begin as a journal does are read as the journal of a batch that has made no frame.
+//! begin as a file that the program writes are read as this: as the journal of a batch that has
+//! made no frame, as a baseline of `bench`, or as the findings of `crosscheck`.
 
 use std::fs;
 use std::path::Path;
 
 use lightpath::batch::sheet;
 use lightpath::batch::{Flags, Job, JobFile, Task, WrittenInput, predict};
+use lightpath::lab::baseline::BaselineComparison;
+use lightpath::lab::crosscheck::Finding;
+use lightpath::lab::result::BenchReport;
 use lightpath::scene::{Document, read_as};
 
 use super::inputs;
 
 /// Begins a journal.
 const EVENT: &[u8] = br#"{"event""#;
+/// Begins a baseline.
+const BASELINE: &[u8] = br#"{"version""#;
+/// Begins a list of findings.
+const FINDINGS: &[u8] = br#"[{"backend""#;
 /// The job of the journals.
 const BATCH: &str = r#"{ "inputs": ["a.ply"], "size": [8, 6], "turntable": { "frames": 3 },
     "output": { "folder": "out" } }"#;
@@ -39,6 +47,14 @@ pub fn run(folder: &Path, text: &[u8]) {
     if text.starts_with(EVENT) {
         return journal(folder, text);
     }
+    if text.starts_with(BASELINE) {
+        baseline(text);
+        return;
+    }
+    if text.starts_with(FINDINGS) {
+        findings(text);
+        return;
+    }
     if let Err(error) = check(folder, text) {
         inputs::check_error(&error);
     }
@@ -53,6 +69,33 @@ fn journal(folder: &Path, text: &[u8]) {
     let [problems] = &sheet::missing(&job, None)[..] else { panic!("one input") };
     let said = problems.first().expect("a problem").to_string();
     assert!(said.contains("all frames are missing"), "{said}");
+}
+
+/// Compares a baseline with itself: the machine is the same, whatever the timings are. Returns the
+/// number of shared timings; `None` if the file cannot be read.
+pub fn baseline(text: &[u8]) -> Option<usize> {
+    let report: BenchReport = serde_json::from_slice(text).ok()?;
+    let compared = BaselineComparison::new(&report, "baseline.json", &report);
+    assert!(compared.machine_differences.is_none());
+    serde_json::to_string(&compared).expect("a comparison is JSON");
+    Some(compared.changes.len())
+}
+
+/// Restores the packets of findings. Each has the ray whose answer was wrong. Returns their number;
+/// `None` if the file cannot be read.
+pub fn findings(text: &[u8]) -> Option<usize> {
+    let findings: Vec<Finding> = serde_json::from_slice(text).ok()?;
+    let restores = |finding: &&Finding| match finding.case() {
+        Ok(case) => {
+            assert_ne!(case.packet.active.0[finding.lane], 0);
+            true
+        }
+        Err(message) => {
+            assert!(message.starts_with("found "), "{message}");
+            false
+        }
+    };
+    Some(findings.iter().filter(restores).count())
 }
 
 fn check(folder: &Path, text: &[u8]) -> lightpath::Result<()> {

@@ -27,7 +27,11 @@ fn images() {
 
 #[test]
 fn jobs() {
-    for_each_input("job", &["tests/data/fuzz/seeds/job"], job::prepare, job::run);
+    let seeds = "tests/data/fuzz/seeds/job";
+    for_each_input("job", &[seeds], job::prepare, job::run);
+    let read = |name| fs::read(root().join(seeds).join(name)).expect("a seed");
+    assert_eq!(job::baseline(&read("baseline.json")), Some(6));
+    assert_eq!(job::findings(&read("findings.json")), Some(1));
 }
 
 #[test]
