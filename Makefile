@@ -21,7 +21,7 @@ export PYO3_BUILD_EXTENSION_MODULE := 1
 # Where setup puts Rust when the system's own is too old.
 export PATH := $(or $(CARGO_HOME),$(HOME)/.cargo)/bin:$(PATH)
 
-.PHONY: help setup build render test python wheel bench report lint docs install dist portable clean
+.PHONY: help setup build render test python wheel bench report lint docs install uninstall dist portable clean
 
 help: ## this list
 	@echo 'make TARGET, where TARGET is'
@@ -79,9 +79,14 @@ docs: setup ## the API documentation, no warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc $(FLAGS) --no-deps
 
 # Not `install: build`, and no rule that builds: `sudo make install` must not compile as root.
-install: ## copy program, Embree (if it is in vendor/), man page, completions to PREFIX
+install: ## copy program, Embree (if it is in vendor/), guide, examples, man page, completions to PREFIX
 	@[ -x "$(BINARY)" ] || { echo 'found no $(BINARY): run `make build` first, or set BINARY=PROGRAM' >&2; exit 2; }
 	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
+
+uninstall: ## remove from PREFIX what `make install` copied
+	cd "$(DESTDIR)$(PREFIX)" && rm -rf bin/lightpath lib/lightpath share/doc/lightpath share/lightpath \
+	    share/man/man1/lightpath.1 share/bash-completion/completions/lightpath \
+	    share/zsh/site-functions/_lightpath share/fish/vendor_completions.d/lightpath.fish
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
 	scripts/dist.sh

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Packages what `make build` compiled, into target/dist/:
 #
-#   lightpath_VERSION_ARCH.deb
+#   lightpath_VERSION-1~SYSTEM_ARCH.deb
+#       for the system that it is made on, such as debian12;
 #       depends on libembree4-4 where the distribution has it (Debian 13); else contains the Embree
 #       of vendor/embree in /usr/lib/lightpath
 #   lightpath-VERSION-ARCH-linux.tar.xz
@@ -9,8 +10,9 @@
 #
 # With EMBREE=none neither contains Embree, for a Debian 13 package made on Debian 12. With EMBREE_DIR,
 # EMBREE must say whose Embree they contain: EMBREE=$EMBREE_DIR/lib. Both are made with `make install`. The
-# same commit gives the same bytes: scripts/reproducible.sh. XZ_LEVEL is from 0 (fast) to 9. Needs xz;
-# without dpkg-deb there is no .deb. SHA256SUMS is of all files of this version.
+# same commit and folders of Rust give the same bytes: scripts/reproducible.sh. MAINTAINER is who answers
+# for the .deb: "NAME <ADDRESS>". XZ_LEVEL is from 0 (fast) to 9. Needs xz; without dpkg-deb there is no .deb.
+# SHA256SUMS is of all files of this version.
 set -eu
 cd "$(dirname "$0")/.."
 export LC_ALL=C
@@ -62,45 +64,63 @@ glibc=$(grep -ao 'GLIBC_2\.[0-9]*' "$deb/usr/bin/lightpath" | sort -V | tail -n 
 depends="libc6 (>= $glibc), libgcc-s1"
 if [ -d "$deb/usr/lib/lightpath" ]; then
     depends="$depends, libstdc++6"
-    carries=" This package carries Embree 4 and TBB (Apache-2.0) in /usr/lib/lightpath."
+    carries=" It carries Embree 4 and TBB (Apache-2.0) in /usr/lib/lightpath."
 else
     depends="$depends, libembree4-4 (>= 4.3)"
     carries=
 fi
+# Another system makes another package of this version, and apt takes the newer system's for the newer one.
+# shellcheck source=/dev/null
+system=$(. /etc/os-release && printf '%s%s' "$ID" "${VERSION_ID:-}")
+[ "${EMBREE:-}" != none ] || system=$system+noembree
+revision=$version-1~$system
+maintainer=${MAINTAINER:-lightpath <lightpath@localhost>}
 doc=$deb/usr/share/doc/lightpath
+paragraphs() { sed 's/^ *$/./; s/^/ /'; }
 {
     printf 'Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\n'
-    printf 'Upstream-Name: lightpath\n\nFiles: *\nCopyright: the lightpath authors\n'
-    printf 'License: MIT or Apache-2.0\n The texts are LICENSE-MIT and LICENSE-APACHE in this folder.\n'
-    printf 'Comment: What the package contains of others is in THIRD_PARTY.md and THIRD_PARTY_LICENSES.txt.\n'
+    printf 'Upstream-Name: lightpath\n'
+    printf 'Comment: What the program contains of others is in THIRD_PARTY.md and THIRD_PARTY_LICENSES.txt.\n'
+    printf '\nFiles: *\nCopyright: 2026 The lightpath authors\nLicense: Expat or Apache-2.0\n'
     if [ -n "$carries" ]; then
-        printf '\nFiles: usr/lib/lightpath/*\nCopyright: Intel Corporation\n'
-        printf 'License: Apache-2.0\n The text is LICENSE-APACHE in this folder.\n'
-        printf 'Comment: The notices of these libraries are in THIRD_PARTY.md.\n'
+        printf '\nFiles: usr/lib/lightpath/*\n'
+        printf 'Copyright: Intel Corporation\n 2009 Stanford University, and authors\n'
+        printf 'License: Apache-2.0 and BSD-3-Clause\n'
+        printf '\nLicense: BSD-3-Clause\n'
+        sed -n '/^### Syrah/,/^## /{/^## /!p}' THIRD_PARTY.md | paragraphs
     fi
+    printf '\nLicense: Expat\n'
+    sed '1,/^Copyright/d' LICENSE-MIT | sed 1d | paragraphs
+    printf '\nLicense: Apache-2.0\n The text is in /usr/share/common-licenses/Apache-2.0.\n'
 } >"$doc/copyright"
 gzip -9n <CHANGELOG.md >"$doc/changelog.gz"
+{
+    printf 'lightpath (%s) unstable; urgency=medium\n\n' "$revision"
+    printf '  * Version %s: changelog.gz lists what it changes.\n\n' "$version"
+    printf ' -- %s  %s\n' "$maintainer" "$(date -uRd "@$SOURCE_DATE_EPOCH")"
+} | gzip -9n >"$doc/changelog.Debian.gz"
 gzip -9n "$deb/usr/share/man/man1/lightpath.1"
 mkdir "$deb/DEBIAN"
 cat >"$deb/DEBIAN/control" <<CONTROL
 Package: lightpath
-Version: $version
+Version: $revision
 Section: graphics
 Priority: optional
 Architecture: $architecture
-Maintainer: lightpath <lightpath@localhost>
+Maintainer: $maintainer
 Installed-Size: $(installed_size "$deb/usr")
 Depends: $depends
 Description: CPU ray tracer for big scanned meshes
- Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with its own tree or Intel Embree 4,
- the same bytes on every run and for any number of threads; batches, turntables, parts of a frame on a farm.
+ Renders JSON scenes and PLY meshes to multi-layer EXR and PNG: with its own
+ tree or Intel Embree 4, the same bytes on every run and for any number of
+ threads; batches, turntables, parts of a frame on a farm.
 $([ -z "$carries" ] || echo "$carries")
 CONTROL
 sed -i '/^$/d' "$deb/DEBIAN/control"
 # For `dpkg --verify`.
 (cd "$deb" && find usr -type f | sort | xargs -d '\n' md5sum >DEBIAN/md5sums)
 same_times "$deb"
-package=$dist/lightpath_${version}_$architecture.deb
+package=$dist/lightpath_${revision}_$architecture.deb
 dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-6}" --build "$deb" "$package" >/dev/null
 say "$package: depends on $depends"
 scripts/sums.sh "$dist" "$version"

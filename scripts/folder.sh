@@ -28,7 +28,7 @@ symbols=$(grep -ao 'GLIBC_2\.[0-9]*' "$stage/$name/bin/lightpath" || true)
 glibc=$(sort -V <<<"$symbols" | tail -n 1 | sed 's/GLIBC_//')
 needs="; needs ${glibc:+glibc }${glibc:-nothing else}"
 if [ -d "$stage/$name/lib/lightpath" ]; then
-    printf 'dist: %s: with Embree%s\n' "$dist/$name.tar.xz" "$needs"
+    printf 'dist: %s: with Embree, which needs libstdc++%s\n' "$dist/$name.tar.xz" "$needs"
 else
     printf 'dist: %s: without Embree%s\n' "$dist/$name.tar.xz" "$needs"
 fi

@@ -1,7 +1,7 @@
 #!/bin/bash
-# Copies the program, Embree, licences, man page and completions: install.sh DESTINATION, for `make
-# install`. From the environment: BINARY, the program; SPEAKER, a program of the same version that
-# runs here; EMBREE, a folder with the libraries of Embree 4, which may be missing.
+# Copies the program, Embree, licences, guide, examples, man page and completions: install.sh DESTINATION, for
+# `make install`; `make uninstall` removes them. From the environment: BINARY, the program; SPEAKER, a program
+# of the same version that runs here; EMBREE, a folder with the libraries of Embree 4, which may be missing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 destination=$1
@@ -27,11 +27,13 @@ mkdir "$scratch/bin"
 # shellcheck disable=SC2016
 LC_ALL=C sed 's|:\($ORIGIN/\.\./\.\./vendor/embree\)|\x00\1|' "$BINARY" >"$scratch/bin/lightpath"
 # A package is for other machines: the run path begins there, too, without the folder of EMBREE_DIR. Zero
-# bytes behind it keep the length.
+# bytes behind it keep the length. Nobody debugs with its symbols; Zig's programs have none.
 # shellcheck disable=SC2016
-[ -z "${DESTDIR:-}" ] ||
+if [ -n "${DESTDIR:-}" ]; then
+    ! readelf -S "$scratch/bin/lightpath" | grep -q '\.symtab' || strip "$scratch/bin/lightpath"
     LC_ALL=C sed -i -e ':a' -e 's|\x00[^\x00]\([^\x00]*$ORIGIN/\.\./lib/lightpath\)\x00|\x00\1\x00\x00|' -e ta \
         "$scratch/bin/lightpath"
+fi
 
 # The loader asks for libraries by their sonames, which end after the first number.
 libraries=()
@@ -56,6 +58,13 @@ done
 put 755 "$scratch/bin/lightpath" bin
 for file in LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt; do
     put 644 "$file" share/doc/lightpath
+done
+# Their links to each other work as in the checkout.
+put 644 README.md share/doc/lightpath
+for folder in docs/guide scenes assets; do
+    for file in "$folder"/*; do
+        put 644 "$file" "share/doc/lightpath/$folder"
+    done
 done
 put 644 farm/openjd-template.yaml share/lightpath/farm
 put 644 "$scratch/lightpath.1" share/man/man1

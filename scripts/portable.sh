@@ -34,10 +34,14 @@ build() {
     newest=$(grep -ao 'GLIBC_2\.[0-9]*' "$program" | sort -uV | tail -n 1 || true)
     [ "$(printf '%s\n' "$newest" GLIBC_2.28 | sort -V | tail -n 1)" = GLIBC_2.28 ] ||
         { echo "portable: $program needs $newest" >&2; exit 1; }
+    readelf -h "$program" | grep -q 'Type: *DYN' ||
+        { echo "portable: $program has fixed addresses" >&2; exit 1; }
     BINARY=$program SPEAKER=$target/release/lightpath \
         scripts/folder.sh "$dist" "$name" "$embree"
 }
 build x86_64-unknown-linux-gnu.2.28 x86_64-linux-glibc2.28 vendor/embree
+# Zig's linker otherwise gives static programs fixed addresses, which whoever crafts a file would know.
+export CARGO_ENCODED_RUSTFLAGS+=$'\x1f-Clink-arg=-pie'
 build x86_64-unknown-linux-musl x86_64-linux-static none --no-default-features
 build aarch64-unknown-linux-musl aarch64-linux-static none --no-default-features
 

@@ -73,6 +73,14 @@ wheel)
         exit
     fi
     "$builder/bin/maturin" sdist --manifest-path python/Cargo.toml --out "$target/wheels"
+    # A wheel that is made of the source distribution describes itself in the same words.
+    scratch=$(mktemp -d)
+    trap 'rm -rf "$scratch"' EXIT
+    tar -xf "$wheels"/*.tar.gz -C "$scratch" --strip-components 1
+    "$python" -m zipfile -e "$wheels"/*.whl "$scratch/wheel"
+    (cd "$scratch" && PATH=$builder/bin:$PATH maturin pep517 write-dist-info --metadata-directory "$scratch/made" \
+        --interpreter "$python" >/dev/null)
+    cmp "$scratch"/wheel/*.dist-info/METADATA "$scratch"/made/*.dist-info/METADATA
     venv=$target/wheel-venv
     rm -rf "$venv"
     environment "$venv" pytest hypothesis "$target"/wheels/*.whl

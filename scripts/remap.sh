@@ -6,7 +6,7 @@ export SOURCE_DATE_EPOCH
 
 # Paths may have spaces: the C flags are quoted, and Rust's are separated by the byte 31.
 registry=${CARGO_HOME:-$HOME/.cargo}/registry/src
-sysroot=$(rustc --print sysroot)
+sysroot=$("${RUSTC:-rustc}" --print sysroot)
 maps=("$PWD=." "$registry=registry" "$target=target")
 export CC_SHELL_ESCAPED_FLAGS=1
 CFLAGS=$(printf "'-ffile-prefix-map=%s' " "${maps[@]}")

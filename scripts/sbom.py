@@ -65,8 +65,23 @@ def embree():
     version = found(r"embreex==([0-9]+[.][0-9]+[.][0-9]+)", text(os.path.join(ROOT, "scripts/setup.sh")))
     tbb_version = found(rb"oneTBB: VERSION\s+([0-9.]+)", contents(tbb)).decode()
     return [
-        library("embree", version, "Apache-2.0", f"pkg:github/RenderKit/embree@v{version}", DYNAMIC, embree),
-        library("oneTBB", tbb_version, "Apache-2.0", f"pkg:github/uxlfoundation/oneTBB@v{tbb_version}", DYNAMIC, tbb),
+        library("embree", version, "Apache-2.0", f"pkg:github/renderkit/embree@v{version}", DYNAMIC, embree),
+        library("oneTBB", tbb_version, "Apache-2.0", f"pkg:github/uxlfoundation/onetbb@v{tbb_version}", DYNAMIC, tbb),
+    ]
+
+
+def compiled_in(part):
+    """Returns the components of Rust's standard library and of the C libraries that crates compile."""
+    folders = {name: (version, os.path.dirname(package["manifest_path"])) for (name, version), package in part.items()}
+    zstd = folders["zstd-sys"][0].partition("+zstd.")[2]
+    header = os.path.join(folders["libdeflate-sys"][1], "libdeflate/libdeflate.h")
+    deflate = found(r'LIBDEFLATE_VERSION_STRING\s+"([0-9.]+)"', text(header))
+    rust = subprocess.run([os.environ.get("RUSTC", "rustc"), "--version"], check=True, stdout=subprocess.PIPE,
+                          encoding="utf-8").stdout.split()[1]
+    return [
+        library("zstd", zstd, "BSD-3-Clause", f"pkg:github/facebook/zstd@v{zstd}", "all"),
+        library("libdeflate", deflate, "MIT", f"pkg:github/ebiggers/libdeflate@v{deflate}", "all"),
+        library("rust-std", rust, "MIT OR Apache-2.0", f"pkg:github/rust-lang/rust@{rust}", "all"),
     ]
 
 
@@ -85,7 +100,11 @@ def linked():
 
 def main():
     path, clean = sys.argv[1:]
-    bom = json.loads(text(path).replace("path+file://" + quote(ROOT), "path+file:///lightpath"))
+    written = text(path).replace("path+file://" + quote(ROOT), "path+file:///lightpath")
+    # A package URL names no folder, and its versions have no plain `+`.
+    written = re.sub(r"[?]download_url=file://[^#\"]*", "", written)
+    written = re.sub(r'"pkg:cargo/[^"]*"', lambda url: url[0].replace("+", "%2B"), written)
+    bom = json.loads(written)
     del bom["serialNumber"]
     epoch = int(os.environ["SOURCE_DATE_EPOCH"])
     bom["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(epoch))
@@ -95,7 +114,7 @@ def main():
     missing = set(part) - {(component["name"], component["version"]) for component in compiled}
     if missing:
         sys.exit(f"sbom: cargo-cyclonedx has not found {sorted(missing)}")
-    added = embree() + linked()
+    added = embree() + compiled_in(part) + linked()
     bom["components"] = compiled + added
 
     own = bom["metadata"]["component"]["bom-ref"]

@@ -17,4 +17,6 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     folder
 });
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| image::run(&FOLDER, bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    image::run(&FOLDER, bytes);
+});

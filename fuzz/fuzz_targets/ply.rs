@@ -4,4 +4,6 @@
 #[path = "../../tests/library/fuzz/ply.rs"]
 mod ply;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| ply::run(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    ply::run(bytes);
+});

@@ -13,4 +13,6 @@ mod poses;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| folder::create("poses"));
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| poses::run(&FOLDER, bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    poses::run(&FOLDER, bytes);
+});

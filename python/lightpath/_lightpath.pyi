@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, final
 
 from numpy.typing import NDArray
 
@@ -8,6 +8,7 @@ __version__: str
 class Error(ValueError):
     problems: list[tuple[str, str, str | None]]
 
+@final
 class Scene:
     def __new__(cls, meshes: Sequence[tuple[NDArray[Any], NDArray[Any]]], threads: int | None, backend: str, progress: Any) -> Scene: ...
     bytes: tuple[int, int]
@@ -21,7 +22,10 @@ class Scene:
     def winding_number(self, points: NDArray[Any], progress: Any) -> NDArray[Any]: ...
     def closest_point(self, points: NDArray[Any], progress: Any) -> tuple[NDArray[Any], ...]: ...
     def visible(self, points: NDArray[Any], from_: NDArray[Any], progress: Any) -> NDArray[Any]: ...
+    @staticmethod
+    def refuse(place: str, message: str) -> Error: ...
 
+@final
 class Picture:
     size: tuple[int, int]
     warnings: list[str]
@@ -30,6 +34,7 @@ class Picture:
     def words(self) -> NDArray[Any]: ...
     def write(self, prefix: str, float: bool) -> list[tuple[str, list[str]]]: ...
 
+@final
 class Views:
     def __new__(cls, subject: Any, threads: int | None) -> Views: ...
     def render(self, overrides: list[str], progress: Any) -> Picture: ...

@@ -54,9 +54,9 @@ class RaycastingScene:
         """
         if triangles is None:
             vertices, triangles = _convert.open3d_arrays(vertices)
-        arrays = _convert.mesh(_convert.array(vertices), _convert.array(triangles))
-        check_mesh(*arrays, self._threads)
-        self._meshes.append(tuple(array.copy() for array in arrays))
+        points, faces = _convert.mesh(_convert.array(vertices), _convert.array(triangles))
+        check_mesh(points, faces, self._threads)
+        self._meshes.append((points.copy(), faces.copy()))
         self._scene = None
         return len(self._meshes) - 1
 

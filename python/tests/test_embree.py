@@ -20,7 +20,12 @@ def why_absent():
     try:
         lightpath.RayScene(*TETRAHEDRON, backend="embree")
     except lightpath.Error as error:
-        return str(error).splitlines()[0]
+        ((place, message, _),) = error.problems
+        # CI has it. Any other error is one of the module.
+        absent = place == "Embree" and message.startswith("cannot load libembree4")
+        if not absent or "LIGHTPATH_NO_SKIPS" in os.environ:
+            raise
+        return message
     return ""
 
 

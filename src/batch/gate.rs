@@ -23,6 +23,14 @@ struct Admitted {
     bytes: u64,
 }
 
+impl Admitted {
+    /// Returns whether the mesh with index `number` has to wait.
+    fn keeps_out(&self, number: usize, bytes: u64, limit: u64) -> bool {
+        let fits = self.bytes.saturating_add(bytes) <= limit;
+        self.next != number || self.meshes > 0 && !fits
+    }
+}
+
 /// Memory reserved for a mesh until this guard is dropped.
 #[derive(Debug)]
 pub struct Reservation<'a> {
@@ -43,10 +51,7 @@ impl MemoryGate {
     ///
     /// Each index, counted from 0, must enter exactly once.
     pub fn enter(&self, number: usize, bytes: u64) -> Reservation<'_> {
-        let waits = |s: &mut Admitted| {
-            let fits = s.bytes.saturating_add(bytes) <= self.limit;
-            s.next != number || s.meshes > 0 && !fits
-        };
+        let waits = |s: &mut Admitted| s.keeps_out(number, bytes, self.limit);
         let waited = self.changed.wait_while(lock(&self.state), waits);
         let mut inside = waited.unwrap_or_else(PoisonError::into_inner);
         let share = self.limit.saturating_sub(inside.bytes);
@@ -123,27 +128,39 @@ impl Drop for RenderPermit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::AtomicU64;
-    use std::sync::atomic::Ordering::SeqCst;
 
     #[test]
     fn only_a_mesh_that_is_alone_may_exceed_the_limit() {
+        let inside = |next, meshes, bytes| Admitted { next, meshes, bytes };
+        let waits = |state: Admitted, bytes| state.keeps_out(3, bytes, 10);
+        assert!(!waits(inside(3, 0, 0), 12) && !waits(inside(3, 0, 0), u64::MAX));
+        assert!(!waits(inside(3, 1, 4), 6) && waits(inside(3, 1, 4), 7));
+        assert!(waits(inside(3, 1, 12), 0) && waits(inside(3, 2, 10), u64::MAX));
+        assert!(waits(inside(2, 0, 0), 1) && waits(inside(4, 0, 0), 1));
+    }
+
+    #[test]
+    fn meshes_enter_in_turn_and_share_what_is_free() {
         let memory = MemoryGate::new(10);
-        let (held, most) = (AtomicU64::new(0), AtomicU64::new(0));
-        let sizes = [4, 6, 3, 12, 5, 5, 0, 10, 1];
+        let (first, second) = (memory.enter(0, 4), memory.enter(1, 6));
+        assert_eq!((first.share, second.share), (10, 6));
+        let shares = Mutex::new(Vec::new());
         std::thread::scope(|scope| {
-            for (number, bytes) in sizes.into_iter().enumerate() {
-                let (memory, held, most) = (&memory, &held, &most);
+            for (number, bytes) in [(3, 12), (2, 3)] {
+                let (memory, shares) = (&memory, &shares);
                 scope.spawn(move || {
-                    let _inside = memory.enter(number, bytes);
-                    let now = held.fetch_add(bytes, SeqCst) + bytes;
-                    most.fetch_max(if now == 12 { 0 } else { now }, SeqCst);
-                    std::thread::yield_now();
-                    held.fetch_sub(bytes, SeqCst);
+                    let inside = memory.enter(number, bytes);
+                    lock(shares).push((number, inside.share));
                 });
             }
+            drop(first);
+            drop(second);
         });
-        assert!(most.load(SeqCst) <= 10);
+        // The mesh of 12 waits until those of 6 and 3 have left.
+        let shares = lock(&shares);
+        assert!(matches!(shares[..], [(2, 4 | 10), (3, 10)]), "{shares:?}");
+        let state = lock(&memory.state);
+        assert_eq!((state.next, state.meshes, state.bytes), (4, 0, 0));
     }
 
     #[test]

@@ -12,6 +12,9 @@ use crate::scene::{schema, schema_of};
 use super::args::{Arguments, EXIT_CODES, SchemaName};
 use super::{print, version};
 
+/// Date of this version in CHANGELOG.md, for the manual page.
+const RELEASED: &str = "2026-11-30";
+
 /// Prints the version; with `verbose`, also what the program was built from and finds here.
 pub fn version(verbose: bool) -> Result<()> {
     print::text(&version::text(verbose))
@@ -56,7 +59,7 @@ fn write_man(page: &mut Vec<u8>) -> std::io::Result<()> {
     let mut command = Arguments::command().version(version::VERSION).disable_help_subcommand(true);
     command.build();
     let commands = below(&command);
-    let man = Man::new(command.clone());
+    let man = Man::new(command.clone()).date(RELEASED);
     man.render_title(page)?;
     man.render_name_section(page)?;
     man.render_synopsis_section(page)?;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 use serde_json::Value;
 
 use super::tests::{everything, load_value, the_rest};
@@ -23,23 +24,71 @@ fn one_long_line_is_parsed_in_linear_time() {
     assert!(start.elapsed().as_secs() < 5);
 }
 
+/// Pieces that a text gains or has in place of a character. Some are allowed only in strings, some
+/// nowhere, some are white space for other formats.
+const PIECES: [&str; 31] = [
+    "{", "}", "[", "]", ",", ":", "\"", "\\", "\\u00e4", "\\ud83d", "'", "1", "-", "0", "00", ".",
+    "e", "1e", "1e+", "+", "true", "nul", " ", "\n", "\u{a0}", "\t", "\u{b}", "\u{c}", "//", "ä",
+    "\u{1}",
+];
+
+/// JSON values of all kinds. No edit makes their numbers too large, or two keys equal.
+fn values() -> impl Strategy<Value = Value> {
+    let strings = "[a-z ä\u{1f600}\"\\\\\n]{0,4}";
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::Bool),
+        (-99i64..999).prop_map(Value::from),
+        (-999i32..999).prop_map(|eighths| Value::from(f64::from(eighths) / 8.0)),
+        strings.prop_map(Value::String),
+    ];
+    leaf.prop_recursive(3, 12, 4, |inner| {
+        let list = prop::collection::vec(inner, 0..4);
+        let keys = (0..).map(|i| format!("ä{i}{i}{i}"));
+        let object = move |list: Vec<Value>| keys.clone().zip(list).collect();
+        prop_oneof![
+            list.clone().prop_map(Value::Array),
+            list.prop_map(move |list| Value::Object(object(list))),
+        ]
+    })
+}
+
+/// A text with one edit is accepted exactly if serde_json accepts it.
+#[test]
+fn as_strict_as_serde_json() {
+    let edit = (any::<prop::sample::Index>(), 0..4, prop::sample::select(&PIECES[..]));
+    let (mut cases, mut accepted, mut containers) = (0, 0, 0);
+    let seen = std::cell::RefCell::new((&mut cases, &mut accepted, &mut containers));
+    let texts = (values(), any::<bool>(), edit);
+    let done = TestRunner::default().run(&texts, |(value, pretty, (at, kind, piece))| {
+        let mut text = if pretty { format!("{value:#}") } else { value.to_string() };
+        let at = at.index(text.chars().count());
+        let (start, old) = text.char_indices().nth(at).expect("a character");
+        match kind {
+            0 => {}
+            1 => text.insert_str(start, piece),
+            2 => text.replace_range(start..start + old.len_utf8(), ""),
+            _ => text.replace_range(start..start + old.len_utf8(), piece),
+        }
+        let ours = Document::parse("p", text.as_bytes()).is_ok();
+        let theirs = serde_json::from_str::<Value>(&text).is_ok();
+        let (cases, accepted, containers) = &mut *seen.borrow_mut();
+        **cases += 1;
+        **accepted += u32::from(theirs);
+        **containers += u32::from(theirs && (value.is_array() || value.is_object()));
+        prop_assert_eq!(ours, theirs, "{:?}", text);
+        Ok(())
+    });
+    done.unwrap_or_else(|error| panic!("{error}"));
+    let enough = |count: u32| count > cases / 10;
+    assert!(enough(accepted) && enough(cases - accepted) && enough(containers), "{accepted}");
+}
+
 proptest! {
     #[test]
     fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = Document::parse("p", &bytes);
         let _ = load_bytes(&bytes);
-    }
-
-    /// Pieces of JSON in any order are accepted exactly if serde_json accepts them.
-    #[test]
-    fn as_strict_as_serde_json(pieces in prop::collection::vec(prop::sample::select(vec![
-        "{", "}", "[", "]", ",", ":", "\"a\"", "\"\\u00e4\\ud83d\\ude00\"", "\"\\n\"", "\"", "\\", "'", "1", "-0",
-        "0", "1.5", "1e5", "-", ".", "e", "+", "true", "null", "nul", " ", "\n", "\u{a0}", "\t", "//", "ä", "\u{1}",
-    ]), 0..12)) {
-        let text = pieces.concat();
-        let ours = Document::parse("p", text.as_bytes()).is_ok();
-        let theirs = serde_json::from_str::<Value>(&text).is_ok();
-        prop_assert_eq!(ours, theirs, "{:?}", text);
     }
 
     /// A scene with one changed byte, or cut at any byte, never causes a panic.

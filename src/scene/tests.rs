@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::description::LightDescription;
+use super::description::{ColorMap, LightDescription, MeshColorDescription, StoredColor};
 use super::*;
 use crate::error::Result;
 
@@ -39,7 +39,7 @@ pub(super) fn everything() -> Value {
             ],
             "materials": { "gold": {
                 "kd": 0.5, "ks": 0.25, "ka": 0.125, "kr": 0.1, "specularexponent": 20, "diffusecolor": [1, 0.8, 0],
-                "tPath": "a.png", "tWidth": 2, "tHeight": 2, "filter": "nearest", "wrap": "clamp", "colorspace": "linear", "tScale": [2, -1]
+                "tPath": "a.png", "tWidth": 2, "tHeight": 3, "filter": "nearest", "wrap": "clamp", "colorspace": "linear", "tScale": [2, -1]
             } }
         },
         "tonemap": { "operator": "reinhard", "exposure": -1.5, "transfer": "linear" },
@@ -166,7 +166,17 @@ fn every_key_reaches_the_checked_scene() {
         (Falloff::Quadratic, Backend::Embree(EmbreeMode::Robust))
     );
     assert_eq!(scene.camera.lookat, glam::DVec3::new(0.0, 5.0, 0.0));
-    assert_eq!(scene.camera.perspective().unwrap().1.unwrap().focal_distance, 5.0);
+    assert_eq!((scene.camera.width, scene.camera.height), (640, 480));
+    assert_eq!((scene.camera.position.y, scene.camera.up), (-5.0, glam::DVec3::Z));
+    let (fov, lens) = scene.camera.perspective().unwrap();
+    assert_eq!((fov, lens.unwrap().focal_distance), (35.5, 5.0));
+    assert_eq!((scene.background, scene.ambient), ([0.1, 0.2, 0.3].into(), glam::Vec3::ONE));
+    let light =
+        |i: usize| (scene.lights[i].diffuse.to_array(), scene.lights[i].specular.to_array());
+    assert_eq!(light(0), ([1.0, 2.0, 3.0], [0.0; 3]));
+    assert_eq!(light(1), ([1.0; 3], [0.0, 0.0, 1.0]));
+    let names = scene.lights.iter().map(|l| (l.name.as_deref(), l.group.as_deref()));
+    assert!(names.eq([(Some("key"), Some("a")), (Some("fill"), Some("b"))]));
     let LightKind::Area { edge, height, samples, lambertian, .. } = &scene.lights[1].kind else {
         panic!("an area light");
     };
@@ -177,10 +187,29 @@ fn every_key_reaches_the_checked_scene() {
     assert_eq!(roles, [Role::Holdout, Role::ShadowCatcher, Role::Surface, Role::Surface]);
     assert_eq!(scene.shapes[2].visible.kinds(), [false, false, true]);
     assert_eq!((scene.shapes[0].semantic, scene.shapes[1].semantic), (3, 0));
+    let ShapeKind::Sphere { center, radius, pole } = scene.shapes[0].kind else {
+        panic!("a sphere")
+    };
+    assert_eq!((center, radius, pole), (glam::DVec3::Z, 1.0, 0));
     assert_eq!(scene.materials.len(), 3);
+    let m = &scene.materials[0];
+    assert_eq!([m.kd, m.ks, m.ka, m.kr, m.specular_exponent], [0.5, 0.25, 0.125, 0.1, 20.0]);
+    assert_eq!((m.diffuse_color, scene.materials[1].kr), ([1.0, 0.8, 0.0].into(), 0.5));
     let lookup = &scene.materials[0].lookup;
     assert_eq!((lookup.filter, lookup.wrap), (Some(Filter::Nearest), Some(Wrap::Clamp)));
-    assert_eq!(scene.tonemap.operator, ToneOperator::Reinhard);
+    assert_eq!((lookup.color_space, lookup.scale), (Some(ColorSpace::Linear), [2.0, -1.0].into()));
+    let texture = scene.materials[0].texture.as_ref().expect("an image");
+    assert_eq!(texture.declared_size, [Some(2), Some(3)]);
+    let ShapeKind::Trimesh(mesh) = &scene.shapes[3].kind else { panic!("a mesh") };
+    assert_eq!((mesh.fit, mesh.size, mesh.center), (Some(2.0), 2.0, glam::DVec3::X));
+    assert_eq!(mesh.rotate_deg, glam::DVec3::new(-90.0, 0.0, 0.0));
+    assert_eq!((mesh.bvh, mesh.smooth, mesh.vertex_colors), (false, Smooth::All, false));
+    assert_eq!(mesh.vertex_color_space, Some(ColorSpace::Linear));
+    let moved = mesh.transform.as_ref().expect("an instance");
+    assert_eq!(moved.matrix3, glam::DMat3::from_diagonal([1.0, 2.0, 1.0].into()));
+    assert_eq!(moved.translation, glam::DVec3::new(0.0, 0.0, 5.0));
+    let t = scene.tonemap;
+    assert_eq!((t.operator, t.exposure, t.srgb), (ToneOperator::Reinhard, -1.5, false));
     assert_eq!(scene.layers, [Layer::Depth, Layer::Normal]);
     assert!(scene.transparent);
     let random = load_value(&minimal(), &["/sampler=random"]).unwrap();
@@ -297,15 +326,35 @@ fn the_rest_of_the_keys_reaches_the_checked_scene() {
             .abs_diff_eq(glam::Vec3::new(3.0, 3.0, 2.0), 1e-6)
     );
     assert_eq!(scene.lights[0].specular, glam::Vec3::X);
+    let LightKind::Sun { towards, angle_deg: 0.0, .. } = scene.lights[1].kind else {
+        panic!("a directional light");
+    };
+    // `direction` is that of the light's rays.
+    assert!(towards.abs_diff_eq(glam::DVec3::new(0.0, -1.0, 1.0).normalize(), 1e-15));
+    assert_eq!(scene.lights[1].diffuse, [0.1, 0.1, 0.2].into());
+    assert_eq!(
+        (scene.lights[1].specular, scene.lights[2].specular),
+        (glam::Vec3::ZERO, glam::Vec3::Z)
+    );
     let LightKind::Environment { samples, map: Some(map) } = &scene.lights[2].kind else {
         panic!("an image");
     };
     assert_eq!(*samples, 4);
-    assert!(!map.visible);
+    assert_eq!((map.rotation_deg, map.visible), (90.0, false));
+    assert_eq!((scene.lights[2].diffuse, scene.legend), (glam::Vec3::splat(2.0), true));
     let ShapeKind::Trimesh(mesh) = &scene.shapes[0].kind else { panic!("a mesh") };
     assert_eq!(mesh.smooth, Smooth::Below { angle: 50.0, flat: 20.0 });
     let ShapeKind::Trimesh(points) = &scene.shapes[1].kind else { panic!("a mesh") };
     assert_eq!(points.points, Some(0.125));
+    assert_eq!(
+        points.color.as_ref().unwrap().color,
+        MeshColorDescription::Stored(StoredColor::Face)
+    );
+    let MeshColorDescription::Property(color) = &mesh.color.as_ref().unwrap().color else {
+        panic!("a property");
+    };
+    assert_eq!((&*color.property.0, color.map), ("quality", ColorMap::Turbo));
+    assert_eq!((color.range, color.nan.vec()), (Some([-1.0, 2.5]), glam::Vec3::Z));
     assert_eq!(scene.shapes[2].visible.kinds(), [true, true, false]);
 }
 

@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-use crate::support::program::{Done, Scratch, names_in};
+use crate::support::program::{Done, Scratch, lightpath, names_in};
 
 /// Installs the tested program under a strict umask, in a folder whose name has a space.
 fn install(scratch: &Scratch, speaker: &str) -> Done {
@@ -60,6 +60,47 @@ fn all_users_can_read_an_installation_that_loads_no_library_from_elsewhere() {
         assert!(has(built, &[run_path, &b":"[..]].concat()));
         assert!(has(&to.join("bin/lightpath"), &[run_path, &b"\0"[..]].concat()));
     }
+}
+
+/// The guide's links lead to installed files, but for the notebook, pictures and examples in Rust.
+#[test]
+fn an_installed_guide_is_whole_and_goes_with_the_rest() {
+    let scratch = Scratch::new();
+    install(&scratch, env!("CARGO_BIN_EXE_lightpath")).good();
+    let to = scratch.path("to here");
+    let doc = to.join("share/doc/lightpath");
+    let mut links = 0;
+    for page in names_in(&doc.join("docs/guide")) {
+        let text = fs::read_to_string(doc.join("docs/guide").join(&page)).unwrap();
+        for (_, rest) in text.match_indices("](").map(|(at, _)| text.split_at(at + 2)) {
+            let link = rest.split([')', '#']).next().unwrap();
+            // The template is in share/lightpath/farm.
+            let absent = [
+                "http",
+                "../notebook/",
+                "../images/",
+                "../README.md",
+                "../../examples/",
+                "../../farm/",
+            ];
+            if !link.is_empty() && !absent.iter().any(|start| link.starts_with(start)) {
+                assert!(doc.join("docs/guide").join(link).is_file(), "{page}: {link}");
+                links += 1;
+            }
+        }
+    }
+    assert!(links > 50, "{links} links");
+    let scene = doc.join("scenes/still-life.json");
+    lightpath(&["info", scene.to_str().unwrap()]).good();
+    let removed = Command::new("make")
+        .args(["--no-print-directory", "uninstall", "DESTDIR="])
+        .arg(format!("PREFIX={}", to.display()))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(removed.status.success(), "{}", String::from_utf8_lossy(&removed.stderr));
+    let left = Command::new("find").arg(&to).args(["!", "-type", "d"]).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&left.stdout), "");
 }
 
 #[test]

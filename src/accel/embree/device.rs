@@ -66,10 +66,11 @@ const INSTALL: &str = "install libembree4-4 (Debian 13 and later), in a checkout
 pub fn load_library() -> Result<Arc<Api>> {
     let file = option_env!("LIGHTPATH_EMBREE_FILE").unwrap_or("libembree4.so.4");
     let missing = |error: &dyn std::fmt::Display| {
-        Error::new(
-            ErrorKind::Unsupported,
-            Problem::new("Embree", format!("cannot load {file}: {error}")).help(INSTALL),
-        )
+        let error = error.to_string();
+        let help = needed_library(&error, file)
+            .map_or_else(|| INSTALL.into(), |name| format!("install {name}, which Embree needs"));
+        let problem = Problem::new("Embree", format!("cannot load {file}: {error}"));
+        Error::new(ErrorKind::Unsupported, problem.help(help))
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
     let library = unsafe { libloading::Library::new(file) };
@@ -78,6 +79,13 @@ pub fn load_library() -> Result<Arc<Api>> {
         false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
+}
+
+/// Returns the library that the loader's message `error` misses, if it is not `file` itself but one
+/// that `file` needs: a small system may lack libstdc++.
+fn needed_library<'a>(error: &'a str, file: &str) -> Option<&'a str> {
+    let (name, _) = error.split_once(": cannot open shared object file")?;
+    (name != file).then_some(name)
 }
 
 /// Settings of every device.
@@ -363,6 +371,16 @@ unsafe extern "C" fn on_memory(watch: *mut c_void, bytes: isize, _post: bool) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_library_that_embree_needs_is_told_from_embree() {
+        let absent = |name: &str| format!("{name}: cannot open shared object file: No such file");
+        let file = "libembree4.so.4";
+        let of = |error: &str| needed_library(error, file).map(str::to_owned);
+        assert_eq!(of(&absent("libstdc++.so.6")).as_deref(), Some("libstdc++.so.6"));
+        assert_eq!(of(&absent(file)), None);
+        assert_eq!(of("libembree4.so.4: file too short"), None);
+    }
 
     #[test]
     fn only_threads_that_start_need_room() {

@@ -25,11 +25,11 @@ pub fn prepare(folder: &Path) {
     inputs::write(&folder.join(SECOND), include_bytes!("../../data/fuzz/seeds/image/second.exr"));
 }
 
-/// Runs one input in a prepared folder.
-pub fn run(folder: &Path, bytes: &[u8]) {
+/// Runs one input in a prepared folder. Returns whether it is a texture.
+pub fn run(folder: &Path, bytes: &[u8]) -> bool {
     let (image, second) = (&folder.join("image"), &folder.join(SECOND));
     inputs::write(image, bytes);
-    texture(image);
+    let is_texture = texture(image);
     for paths in [vec![image.clone()], vec![image.clone(), second.clone()]] {
         let film = Parts::open(&paths).and_then(|parts| parts.film(&Monitor::default()));
         match film {
@@ -41,22 +41,29 @@ pub fn run(folder: &Path, bytes: &[u8]) {
         Err(error) => inputs::check_error(&error),
         Ok(picture) => assert!(!picture.layers.is_empty()),
     }
+    is_texture
 }
 
-fn texture(path: &Path) {
+fn texture(path: &Path) -> bool {
     let load = |whole| -> Result<Texture> {
         let request = ImageRequest { path, color_space: None, max_bytes: MAX_BYTES, whole };
         let texture = Texture::load(request)?;
         texture.check().map(|()| texture)
     };
     let whole = match load(u64::MAX) {
-        Err(error) => return inputs::check_error(&error),
+        Err(error) => {
+            inputs::check_error(&error);
+            return false;
+        }
         Ok(whole) => whole,
     };
     Texture::size(path).expect("the header of a readable image");
     let tiles = match load(WHOLE_TEXELS) {
         // Tiles need more memory while they are made, so an image near the limit may exceed it.
-        Err(error) => return assert_eq!(error.kind, ErrorKind::Limit, "{error}"),
+        Err(error) => {
+            assert_eq!(error.kind, ErrorKind::Limit, "{error}");
+            return true;
+        }
         Ok(tiles) => tiles,
     };
     assert_eq!((whole.width(), whole.height()), (tiles.width(), tiles.height()));
@@ -68,4 +75,5 @@ fn texture(path: &Path) {
             texel(&tiles).to_array().map(f32::to_bits)
         );
     }
+    true
 }

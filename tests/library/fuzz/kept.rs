@@ -22,7 +22,11 @@ fn rays_and_trees() {
 
 #[test]
 fn images() {
-    for_each_input("image", &["tests/data/fuzz/seeds/image"], image::prepare, image::run);
+    let textures = Cell::new(0);
+    for_each_input("image", &["tests/data/fuzz/seeds/image"], image::prepare, |folder, bytes| {
+        textures.set(textures.get() + u32::from(image::run(folder, bytes)));
+    });
+    assert!(textures.get() > 100, "{}", textures.get());
 }
 
 #[test]
@@ -48,28 +52,62 @@ fn pictures() {
 
 #[test]
 fn ply_files() {
-    for_each_input("ply", &[], |_| {}, |_, bytes| ply::run(bytes));
-    // The last byte of an input selects options, and is no part of the file.
+    let meshes = Cell::new(0);
+    let run = |bytes: &[u8]| meshes.set(meshes.get() + u32::from(ply::run(bytes)));
+    for_each_input("ply", &[], |_| {}, |_, bytes| run(bytes));
+    assert!(meshes.get() > 40, "{}", meshes.get());
+    // The last byte of an input selects options, and is no part of the file. 3 asks for repairs.
     let mut failed = Vec::new();
-    for folder in ["tests/ply/valid", "tests/ply/invalid"] {
+    for (folder, is_valid) in [("tests/ply/valid", true), ("tests/ply/invalid", false)] {
+        let meshes = Cell::new(0);
         for_each_file(&root().join(folder), &mut failed, |bytes| {
             for options in [0, 2, 3] {
-                ply::run(&[bytes, &[options]].concat());
+                let is_mesh = ply::run(&[bytes, &[options]].concat());
+                assert!(!is_mesh || is_valid || options == 3);
+                meshes.set(meshes.get() + usize::from(is_mesh));
             }
         });
+        // The other files are the expected meshes.
+        let is_ply = |path: &&PathBuf| path.extension().is_none_or(|end| end != "json");
+        let count = files(&root().join(folder)).iter().filter(is_ply).count();
+        assert!(!is_valid || count > 40 && meshes.get() == 3 * count, "{}", meshes.get());
     }
     assert!(failed.is_empty(), "ply failed on {failed:?}");
 }
 
 #[test]
 fn lists_of_cameras() {
-    for_each_input("poses", &["tests/data/fuzz/seeds/poses"], |_| {}, poses::run);
+    let lists = Cell::new(0);
+    for_each_input(
+        "poses",
+        &["tests/data/fuzz/seeds/poses"],
+        |_| {},
+        |folder, bytes| {
+            lists.set(lists.get() + u32::from(poses::run(folder, bytes)));
+        },
+    );
+    assert!(lists.get() > 10, "{}", lists.get());
 }
 
 #[test]
 fn scenes() {
-    let seeds = ["scenes", "tests/data/reference"];
-    for_each_input("scene", &seeds, |_| {}, |_, bytes| scene::run(bytes));
+    let (scenes, shipped) = (Cell::new(0), Cell::new(0));
+    for_each_input(
+        "scene",
+        &[],
+        |_| {},
+        |_, bytes| {
+            scenes.set(scenes.get() + u32::from(scene::run(Path::new("nowhere"), bytes)));
+        },
+    );
+    let mut failed = Vec::new();
+    for folder in ["scenes", "tests/data/reference"].map(|folder| root().join(folder)) {
+        for_each_file(&folder, &mut failed, |bytes| {
+            shipped.set(shipped.get() + u32::from(scene::run(&folder, bytes)));
+        });
+    }
+    assert!(failed.is_empty(), "scene failed on {failed:?}");
+    assert!(scenes.get() > 5 && shipped.get() > 35, "{} {}", scenes.get(), shipped.get());
 }
 
 /// Runs the kept inputs of a target, and the files of folders. `run` also takes a folder for files,

@@ -6,11 +6,12 @@ use std::io::Write;
 use flate2::{Compression, write::GzEncoder};
 use lightpath::mesh::{Mesh, ReadOptions, Uvs, read_ply_bytes};
 
-/// Runs one input.
-pub fn run(bytes: &[u8]) {
-    let Some((&choice, bytes)) = bytes.split_last() else { return };
+/// Runs one input. Returns whether it is a mesh.
+pub fn run(bytes: &[u8]) -> bool {
+    let Some((&choice, bytes)) = bytes.split_last() else { return false };
     let options = ReadOptions::default().repair(choice & 1 == 1);
     let whole = read_ply_bytes(bytes, "f", options);
+    let is_mesh = whole.is_ok();
     if let Ok(mesh) = &whole {
         check(mesh);
     }
@@ -25,6 +26,7 @@ pub fn run(bytes: &[u8]) {
             (a, b) => panic!("{:?} {:?}", a.err(), b.err()),
         }
     }
+    is_mesh
 }
 
 fn check(mesh: &Mesh) {

@@ -9,9 +9,9 @@ use lightpath::poses::Poses;
 
 use super::inputs;
 
-/// Runs one input, with its files in a folder.
-pub fn run(folder: &Path, bytes: &[u8]) {
-    let [format, part, rest @ ..] = bytes else { return };
+/// Runs one input, with its files in a folder. Returns whether it is a list of cameras.
+pub fn run(folder: &Path, bytes: &[u8]) -> bool {
+    let [format, part, rest @ ..] = bytes else { return false };
     let write = |name: &str, bytes: &[u8]| inputs::write(&folder.join(name), bytes);
     let cut = rest.len() * usize::from(*part) / 255;
     let path = match format % 3 {
@@ -28,12 +28,16 @@ pub fn run(folder: &Path, bytes: &[u8]) {
     };
     let read = Poses::read(&path, format & 128 != 0);
     match read.and_then(|poses| poses.check(None).map(|()| poses)) {
-        Err(error) => inputs::check_error(&error),
+        Err(error) => {
+            inputs::check_error(&error);
+            false
+        }
         Ok(poses) => {
             assert!(!poses.list.is_empty());
             for pose in &poses.list {
                 assert!(inputs::is_inside(Path::new(&pose.image)), "{}", pose.image);
             }
+            true
         }
     }
 }

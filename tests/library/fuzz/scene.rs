@@ -7,18 +7,21 @@ use lightpath::scene::{Source, load};
 
 use super::inputs;
 
-/// Runs one input.
-pub fn run(text: &[u8]) {
-    let folder = Path::new("nowhere");
+/// Runs one input, whose paths are relative to a folder. Returns whether it is a scene.
+pub fn run(folder: &Path, text: &[u8]) -> bool {
     let source = Source::Text { name: "f.json", text, folder };
     match load(source, &[]) {
-        Err(error) => inputs::check_error(&error),
+        Err(error) => {
+            inputs::check_error(&error);
+            false
+        }
         Ok(loaded) => {
             let text = loaded.description.to_text();
             let again = load(Source::Text { name: "g.json", text: text.as_bytes(), folder }, &[]);
             let again = again.unwrap_or_else(|error| panic!("{error}\n{text}"));
             assert_eq!(again.description.to_text(), text);
             assert_eq!(again.hash, loaded.hash);
+            true
         }
     }
 }

@@ -43,6 +43,21 @@ fn visits(name: &str) -> [Visits; 2] {
     all
 }
 
+#[test]
+fn a_mesh_with_bvh_false_has_no_tree() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fig12-octahedron.json");
+    for bvh in [true, false] {
+        let set = format!("/scene/shapes/0/bvh={bvh}");
+        let loaded = scene::load(Source::File(&path), &[set]).expect("the scene");
+        let world = World::load(&loaded.scene, LoadOptions::default(), &Monitor::default());
+        let geometry = world.expect("its files").0.geometry;
+        let without = geometry.meshes.iter().filter(|mesh| mesh.loop_only);
+        // The other mesh is that of the scene's single triangles.
+        let sizes: Vec<usize> = without.map(|mesh| mesh.triangles().len()).collect();
+        assert_eq!(sizes, if bvh { &[][..] } else { &[8] });
+    }
+}
+
 fn visit(nodes: u64, primitives: u64) -> Visits {
     Visits { nodes, primitives }
 }

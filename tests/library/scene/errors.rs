@@ -70,6 +70,8 @@ fn not_json() {
         ("{\"a\":\n 0x10}", &["s.json:2:2", "found `0x10`", "decimal"]),
         ("{\"a\": 01}", &["s.json:1:7", "found `01`", "leading zeros"]),
         ("{\"a\": 1.}", &["expected a digit"]),
+        ("{\"a\": 1e}", &["expected a digit"]),
+        ("{\"a\": 1e+}", &["expected a digit"]),
         ("{\"a\": .5}", &["write 0 before the decimal point"]),
         ("{\"a\": True}", &["found `True`", "lower case"]),
         ("// hello\n{}", &["s.json:1:1", "JSON has no comments"]),

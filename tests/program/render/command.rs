@@ -69,6 +69,59 @@ fn files_paths_summary_statistics() {
     assert_eq!(value["rays"], stats["rays"]);
 }
 
+/// Decodes a PNG of 8 bits with three channels.
+fn bytes_of_png(bytes: &[u8]) -> (Option<f32>, bool, Vec<u8>) {
+    let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!((frame.bit_depth, frame.color_type), (png::BitDepth::Eight, png::ColorType::Rgb));
+    let gamma = reader.info().gama_chunk.map(png::ScaledFloat::into_value);
+    (gamma, reader.info().srgb.is_some(), pixels)
+}
+
+#[test]
+fn a_linear_png_has_the_values_of_the_exr_and_says_so() {
+    let scratch = Scratch::new();
+    let curve = r#"{ "operator": "clamp", "exposure": -1, "transfer": "linear" }, "spp": 2"#;
+    scratch.write("s.json", &SCENE.replacen("\"spp\": 2", &format!("\"tonemap\": {curve}"), 1));
+    render(&scratch, &["s.json", "--float"]);
+    for (tile, name) in [("1/2", "a"), ("2/2", "b")] {
+        render(&scratch, &["s.json", "--float", "--tile", tile, "-o", name]);
+    }
+    scratch.run(&["merge", "a.exr", "b.exr", "-o", "merged"]).good();
+    let exr = scratch.rgba("s.exr").concat();
+    let values =
+        exr.iter().flat_map(|p| &p[..3]).map(|v| (255.0 * (v / 2.0).clamp(0.0, 1.0)).round() as u8);
+    let expected: Vec<u8> = values.collect();
+    assert!(expected.iter().any(|&v| v > 100) && expected.iter().any(|&v| v < 20));
+    for name in ["s.png", "merged.png"] {
+        assert_eq!(
+            bytes_of_png(&scratch.read(name)),
+            (Some(1.0), false, expected.clone()),
+            "{name}"
+        );
+    }
+    render(&scratch, &["s.json", "--set", "/tonemap/transfer=srgb"]);
+    let (_, srgb, encoded) = bytes_of_png(&scratch.read("s.png"));
+    assert!(srgb && encoded != expected);
+}
+
+#[test]
+fn a_texture_of_another_size_than_the_scene_says_is_told() {
+    let scratch = Scratch::new();
+    scratch.write("a.ppm", &format!("P3 4 3 255 {}", "90 ".repeat(36)));
+    let render = |written: &str| {
+        let material = format!(r#""material": {{ "tPath": "a.ppm", {written} }}"#);
+        scratch.write("s.json", &SCENE.replace(r#""material": {}"#, &material));
+        render(&scratch, &["s.json"]).stderr()
+    };
+    let told = render(r#""tWidth": 5, "tHeight": 7"#);
+    assert!(told.contains("`tWidth` is 5, but a.ppm has 4; 4 is used"), "{told}");
+    assert!(told.contains("`tHeight` is 7, but a.ppm has 3; 3 is used"), "{told}");
+    let told = render(r#""tWidth": 4, "tHeight": 3"#);
+    assert!(!told.contains("is used"), "{told}");
+}
+
 #[test]
 fn same_bytes_for_any_threads_and_from_stdin() {
     let scratch = Scratch::new();

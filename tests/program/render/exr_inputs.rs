@@ -51,14 +51,27 @@ fn blocks_that_are_stored_as_they_are() {
             let done = scratch.run(arguments);
             let said = done.stderr();
             // `merge` refuses it, because it is not a part of a picture of this program.
-            let read = done.code() == 0 || said.contains("lightpath");
+            let read = match arguments[0] {
+                "merge" => said.contains("lightpath"),
+                _ => done.code() == 0,
+            };
             assert!(read, "{compression:?} {arguments:?}: {said}");
         }
         let seen = scratch.channels("out.exr");
         let red = &seen.iter().find(|(name, _)| name == "R").unwrap().1;
         let half = |x: &f32| u32::from(half::f16::from_f32(*x).to_bits());
         let stored: Vec<u32> = values[0].iter().map(half).collect();
-        assert!(red.iter().all(|value| stored.contains(value)), "texels are those of the file");
+        // The plane is 4 x 4, and the frame shows the 3.3 x 2.2 in its middle.
+        let texel = |i: usize, size: usize, seen: f64| {
+            let at = 0.5 + ((i as f64 + 0.5) / size as f64 - 0.5) * seen / 4.0;
+            (at * size as f64) as usize
+        };
+        let high = 6.0 * 20f64.to_radians().tan();
+        for (i, value) in red.iter().enumerate() {
+            let (x, y) = (texel(i % 12, 12, high * 1.5), texel(i / 12, 8, high));
+            assert_eq!(*value, stored[y * 12 + x], "{compression:?}: pixel {i}");
+        }
+        std::fs::remove_file(scratch.path("out.exr")).unwrap();
     }
 }
 
