@@ -83,10 +83,10 @@ install: ## copy program, Embree (if it is in vendor/), guide, examples, man pag
 	@[ -x "$(BINARY)" ] || { echo 'found no $(BINARY): run `make build` first, or set BINARY=PROGRAM' >&2; exit 2; }
 	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
 
-uninstall: ## remove from PREFIX what `make install` copied
-	cd "$(DESTDIR)$(PREFIX)" && rm -rf bin/lightpath lib/lightpath share/doc/lightpath share/lightpath \
-	    share/man/man1/lightpath.1 share/bash-completion/completions/lightpath \
-	    share/zsh/site-functions/_lightpath share/fish/vendor_completions.d/lightpath.fish
+uninstall: ## remove the program, its folders, man page and completions from PREFIX
+	for path in bin/lightpath lib/lightpath share/doc/lightpath share/lightpath share/man/man1/lightpath.1 \
+	    share/bash-completion/completions/lightpath share/zsh/site-functions/_lightpath \
+	    share/fish/vendor_completions.d/lightpath.fish; do rm -rf "$(DESTDIR)$(PREFIX)/$$path"; done
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
 	scripts/dist.sh

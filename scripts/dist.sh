@@ -69,10 +69,11 @@ else
     depends="$depends, libembree4-4 (>= 4.3)"
     carries=
 fi
-# Another system makes another package of this version, and apt takes the newer system's for the newer one.
+# Another system makes another package of this version. apt takes that of a newer release for the newer one,
+# and the one without Embree for older than that.
 # shellcheck source=/dev/null
-system=$(. /etc/os-release && printf '%s%s' "$ID" "${VERSION_ID:-}")
-[ "${EMBREE:-}" != none ] || system=$system+noembree
+system=$([ ! -r /etc/os-release ] || . /etc/os-release; printf '%s%s' "${ID:-linux}" "${VERSION_ID:-}")
+[ "${EMBREE:-}" != none ] || system=$system~noembree
 revision=$version-1~$system
 maintainer=${MAINTAINER:-lightpath <lightpath@localhost>}
 doc=$deb/usr/share/doc/lightpath
@@ -82,12 +83,17 @@ paragraphs() { sed 's/^ *$/./; s/^/ /'; }
     printf 'Upstream-Name: lightpath\n'
     printf 'Comment: What the program contains of others is in THIRD_PARTY.md and THIRD_PARTY_LICENSES.txt.\n'
     printf '\nFiles: *\nCopyright: 2026 The lightpath authors\nLicense: Expat or Apache-2.0\n'
+    printf '\nFiles: usr/share/doc/lightpath/assets/*\n'
+    printf 'Copyright: Keenan Crane (spot), Martin Newell (teapot), the lightpath authors\n'
+    printf 'License: CC0-1.0 and public-domain and (Expat or Apache-2.0)\nComment: assets/README.md has the sources.\n'
+    printf '\nLicense: CC0-1.0\n The text is in /usr/share/common-licenses/CC0-1.0.\n'
+    printf '\nLicense: public-domain\n The teapot is in the public domain.\n'
     if [ -n "$carries" ]; then
         printf '\nFiles: usr/lib/lightpath/*\n'
         printf 'Copyright: Intel Corporation\n 2009 Stanford University, and authors\n'
         printf 'License: Apache-2.0 and BSD-3-Clause\n'
         printf '\nLicense: BSD-3-Clause\n'
-        sed -n '/^### Syrah/,/^## /{/^## /!p}' THIRD_PARTY.md | paragraphs
+        sed -n '/^### Syrah/,/^## /{/^##/!p}' THIRD_PARTY.md | paragraphs
     fi
     printf '\nLicense: Expat\n'
     sed '1,/^Copyright/d' LICENSE-MIT | sed 1d | paragraphs

@@ -21,6 +21,11 @@ put() { # MODE FILE FOLDER
 "$SPEAKER" completions zsh >"$scratch/_lightpath"
 "$SPEAKER" completions fish >"$scratch/lightpath.fish"
 
+# Their links to each other work as in the checkout, of which nothing else is taken. A source package has no
+# list of git's.
+documents=$(git ls-files README.md docs/README.md docs/guide scenes assets 2>/dev/null || true)
+[ -n "$documents" ] || documents=$(find README.md docs/README.md docs/guide scenes assets -type f)
+
 # The run path ends behind ../lib/lightpath. The folders of the checkout, relative to the program,
 # would be folders of anybody: /home/vendor/embree for /home/ann/.local/bin/lightpath.
 mkdir "$scratch/bin"
@@ -30,7 +35,8 @@ LC_ALL=C sed 's|:\($ORIGIN/\.\./\.\./vendor/embree\)|\x00\1|' "$BINARY" >"$scrat
 # bytes behind it keep the length. Nobody debugs with its symbols; Zig's programs have none.
 # shellcheck disable=SC2016
 if [ -n "${DESTDIR:-}" ]; then
-    ! readelf -S "$scratch/bin/lightpath" | grep -q '\.symtab' || strip "$scratch/bin/lightpath"
+    ! readelf -S "$scratch/bin/lightpath" | grep -q '\.symtab' || strip "$scratch/bin/lightpath" ||
+        echo "install: the program keeps its symbols" >&2
     LC_ALL=C sed -i -e ':a' -e 's|\x00[^\x00]\([^\x00]*$ORIGIN/\.\./lib/lightpath\)\x00|\x00\1\x00\x00|' -e ta \
         "$scratch/bin/lightpath"
 fi
@@ -59,12 +65,8 @@ put 755 "$scratch/bin/lightpath" bin
 for file in LICENSE-MIT LICENSE-APACHE THIRD_PARTY.md THIRD_PARTY_LICENSES.txt; do
     put 644 "$file" share/doc/lightpath
 done
-# Their links to each other work as in the checkout.
-put 644 README.md share/doc/lightpath
-for folder in docs/guide scenes assets; do
-    for file in "$folder"/*; do
-        put 644 "$file" "share/doc/lightpath/$folder"
-    done
+for file in $documents; do
+    put 644 "$file" "share/doc/lightpath/$(dirname "$file")"
 done
 put 644 farm/openjd-template.yaml share/lightpath/farm
 put 644 "$scratch/lightpath.1" share/man/man1

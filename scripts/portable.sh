@@ -34,7 +34,7 @@ build() {
     newest=$(grep -ao 'GLIBC_2\.[0-9]*' "$program" | sort -uV | tail -n 1 || true)
     [ "$(printf '%s\n' "$newest" GLIBC_2.28 | sort -V | tail -n 1)" = GLIBC_2.28 ] ||
         { echo "portable: $program needs $newest" >&2; exit 1; }
-    readelf -h "$program" | grep -q 'Type: *DYN' ||
+    LC_ALL=C readelf -h "$program" | grep -q 'Type: *DYN' ||
         { echo "portable: $program has fixed addresses" >&2; exit 1; }
     BINARY=$program SPEAKER=$target/release/lightpath \
         scripts/folder.sh "$dist" "$name" "$embree"

@@ -2,7 +2,7 @@
 //!
 //! Only the functions and types that are used are declared. The end of this file asserts the sizes
 //! of most types and some offsets. `tests/repository/embree_layout.rs` compares [`LAYOUTS`] with
-//! the C headers if these are installed.
+//! what a C program printed, and with the C headers if these are installed.
 //!
 //! The packets of 16 rays are declared in [`crate::ray`]: [`Rays`] is `RTCRay16`, `Hits` is
 //! `RTCHit16`, and [`RayPacket`] (rays with their hits) is `RTCRayHit16`.
