@@ -32,8 +32,8 @@ const PIECES: [&str; 31] = [
     "\u{1}",
 ];
 
-/// JSON values of all kinds. The numbers are so short that no edit gives one more than two digits of
-/// exponent, and no edit makes two keys equal.
+/// JSON values of all kinds. The numbers are so short that no edit gives one an exponent of three
+/// digits, and no edit makes two keys equal.
 fn values() -> impl Strategy<Value = Value> {
     let strings = "[a-z ä\u{1f600}\"\\\\\n]{0,4}";
     let leaf = prop_oneof![
