@@ -1,4 +1,4 @@
-//! Passes facts about the build machine to the crate: the file name and search path of Embree 4,
+//! Passes facts about the build machine to the crate: the file name and folders of Embree 4,
 //! whether tests can use it, whether this compiler supports AVX-512, and the commit.
 //!
 //! Nothing here can fail the build. Without Embree it prints a warning that names the way to
@@ -105,8 +105,9 @@ struct Library {
     file: String,
 }
 
-/// Sets `LIGHTPATH_EMBREE_FILE`, the name to load at run time, and the executable's run path, which
-/// the dynamic loader searches.
+/// Sets what `accel/embree/search.rs` looks for at run time: `LIGHTPATH_EMBREE_FILE`, the library's
+/// name; `LIGHTPATH_EMBREE_DIR`, the folder that `EMBREE_DIR` chose, or empty; `LIGHTPATH_VENDOR`,
+/// the checkout's folder, relative to that of the program, or absolute, or empty.
 fn embree(root: &Path) {
     println!("cargo::rerun-if-env-changed=EMBREE_DIR");
     let vendor = root.join("vendor").join("embree");
@@ -142,41 +143,26 @@ fn embree(root: &Path) {
     let file = found.as_ref().map_or(EMBREE_SONAME, |library| &library.file);
     println!("cargo::rustc-env=LIGHTPATH_EMBREE_FILE={file}");
 
-    if variable("CARGO_CFG_TARGET_OS") == "linux" {
-        // In this order: installed; target/release/lightpath; target/release/deps/<test>; the same
-        // with `--target`. The vendor folder is listed even if it does not exist yet, so `make
-        // setup` needs no rebuild.
-        let mut folders: Vec<PathBuf> = explicit.into_iter().collect();
-        folders.push("$ORIGIN/../lib/lightpath".into());
-        for up in ["../..", "../../..", "../../../.."] {
-            folders.push(format!("$ORIGIN/{up}/vendor/embree").into());
-        }
-        // A program from a target folder elsewhere needs the absolute path. All others have the
-        // same bytes wherever they are built, as all have with SOURCE_DATE_EPOCH
-        // (reproducible-builds.org).
-        println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
-        let reached = relative_entries_reach(root, Path::new(&variable("OUT_DIR")));
-        if !reached && env::var_os("SOURCE_DATE_EPOCH").is_none() {
-            folders.push(vendor);
-        }
-        let list: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
-        // One argument each instead of -Wl, which would split a folder name at a comma.
-        for argument in ["-Xlinker", "-rpath", "-Xlinker", &list.join(":")] {
-            println!("cargo::rustc-link-arg={argument}");
-        }
-    }
+    println!("cargo::rustc-env=LIGHTPATH_EMBREE_DIR={}", explicit.unwrap_or_default().display());
+    // A program in a target folder elsewhere needs the absolute path. All others have the same
+    // bytes wherever they are built, as all have with SOURCE_DATE_EPOCH (reproducible-builds.org).
+    // The folder need not exist yet, so `make setup` needs no rebuild.
+    println!("cargo::rerun-if-env-changed=SOURCE_DATE_EPOCH");
+    let vendor = match folders_up(root, Path::new(&variable("OUT_DIR"))) {
+        Some(up) => up.join("vendor").join("embree"),
+        None if env::var_os("SOURCE_DATE_EPOCH").is_none() => vendor,
+        None => PathBuf::new(),
+    };
+    println!("cargo::rustc-env=LIGHTPATH_VENDOR={}", vendor.display());
 }
 
-/// Returns whether `$ORIGIN/../..` and the two entries after it lead from the program and from the
-/// tests, a folder deeper, to the checkout. The loader takes `$ORIGIN` with symbolic links
-/// resolved.
-pub fn relative_entries_reach(root: &Path, out_dir: &Path) -> bool {
-    let (Ok(root), Ok(out_dir)) = (root.canonicalize(), out_dir.canonicalize()) else {
-        return false;
-    };
+/// Returns the path from the folder of the program to the checkout, `../..` for `target/release`;
+/// `None` if it is not in the checkout. Symbolic links are resolved.
+pub fn folders_up(root: &Path, out_dir: &Path) -> Option<PathBuf> {
+    let (root, out_dir) = (root.canonicalize().ok()?, out_dir.canonicalize().ok()?);
     // OUT_DIR is build/lightpath-HASH/out in the folder of the program.
-    let program = out_dir.ancestors().nth(3).and_then(|folder| folder.strip_prefix(root).ok());
-    program.is_some_and(|folder| matches!(folder.components().count(), 2 | 3))
+    let program = out_dir.ancestors().nth(3)?.strip_prefix(root).ok()?;
+    Some(program.components().map(|_| "..").collect())
 }
 
 /// Sets `LIGHTPATH_EMBREE_HEADERS`, the include folder (or empty), for the test that compares

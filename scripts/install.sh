@@ -26,19 +26,12 @@ put() { # MODE FILE FOLDER
 documents=$(git ls-files README.md docs/README.md docs/guide scenes assets 2>/dev/null || true)
 [ -n "$documents" ] || documents=$(find README.md docs/README.md docs/guide scenes assets -type f)
 
-# The run path ends behind ../lib/lightpath. The folders of the checkout, relative to the program,
-# would be folders of anybody: /home/vendor/embree for /home/ann/.local/bin/lightpath.
 mkdir "$scratch/bin"
-# shellcheck disable=SC2016
-LC_ALL=C sed 's|:\($ORIGIN/\.\./\.\./vendor/embree\)|\x00\1|' "$BINARY" >"$scratch/bin/lightpath"
-# A package is for other machines: the run path begins there, too, without the folder of EMBREE_DIR. Zero
-# bytes behind it keep the length. Nobody debugs with its symbols; Zig's programs have none.
-# shellcheck disable=SC2016
+cp "$BINARY" "$scratch/bin/lightpath"
+# Nobody debugs with the symbols of a package. Zig's programs have none.
 if [ -n "${DESTDIR:-}" ]; then
     ! readelf -S "$scratch/bin/lightpath" | grep -q '\.symtab' || strip "$scratch/bin/lightpath" ||
         echo "install: the program keeps its symbols" >&2
-    LC_ALL=C sed -i -e ':a' -e 's|\x00[^\x00]\([^\x00]*$ORIGIN/\.\./lib/lightpath\)\x00|\x00\1\x00\x00|' -e ta \
-        "$scratch/bin/lightpath"
 fi
 
 # The loader asks for libraries by their sonames, which end after the first number.

@@ -4,7 +4,7 @@
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 use std::fs::{File, Metadata};
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -115,9 +115,12 @@ pub fn open_file(path: &Path) -> Option<PathBuf> {
 /// nothing. Any other path is returned unchanged.
 pub fn behind_link(path: &Path) -> PathBuf {
     let mut behind = path.to_owned();
+    // Not one that the system refuses to follow.
+    let leads_nowhere =
+        || std::fs::metadata(path).is_err_and(|e| e.kind() == io::ErrorKind::NotFound);
     for _ in 0..MAX_LINKS {
         match std::fs::read_link(&behind) {
-            Ok(to) if !path.exists() => behind = behind.parent().unwrap_or(Path::new("")).join(to),
+            Ok(to) if leads_nowhere() => behind = behind.parent().unwrap_or(Path::new("")).join(to),
             _ => return behind,
         }
     }

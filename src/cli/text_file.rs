@@ -1,7 +1,7 @@
 //! Text files that the program writes to a path from a flag.
 
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 #[cfg(unix)]
@@ -49,6 +49,8 @@ impl TextFile {
                 let real = target.canonicalize().map_err(failed)?;
                 Ok(Self::Part(named, PartFile::create(&real)?))
             }
+            // The system may keep a user from a link of somebody else in a folder of all.
+            Err(error) if error.kind() == ErrorKind::PermissionDenied => Err(failed(error)),
             _ => {
                 paths::refuse_control_characters(target)?;
                 Ok(Self::Part(named, PartFile::create(&files::behind_link(target))?))

@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -118,6 +119,7 @@ impl PartFile {
                 .suffix(SUFFIX)
                 .make_in(folder_of(target), create)
                 .map_err(|error| folder_error(target, &error))?;
+            keep_mode(target, file.as_file());
             if lock::lock_new(file.as_file()) {
                 let live = Live::new(file.path());
                 return Ok(Self { target: target.to_owned(), file, live });
@@ -184,6 +186,16 @@ impl PartFile {
         match synced {
             Ok(Err(error)) if loses_data(&error) => Err(Error::io(&target, "write", &error)),
             _ => Ok((target, file)),
+        }
+    }
+}
+
+/// Gives a new file the permissions of the file that it will replace, if that is the user's own: a
+/// file that was closed to others stays so.
+fn keep_mode(target: &Path, file: &File) {
+    if let (Ok(old), Ok(new)) = (std::fs::symlink_metadata(target), file.metadata()) {
+        if old.is_file() && old.uid() == new.uid() {
+            let _ = file.set_permissions(old.permissions());
         }
     }
 }

@@ -52,13 +52,11 @@ fn all_users_can_read_an_installation_that_loads_no_library_from_elsewhere() {
         Some("libtbb-1a.so.12")
     );
 
-    let has =
-        |path: &Path, text: &[u8]| fs::read(path).unwrap().windows(text.len()).any(|at| at == text);
-    let built = Path::new(env!("CARGO_BIN_EXE_lightpath"));
-    let run_path = b"$ORIGIN/../lib/lightpath";
-    if has(built, run_path) {
-        assert!(has(built, &[run_path, &b":"[..]].concat()));
-        assert!(has(&to.join("bin/lightpath"), &[run_path, &b"\0"[..]].concat()));
+    // A run path would be for all libraries, and relative to the program.
+    for program in [Path::new(env!("CARGO_BIN_EXE_lightpath")), &to.join("bin/lightpath")] {
+        let bytes = fs::read(program).unwrap();
+        let origin = b"$ORIGIN";
+        assert!(!bytes.windows(origin.len()).any(|at| at == origin), "{}", program.display());
     }
 }
 

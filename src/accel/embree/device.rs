@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
+use super::search;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::process::{left_by_limits, number};
@@ -59,12 +60,13 @@ const BATCH: usize = 16;
 const INSTALL: &str = "install libembree4-4 (Debian 13 and later), in a checkout of lightpath run `make setup`, or \
      name the folder of libembree4.so.4 in LD_LIBRARY_PATH";
 
-/// Opens the library that `build.rs` found, along the executable's run path.
+/// Opens the library: see [`search::library`].
 ///
 /// # Errors
 /// `Unsupported` if the library is missing or not Embree 4, `Retry` if memory ran out.
 pub fn load_library() -> Result<Arc<Api>> {
-    let file = option_env!("LIGHTPATH_EMBREE_FILE").unwrap_or("libembree4.so.4");
+    let path = search::library();
+    let file = &path.display().to_string();
     let missing = |error: &dyn std::fmt::Display| {
         let error = error.to_string();
         let help = needed_library(&error, file)
@@ -73,7 +75,7 @@ pub fn load_library() -> Result<Arc<Api>> {
         Error::new(ErrorKind::Unsupported, problem.help(help))
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
-    let library = unsafe { libloading::Library::new(file) };
+    let library = unsafe { libloading::Library::new(&path) };
     let library = library.map_err(|error| match has_room(LIBRARY_BYTES) {
         true => missing(&error),
         false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),

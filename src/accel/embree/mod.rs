@@ -10,6 +10,7 @@ mod near;
 mod packet8;
 mod retrace;
 mod scene;
+mod search;
 mod sphere;
 
 pub use self::ffi::{LAYOUTS, StructLayout};

@@ -3,7 +3,8 @@
 
 mod needs;
 
-use std::fs;
+use std::fs::{self, DirBuilder, File};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -111,10 +112,16 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     batch::refuse_photographs(&job, &tasks)?;
     batch::refuse_foreign_sheet(&job)?;
     let slurm = plan(args, &job, &limits, &program)?;
-    fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, "create", &error))?;
+    let created = fs::create_dir_all(&job.folder)
+        .and_then(|()| DirBuilder::new().recursive(true).mode(0o755).create(&folder));
+    created.map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
     for (path, text) in &scripts {
-        written.push(PartFile::create(path)?.finish(text)?);
+        let mut part = PartFile::create(path)?;
+        part.fill(text.as_bytes())?;
+        let (path, file) = part.commit()?;
+        check_owner(&folder, &file)?;
+        written.push(path);
     }
     let Chunks { frames, per_task } = slurm.chunks;
     print::note(&format!(
@@ -143,6 +150,23 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         error.help(format!("job {array} renders all frames; only the sheet is missing: {command}"))
     })?;
     print::text(&format!("{submitted}\n"))
+}
+
+/// Checks that nobody else can replace the scripts before `sbatch` reads them. `file` has the owner
+/// that the file system gives to files of this user.
+///
+/// # Errors
+/// `Invalid` if the folder is of another user, can be changed by all, or is a link.
+fn check_owner(folder: &Path, file: &File) -> Result<()> {
+    let failed = |error| Error::io(folder, "read", &error);
+    let own = file.metadata().map_err(failed)?.uid();
+    let data = fs::symlink_metadata(folder).map_err(failed)?;
+    if data.is_dir() && data.uid() == own && data.mode() & 0o002 == 0 {
+        return Ok(());
+    }
+    let message = "found a folder that others can change, expected one of your own";
+    Err(Error::invalid(folder.display().to_string(), message)
+        .help("its scripts would run in your name: remove it, or choose another output folder"))
 }
 
 /// Loads the job and its limits as its tasks will load them.

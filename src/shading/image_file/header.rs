@@ -28,8 +28,8 @@ const RADIANCE: [&[u8]; 2] = [b"#?RADIANCE", b"#?RGBE"];
 /// Opens a regular file that is not empty.
 pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     let failed = |e| Error::io(path, "read the texture", &e);
-    let file = File::open(path).map_err(failed)?;
-    let data = file.metadata().map_err(failed)?;
+    // Opening a pipe waits for its writer.
+    let data = std::fs::metadata(path).map_err(failed)?;
     if !data.is_file() {
         let what = if data.is_dir() { "a folder" } else { "not a regular file" };
         return Err(Error::invalid(name(path), format!("is {what}; expected an image")));
@@ -37,6 +37,8 @@ pub(super) fn open(path: &Path) -> Result<(BufReader<File>, Option<Stamp>)> {
     if data.len() == 0 {
         return Err(Error::invalid(name(path), "is empty; expected an image"));
     }
+    let file = File::open(path).map_err(failed)?;
+    let data = file.metadata().map_err(failed)?;
     Ok((BufReader::with_capacity(1 << 16, file), Stamp::of(&data)))
 }
 

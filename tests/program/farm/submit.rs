@@ -240,6 +240,30 @@ fn bad_input_is_refused() {
     }
 }
 
+/// Whoever can change the folder could replace a script between its writing and `sbatch`.
+#[test]
+fn a_folder_of_scripts_that_others_can_change_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let scratch = scratch(2);
+    submit(&scratch, &[]).good();
+    let folder = scratch.path("out/slurm");
+    let mode = std::fs::metadata(&folder).unwrap().permissions().mode();
+    assert_eq!(mode & 0o022, 0);
+    let refused = || {
+        let done = submit(&scratch, &[]);
+        assert_eq!(done.code(), 2, "{}", done.stderr());
+        let said = done.stderr();
+        assert!(said.contains("out/slurm: found a folder that others can change"), "{said}");
+        assert!(commands(&done.stdout()).is_empty());
+    };
+    std::fs::set_permissions(&folder, PermissionsExt::from_mode(0o777)).unwrap();
+    refused();
+    std::fs::remove_dir_all(&folder).unwrap();
+    std::os::unix::fs::symlink("../elsewhere", &folder).unwrap();
+    std::fs::create_dir(scratch.path("elsewhere")).unwrap();
+    refused();
+}
+
 #[test]
 fn a_missing_slurm_is_reported() {
     let scratch = scratch(2);

@@ -123,6 +123,34 @@ fn a_texture_of_another_size_than_the_scene_says_is_told() {
 }
 
 #[test]
+fn a_texture_that_is_a_pipe_is_refused_at_once() {
+    let scratch = Scratch::new();
+    scratch.pipe("a.png");
+    let textured = SCENE.replace(r#""material": {}"#, r#""material": { "tPath": "a.png" }"#);
+    scratch.write("s.json", &textured);
+    let done = scratch.run(&["render", "s.json"]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("a.png"), "{}", done.stderr());
+    assert!(done.stderr().contains("not a regular file"), "{}", done.stderr());
+}
+
+#[test]
+fn a_picture_that_is_closed_to_others_stays_so() {
+    use std::os::unix::fs::PermissionsExt;
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    render(&scratch, &["s.json"]);
+    let (exr, png) = (scratch.path("s.exr"), scratch.path("s.png"));
+    std::fs::set_permissions(&exr, PermissionsExt::from_mode(0o600)).unwrap();
+    let mode = |path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    let other = mode(&png);
+    let before = scratch.read("s.exr");
+    render(&scratch, &["s.json", "--seed", "5"]);
+    assert_eq!((mode(&exr), mode(&png)), (0o600, other));
+    assert_ne!(scratch.read("s.exr"), before);
+}
+
+#[test]
 fn same_bytes_for_any_threads_and_from_stdin() {
     let scratch = Scratch::new();
     scratch.write("s.json", SCENE);
