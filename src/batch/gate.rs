@@ -128,9 +128,31 @@ impl Drop for RenderPermit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicU64;
+    use std::sync::atomic::Ordering::SeqCst;
 
     #[test]
     fn only_a_mesh_that_is_alone_may_exceed_the_limit() {
+        let memory = MemoryGate::new(10);
+        let (held, most) = (AtomicU64::new(0), AtomicU64::new(0));
+        let sizes = [4, 6, 3, 12, 5, 5, 0, 10, 1];
+        std::thread::scope(|scope| {
+            for (number, bytes) in sizes.into_iter().enumerate() {
+                let (memory, held, most) = (&memory, &held, &most);
+                scope.spawn(move || {
+                    let _inside = memory.enter(number, bytes);
+                    let now = held.fetch_add(bytes, SeqCst) + bytes;
+                    most.fetch_max(if now == 12 { 0 } else { now }, SeqCst);
+                    std::thread::yield_now();
+                    held.fetch_sub(bytes, SeqCst);
+                });
+            }
+        });
+        assert!(most.load(SeqCst) <= 10);
+    }
+
+    #[test]
+    fn a_mesh_waits_for_its_turn_and_for_room() {
         let inside = |next, meshes, bytes| Admitted { next, meshes, bytes };
         let waits = |state: Admitted, bytes| state.keeps_out(3, bytes, 10);
         assert!(!waits(inside(3, 0, 0), 12) && !waits(inside(3, 0, 0), u64::MAX));

@@ -96,6 +96,18 @@ proptest! {
         let _ = load_bytes(&bytes);
     }
 
+    /// Pieces of JSON in any order are accepted exactly if serde_json accepts them.
+    #[test]
+    fn pieces_in_any_order(pieces in prop::collection::vec(prop::sample::select(vec![
+        "{", "}", "[", "]", ",", ":", "\"a\"", "\"\\u00e4\\ud83d\\ude00\"", "\"\\n\"", "\"", "\\", "'", "1", "-0",
+        "0", "1.5", "1e5", "-", ".", "e", "+", "true", "null", "nul", " ", "\n", "\u{a0}", "\t", "//", "ä", "\u{1}",
+    ]), 0..12)) {
+        let text = pieces.concat();
+        let ours = Document::parse("p", text.as_bytes()).is_ok();
+        let theirs = serde_json::from_str::<Value>(&text).is_ok();
+        prop_assert_eq!(ours, theirs, "{:?}", text);
+    }
+
     /// A scene with one changed byte, or cut at any byte, never causes a panic.
     #[test]
     fn damaged_scenes_never_panic(

@@ -22,12 +22,14 @@ const VENDOR: Option<&str> = option_env!("LIGHTPATH_VENDOR");
 /// in `LD_LIBRARY_PATH` and the folders of the system.
 pub fn library() -> PathBuf {
     let of_loader = env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
-    if env::split_paths(&of_loader).any(|folder| folder.join(FILE).is_file()) {
+    // An unset variable is split into one empty name.
+    let mut folders = env::split_paths(&of_loader).filter(|folder| !folder.as_os_str().is_empty());
+    if folders.any(|folder| folder.join(FILE).is_file()) {
         return FILE.into();
     }
     let program = env::current_exe().and_then(|program| program.canonicalize());
-    let folders = program.iter().flat_map(|program| folders(program));
-    folders.map(|folder| folder.join(FILE)).find(|file| file.is_file()).unwrap_or(FILE.into())
+    let own = program.iter().flat_map(|program| self::folders(program));
+    own.map(|folder| folder.join(FILE)).find(|file| file.is_file()).unwrap_or(FILE.into())
 }
 
 /// Returns the folders that belong to a program: that of an installation, the one that `EMBREE_DIR`
