@@ -29,9 +29,8 @@ documents=$(git ls-files README.md docs/README.md docs/guide scenes assets 2>/de
 mkdir "$scratch/bin"
 cp "$BINARY" "$scratch/bin/lightpath"
 # Nobody debugs with the symbols of a package. Zig's programs have none.
-if [ -n "${DESTDIR:-}" ]; then
-    ! readelf -S "$scratch/bin/lightpath" | grep -q '\.symtab' || strip "$scratch/bin/lightpath" ||
-        echo "install: the program keeps its symbols" >&2
+if [ -n "${DESTDIR:-}" ] && [[ $(readelf -S "$scratch/bin/lightpath") == *.symtab* ]]; then
+    strip "$scratch/bin/lightpath" || echo "install: the program keeps its symbols" >&2
 fi
 
 # The loader asks for libraries by their sonames, which end after the first number.
