@@ -22,7 +22,7 @@ machine=$(uname -m)
 dist=${CARGO_TARGET_DIR:-target}/dist
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || date +%s)}
 export SOURCE_DATE_EPOCH
-if [ -n "${EMBREE_DIR:-}" ] && [ "${EMBREE:-none}" = none ]; then
+if [ -n "${EMBREE_DIR:-}" ] && [ ! -d "${EMBREE:-none}" ]; then
     printf 'dist: %s\n' "EMBREE_DIR is $EMBREE_DIR, a folder of this machine: a package must carry that Embree." \
         "Run \`EMBREE=FOLDER make dist\` with the folder of its libraries, or unset EMBREE_DIR." >&2
     exit 2

@@ -15,6 +15,13 @@ put() { # MODE FILE FOLDER
     printf 'install: %s\n' "$destination/$3/${2##*/}"
 }
 
+# A package goes to other machines, where anybody may own a folder of that name.
+if [ -n "${DESTDIR:-}" ] && [ -n "${EMBREE_DIR:-}" ] && [ ! -d "$EMBREE" ]; then
+    printf 'install: %s\n' "EMBREE_DIR is $EMBREE_DIR, a folder of this machine: a package must carry that Embree." \
+        "Name the folder of its libraries, EMBREE=FOLDER, or unset EMBREE_DIR." >&2
+    exit 2
+fi
+
 # Everything that can fail comes first, so that a failure leaves no half of an installation.
 "$SPEAKER" man >"$scratch/lightpath.1"
 "$SPEAKER" completions bash >"$scratch/lightpath"

@@ -12,6 +12,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export PATH="${CARGO_HOME:-$HOME/.cargo}/bin:$PATH"
+if [ -n "${EMBREE_DIR:-}" ]; then
+    echo "portable: EMBREE_DIR is $EMBREE_DIR, a folder of this machine: unset it" >&2
+    exit 2
+fi
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 dist=$target/dist

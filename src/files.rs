@@ -115,13 +115,14 @@ pub fn open_file(path: &Path) -> Option<PathBuf> {
 /// nothing. Any other path is returned unchanged.
 pub fn behind_link(path: &Path) -> PathBuf {
     let mut behind = path.to_owned();
-    // Not one that the system refuses to follow.
-    let leads_nowhere =
-        || std::fs::metadata(path).is_err_and(|e| e.kind() == io::ErrorKind::NotFound);
+    // Not one that the system refuses to follow. A link that is removed after that is none.
+    if !std::fs::metadata(path).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+        return behind;
+    }
     for _ in 0..MAX_LINKS {
         match std::fs::read_link(&behind) {
-            Ok(to) if leads_nowhere() => behind = behind.parent().unwrap_or(Path::new("")).join(to),
-            _ => return behind,
+            Ok(to) => behind = behind.parent().unwrap_or(Path::new("")).join(to),
+            Err(_) => return behind,
         }
     }
     // The link leads to itself.

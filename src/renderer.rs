@@ -214,8 +214,9 @@ impl LoadedScene {
     /// Builds the acceleration structure, with the backend that the scene names
     /// (`/scene/accelerator`, by default `bvh`), on the threads of the current rayon pool.
     ///
-    /// The dynamic linker looks for Embree (`libembree4.so.4`): in the run path of your program, in
-    /// `LD_LIBRARY_PATH`, among the system's libraries.
+    /// Embree (`libembree4.so.4`) is looked for in `LD_LIBRARY_PATH`, in `../lib/lightpath` of a
+    /// program in a folder `bin`, in the folder that `EMBREE_DIR` named when this crate was built,
+    /// in `vendor/embree` of its checkout, among the system's libraries.
     ///
     /// # Errors
     /// `Unsupported` for a backend that cannot run here; `Limit` for more primitives than it can

@@ -10,9 +10,9 @@ mod lock;
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -75,7 +75,7 @@ impl Drop for Live {
 
 impl PartFile {
     /// Creates the part file in the folder of `target`, with the permissions that umask gives new
-    /// files.
+    /// files, or those of a file of the user at `target`.
     ///
     /// # Errors
     /// `Invalid` if the folder is missing, is not a folder or is not writable. `Invalid` if
@@ -108,8 +108,10 @@ impl PartFile {
         prefix.push(".");
         prefix.push(MARK);
         // `tempfile` would add the name of the part file to every error.
-        let create =
-            |path: &Path| OpenOptions::new().read(true).write(true).create_new(true).open(path);
+        let mode = if replaces_own(target) { 0o600 } else { 0o666 };
+        let create = |path: &Path| {
+            OpenOptions::new().read(true).write(true).create_new(true).mode(mode).open(path)
+        };
         // Another process may sweep the file before it is locked, because it looks abandoned. Then
         // try again.
         for _ in 0..8 {
@@ -190,14 +192,37 @@ impl PartFile {
     }
 }
 
-/// Gives a new file the permissions of the file that it will replace, if that is the user's own: a
-/// file that was closed to others stays so.
+/// Returns whether a file of this user is at `target`.
+fn replaces_own(target: &Path) -> bool {
+    let user = rustix::process::geteuid().as_raw();
+    std::fs::symlink_metadata(target).is_ok_and(|old| old.is_file() && old.uid() == user)
+}
+
+/// Gives a new file the group and the permissions of the file that it will replace, if that is the
+/// user's own: a file that was closed to others stays so.
 fn keep_mode(target: &Path, file: &File) {
-    if let (Ok(old), Ok(new)) = (std::fs::symlink_metadata(target), file.metadata()) {
-        if old.is_file() && old.uid() == new.uid() {
-            let _ = file.set_permissions(old.permissions());
-        }
+    let (Ok(old), Ok(new)) = (std::fs::symlink_metadata(target), file.metadata()) else { return };
+    if !old.is_file() || old.uid() != new.uid() {
+        return;
     }
+    let of_group = old.gid() == new.gid() || fchown(file, None, Some(old.gid())).is_ok();
+    let mut list = [0; 1024];
+    let has_list = is_there(rustix::fs::lgetxattr(target, ACCESS_LIST, &mut list))
+        || is_there(rustix::fs::fgetxattr(file, ACCESS_LIST, &mut list));
+    let mut mode = old.mode() & 0o777;
+    if !of_group || has_list {
+        // Another group may do what all may. Beside a list, the bits of the group are its limit.
+        mode &= !0o070 | (mode & 0o007) << 3;
+    }
+    let _ = file.set_permissions(Permissions::from_mode(mode));
+}
+
+/// The attribute of a file with a list of access rights (`setfacl`).
+const ACCESS_LIST: &str = "system.posix_acl_access";
+
+/// Returns whether an attribute exists, also one that is longer than the buffer for it.
+fn is_there(read: rustix::io::Result<usize>) -> bool {
+    matches!(read, Ok(_) | Err(rustix::io::Errno::RANGE))
 }
 
 /// Makes the error of a part file that another process has removed.
@@ -307,6 +332,8 @@ fn folder_error(target: &Path, error: &std::io::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::Metadata;
+
     use super::*;
 
     #[cfg(unix)]
@@ -324,6 +351,76 @@ mod tests {
         let others = ["b.exr.lpdead12.part", "a.exr", "a.part"];
         assert!(others.iter().all(|name| path(name).exists()));
         alive.commit().unwrap();
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        std::fs::metadata(path).unwrap().mode() & 0o7777
+    }
+
+    fn replace(path: &Path) -> Metadata {
+        let mut part = PartFile::create(path).unwrap();
+        part.fill(b"new").unwrap();
+        part.commit().unwrap().1.metadata().unwrap()
+    }
+
+    #[test]
+    fn a_file_gives_its_permissions_to_its_successor() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, other] = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
+        std::fs::write(&other, "old").unwrap();
+        assert_eq!(replace(&path).mode() & 0o7777, mode_of(&other));
+        assert!(!replaces_own(&folder.path().join("c.exr")));
+        for (before, after) in [(0o640, 0o640), (0o604, 0o604), (0o444, 0o444), (0o4755, 0o755)] {
+            std::fs::set_permissions(&path, Permissions::from_mode(before)).unwrap();
+            assert!(replaces_own(&path));
+            assert_eq!(replace(&path).mode() & 0o7777, after, "{before:o}");
+        }
+    }
+
+    #[test]
+    fn another_group_gets_no_rights() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        std::fs::write(&path, "old").unwrap();
+        let own = std::fs::metadata(&path).unwrap();
+        // Only some users may give a file to a group that is not their own.
+        let group = own.gid() + 4321;
+        if fchown(File::open(&path).unwrap(), None, Some(group)).is_ok() {
+            std::fs::set_permissions(&path, Permissions::from_mode(0o660)).unwrap();
+            let new = replace(&path);
+            assert_eq!((new.gid(), new.mode() & 0o7777), (group, 0o660));
+            // Whoever may not: the file of another user is as a new one.
+            if std::os::unix::fs::chown(&path, Some(own.uid() + 1), None).is_ok() {
+                std::fs::write(folder.path().join("b.exr"), "").unwrap();
+                let usual = mode_of(&folder.path().join("b.exr"));
+                let new = replace(&path);
+                assert_eq!((new.gid(), new.mode() & 0o7777), (own.gid(), usual));
+            }
+        }
+    }
+
+    /// Beside a list of access rights, the bits of the group are the most that the list grants:
+    /// without the list, the group itself would have them.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_bits_of_a_list_of_access_rights_are_not_those_of_the_group() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        std::fs::write(&path, "old").unwrap();
+        // acl(5), linux/posix_acl_xattr.h: version 2; owner, user 65534, group, mask, all.
+        let entries: [(u16, u16, u32); 5] =
+            [(1, 6, !0), (2, 4, 65534), (4, 0, !0), (16, 4, !0), (32, 0, !0)];
+        let mut list = 2u32.to_le_bytes().to_vec();
+        for (tag, rights, id) in entries {
+            list.extend([tag.to_le_bytes(), rights.to_le_bytes()].concat());
+            list.extend(id.to_le_bytes());
+        }
+        let flags = rustix::fs::XattrFlags::empty();
+        if rustix::fs::setxattr(&path, ACCESS_LIST, &list, flags).is_err() {
+            return; // This file system has no such lists.
+        }
+        assert_eq!(mode_of(&path), 0o640);
+        assert_eq!(replace(&path).mode() & 0o7777, 0o600);
     }
 
     /// EIO and ENOSPC; EINVAL and ENOSYS are what file systems say that cannot sync a folder.

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
-use super::search;
+use super::search::{self, Library};
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::process::{left_by_limits, number};
@@ -65,12 +65,18 @@ const INSTALL: &str = "install libembree4-4 (Debian 13 and later), in a checkout
 /// # Errors
 /// `Unsupported` if the library is missing or not Embree 4, `Retry` if memory ran out.
 pub fn load_library() -> Result<Arc<Api>> {
-    let path = search::library();
+    let Library { file: path, left_out } = search::library();
     let file = &path.display().to_string();
     let missing = |error: &dyn std::fmt::Display| {
         let error = error.to_string();
-        let help = needed_library(&error, file)
-            .map_or_else(|| INSTALL.into(), |name| format!("install {name}, which Embree needs"));
+        let help = match (needed_library(&error, file), &left_out) {
+            (Some(name), _) => format!("install {name}, which Embree needs"),
+            (None, Some(other)) => format!(
+                "{} was left out: it or its folder belongs to another user than the program, or all may write it",
+                other.display()
+            ),
+            (None, None) => INSTALL.into(),
+        };
         let problem = Problem::new("Embree", format!("cannot load {file}: {error}"));
         Error::new(ErrorKind::Unsupported, problem.help(help))
     };

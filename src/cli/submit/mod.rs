@@ -3,10 +3,11 @@
 
 mod needs;
 
-use std::fs::{self, DirBuilder, File};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::fs::{self, DirBuilder, Metadata, Permissions};
+use std::io::Write;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
 
 use clap::{Args, Subcommand, ValueHint};
 
@@ -118,10 +119,17 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     let mut written = Vec::new();
     for (path, text) in &scripts {
         let mut part = PartFile::create(path)?;
-        part.fill(text.as_bytes())?;
-        let (path, file) = part.commit()?;
-        check_owner(&folder, &file)?;
-        written.push(path);
+        part.fill_by(|file, _| {
+            let failed = |error| Error::io(path, "write", &error);
+            let data = file.metadata().map_err(failed)?;
+            if args.dry_run {
+                check_owner(&folder, &data)?;
+            }
+            file.write_all(text.as_bytes()).map_err(failed)?;
+            let not_by_others = Permissions::from_mode(data.mode() & 0o755);
+            file.set_permissions(not_by_others).map_err(failed)
+        })?;
+        written.push(part.commit()?.0);
     }
     let Chunks { frames, per_task } = slurm.chunks;
     print::note(&format!(
@@ -135,38 +143,64 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     ));
     print::paths(&written)?;
     let script = |name: &str| format!("{}/slurm/{name}", slurm.folder);
-    let frames = slurm.frames(&script("frames.sh"));
-    let sheet = |after: &str| slurm.sheet(&script("sheet.sh"), after);
+    let by_hand = |after: &str| slurm.sheet(&script("sheet.sh"), after);
     if args.dry_run {
-        let commands = [frames, sheet("ID")].map(|words| farm::command_line("sbatch", &words));
+        let commands = [slurm.frames(&script("frames.sh")), by_hand("ID")];
+        let commands = commands.map(|words| farm::command_line("sbatch", &words));
         return print::text(&(commands.join("\n") + "\n"));
     }
-    let array = submit(&frames)?;
+    let array = submit(&slurm.frames(STDIN), farm::FRAMES_SCRIPT)?;
     // Printed before the next step, which may fail.
     print::text(&format!("{array}\n"))?;
-    let sheet = sheet(&array);
-    let submitted = submit(&sheet).map_err(|error| {
-        let command = farm::command_line("sbatch", &sheet);
+    let sheet = slurm.sheet(STDIN, &array);
+    let submitted = submit(&sheet, farm::SHEET_SCRIPT).map_err(|error| {
+        let command = farm::command_line("sbatch", &by_hand(&array));
         error.help(format!("job {array} renders all frames; only the sheet is missing: {command}"))
     })?;
     print::text(&format!("{submitted}\n"))
 }
 
-/// Checks that nobody else can replace the scripts before `sbatch` reads them. `file` has the owner
-/// that the file system gives to files of this user.
+/// The script of a submission. The folder of the scripts may be one that others can change, so
+/// `sbatch` gets the text itself.
+const STDIN: &str = "/dev/stdin";
+
+/// Checks that not everybody can replace the scripts in `folder` before the user names them to
+/// `sbatch`. `file` is of a file in it: it has the owner that the file system gives to files of
+/// this user.
 ///
 /// # Errors
-/// `Invalid` if the folder is of another user, can be changed by all, or is a link.
-fn check_owner(folder: &Path, file: &File) -> Result<()> {
-    let failed = |error| Error::io(folder, "read", &error);
-    let own = file.metadata().map_err(failed)?.uid();
-    let data = fs::symlink_metadata(folder).map_err(failed)?;
-    if data.is_dir() && data.uid() == own && data.mode() & 0o002 == 0 {
-        return Ok(());
+/// `Invalid` if the folder is of another user or a link, or if it or one above can be changed by
+/// all.
+fn check_owner(folder: &Path, file: &Metadata) -> Result<()> {
+    let data_of =
+        |path: &Path| fs::symlink_metadata(path).map_err(|error| Error::io(path, "read", &error));
+    let refused = |folder: &Path, what: String| {
+        let message =
+            format!("found a folder that others can change ({what}), expected one of your own");
+        Err(Error::invalid(folder.display().to_string(), message)
+            .help("scripts in it could run in your name: choose another output folder"))
+    };
+    let mode = |data: &Metadata| format!("mode {:o}", data.mode() & 0o7777);
+    let data = data_of(folder)?;
+    if !data.is_dir() {
+        return refused(folder, "a link".into());
     }
-    let message = "found a folder that others can change, expected one of your own";
-    Err(Error::invalid(folder.display().to_string(), message)
-        .help("its scripts would run in your name: remove it, or choose another output folder"))
+    if data.uid() != file.uid() {
+        return refused(folder, format!("it belongs to user {}", data.uid()));
+    }
+    if data.mode() & 0o002 != 0 {
+        return refused(folder, mode(&data));
+    }
+    let real = folder.canonicalize().map_err(|error| Error::io(folder, "read", &error))?;
+    for above in real.ancestors().skip(1) {
+        let data = data_of(above)?;
+        // In a sticky folder only its owner can rename what belongs to others.
+        let is_sticky = data.mode() & 0o1000 != 0 && [0, file.uid()].contains(&data.uid());
+        if data.mode() & 0o002 != 0 && !is_sticky {
+            return refused(above, mode(&data));
+        }
+    }
+    Ok(())
 }
 
 /// Loads the job and its limits as its tasks will load them.
@@ -384,10 +418,21 @@ const UNREACHABLE: [&str; 8] = [
     "Could not establish a configuration source",
 ];
 
+/// Runs `sbatch` with `script` as its standard input.
+fn sbatch(words: &[String], script: &str) -> std::io::Result<Output> {
+    let mut command = Command::new("sbatch");
+    command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn()?;
+    if let Some(mut stdin) = child.stdin.take() {
+        // A pipe holds a whole script. One that ends without reading it says why.
+        let _ = stdin.write_all(script.as_bytes());
+    }
+    child.wait_with_output()
+}
+
 /// Submits a job to Slurm and returns its id.
-fn submit(words: &[String]) -> Result<String> {
-    let output = Command::new("sbatch").args(words).output();
-    let output = output.map_err(|error| {
+fn submit(words: &[String], script: &str) -> Result<String> {
+    let output = sbatch(words, script).map_err(|error| {
         let message = format!("cannot run sbatch: {error}");
         Error::new(ErrorKind::Unsupported, Problem::new("slurm", message))
             .help("run this where Slurm is installed; --dry-run only writes the scripts")

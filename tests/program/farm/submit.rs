@@ -262,6 +262,48 @@ fn a_folder_of_scripts_that_others_can_change_is_refused() {
     std::os::unix::fs::symlink("../elsewhere", &folder).unwrap();
     std::fs::create_dir(scratch.path("elsewhere")).unwrap();
     refused();
+    assert!(scratch.path("elsewhere").read_dir().unwrap().next().is_none());
+    std::fs::remove_file(&folder).unwrap();
+    let out = scratch.path("out");
+    let set_mode = |mode| std::fs::set_permissions(&out, PermissionsExt::from_mode(mode)).unwrap();
+    set_mode(0o777);
+    let done = submit(&scratch, &[]);
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    let message = "out: found a folder that others can change (mode 777), expected one of your own";
+    assert!(done.stderr().contains(message), "{}", done.stderr());
+    // In a sticky folder, others cannot rename what is in it.
+    set_mode(0o1777);
+    submit(&scratch, &[]).good();
+    // Scripts that all could write were there before.
+    let script = folder.join("frames.sh");
+    std::fs::set_permissions(&script, PermissionsExt::from_mode(0o666)).unwrap();
+    submit(&scratch, &[]).good();
+    assert_eq!(std::fs::metadata(&script).unwrap().permissions().mode() & 0o022, 0);
+}
+
+/// In a folder of all, somebody else may change the scripts at any time. `sbatch` does not read
+/// them there.
+#[test]
+fn scripts_that_others_change_are_not_submitted() {
+    use std::os::unix::fs::PermissionsExt;
+    let scratch = scratch(2);
+    std::fs::create_dir_all(scratch.path("out/slurm")).unwrap();
+    let text = "#!/bin/bash\nfor name in frames sheet; do echo changed >out/slurm/$name.sh; done\n\
+                while [[ $1 == -* ]]; do shift; done\ncat \"$1\" >>submitted\necho 7\n";
+    scratch.write("bin/sbatch", text);
+    for (path, mode) in [("bin/sbatch", 0o755), ("out", 0o777), ("out/slurm", 0o777)] {
+        let path = scratch.path(path);
+        std::fs::set_permissions(path, PermissionsExt::from_mode(mode)).unwrap();
+    }
+    let mut command = scratch.command(&["submit", "slurm", "job.json", "-o", "out"]);
+    let path = format!("{}:/usr/bin:/bin", scratch.path("bin").display());
+    let said = program::Done::of(command.env("PATH", path)).good().stdout();
+    assert!(said.ends_with("\n7\n7\n"), "{said}");
+    let scripts = ["frames", "sheet"].map(|name| {
+        let path = format!("{}/farm/slurm-{name}.sh", env!("CARGO_MANIFEST_DIR"));
+        std::fs::read_to_string(path).unwrap()
+    });
+    assert_eq!(scratch.read("submitted"), scripts.concat().into_bytes());
 }
 
 #[test]
