@@ -84,9 +84,9 @@ install: ## copy program, Embree (if it is in vendor/), guide, examples, man pag
 	BINARY="$(BINARY)" SPEAKER="$(SPEAKER)" EMBREE="$(EMBREE)" scripts/install.sh "$(DESTDIR)$(PREFIX)"
 
 uninstall: ## remove the program, its folders, man page and completions from PREFIX
-	cd "$(DESTDIR)$(PREFIX)/" && rm -rf bin/lightpath lib/lightpath share/doc/lightpath share/lightpath \
-	    share/man/man1/lightpath.1 share/bash-completion/completions/lightpath \
-	    share/zsh/site-functions/_lightpath share/fish/vendor_completions.d/lightpath.fish
+	set -e; for path in bin/lightpath lib/lightpath share/doc/lightpath share/lightpath share/man/man1/lightpath.1 \
+	    share/bash-completion/completions/lightpath share/zsh/site-functions/_lightpath \
+	    share/fish/vendor_completions.d/lightpath.fish; do rm -rf "$(DESTDIR)$(PREFIX)/$$path"; done
 
 dist: build ## a .deb and a relocatable tarball in target/dist/
 	scripts/dist.sh

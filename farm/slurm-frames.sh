@@ -3,7 +3,7 @@
 #
 #   sbatch --array=0-N slurm-frames.sh PROGRAM JOB FOLDER FRAMES FRAMES_PER_TASK
 #
-# Names are arguments and never part of this text, so no name is read as a command.
+# `submit` puts the arguments, quoted, into a second line, `set -- PROGRAM ...`. No name is read as a command.
 # A task may run twice, also at the same time. Every frame gets its name when it is complete, and
 # --resume keeps those that are there. The processors of the task win over the limit of the job.
 set -u

@@ -5,6 +5,6 @@
 #
 #   sbatch --dependency=afterany:ARRAY slurm-sheet.sh PROGRAM JOB FOLDER
 #
-# Names are arguments and never part of this text, so no name is read as a command.
+# `submit` puts the arguments, quoted, into a second line, `set -- PROGRAM ...`. No name is read as a command.
 set -u
 exec "$1" batch "$2" -o "$3" --sheet-only ${SLURM_CPUS_PER_TASK:+--threads "$SLURM_CPUS_PER_TASK"}

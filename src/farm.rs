@@ -76,8 +76,8 @@ pub const FRAMES_SCRIPT: &str = include_str!("../farm/slurm-frames.sh");
 /// Script of the job for the contact sheet. Arguments: program, job, folder.
 pub const SHEET_SCRIPT: &str = include_str!("../farm/slurm-sheet.sh");
 
-/// Settings of an array job. Names go to `sbatch` and its scripts as single arguments. So no name
-/// is read as an option, as an `#SBATCH` line or as a command.
+/// Settings of an array job. Names go to `sbatch` and its scripts as single arguments or quoted
+/// words. So no name is read as an option, as an `#SBATCH` line or as a command.
 #[derive(Debug, Clone)]
 pub struct Slurm {
     /// Name of the job in the queue.
@@ -102,24 +102,53 @@ pub struct Slurm {
     pub options: Vec<String>,
 }
 
-impl Slurm {
-    /// Returns the arguments of `sbatch` for the array job. `script` is the path of its script.
-    pub fn frames(&self, script: &str) -> Vec<String> {
-        let last = self.chunks.tasks() - 1;
-        let percent = self.at_a_time.map_or(String::new(), |n| format!("%{n}"));
-        let mut words = self.options("", "%A_%a", &[format!("--array=0-{last}{percent}")]);
-        let Chunks { frames, per_task } = self.chunks;
-        words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
-        words.extend([frames, per_task].map(|count| count.to_string()));
-        words
+/// A job for `sbatch`.
+#[derive(Debug, Clone)]
+pub struct Submission {
+    /// Options of `sbatch`.
+    pub options: Vec<String>,
+    script: &'static str,
+    arguments: Vec<String>,
+}
+
+impl Submission {
+    /// Returns the command line that submits a copy of the script at `path`.
+    pub fn command(&self, path: &str) -> String {
+        let path = path.to_string();
+        let words = self.options.iter().chain([&path]).chain(&self.arguments);
+        command_line("sbatch", &words.cloned().collect::<Vec<_>>())
     }
 
-    /// Returns the arguments of `sbatch` for the contact sheet. The job runs after the array job of
-    /// id `after` has ended, whether that succeeded or failed.
-    pub fn sheet(&self, script: &str, after: &str) -> Vec<String> {
-        let mut words = self.options("-sheet", "%j", &[format!("--dependency=afterany:{after}")]);
-        words.extend([script, &self.program, &self.job, &self.folder].map(str::to_string));
-        words
+    /// Returns the script, for the standard input of `sbatch`. Its arguments are the words of its
+    /// second line.
+    pub fn text(&self) -> String {
+        let (interpreter, rest) = self.script.split_once('\n').unwrap_or((self.script, ""));
+        let words: Vec<_> = ["--".to_string()].iter().chain(&self.arguments).cloned().collect();
+        format!("{interpreter}\n{}\n{rest}", command_line("set", &words))
+    }
+}
+
+impl Slurm {
+    /// Returns the array job.
+    pub fn frames(&self) -> Submission {
+        let last = self.chunks.tasks() - 1;
+        let percent = self.at_a_time.map_or(String::new(), |n| format!("%{n}"));
+        let options = self.options("", "%A_%a", &[format!("--array=0-{last}{percent}")]);
+        let mut arguments = self.arguments();
+        let Chunks { frames, per_task } = self.chunks;
+        arguments.extend([frames, per_task].map(|count| count.to_string()));
+        Submission { options, script: FRAMES_SCRIPT, arguments }
+    }
+
+    /// Returns the job for the contact sheet. It runs after the array job of id `after` has ended,
+    /// whether that succeeded or failed.
+    pub fn sheet(&self, after: &str) -> Submission {
+        let options = self.options("-sheet", "%j", &[format!("--dependency=afterany:{after}")]);
+        Submission { options, script: SHEET_SCRIPT, arguments: self.arguments() }
+    }
+
+    fn arguments(&self) -> Vec<String> {
+        [&self.program, &self.job, &self.folder].map(String::clone).into()
     }
 
     fn options(&self, suffix: &str, log: &str, more: &[String]) -> Vec<String> {
@@ -217,5 +246,18 @@ mod tests {
         assert_eq!(quoted("it's"), r"'it'\''s'");
         assert_eq!(quoted(""), "''");
         assert_eq!(command_line("sbatch", &["%A".into(), "x".into()]), "sbatch '%A' x");
+    }
+
+    #[test]
+    fn a_script_has_its_arguments_in_its_second_line() {
+        let arguments = ["$(touch a)", "it's", "-o x ", "#SBATCH --x", ""].map(str::to_string);
+        let script = "#!/bin/bash\n# A comment.\nprintf '%s\\n' \"$@\"\n";
+        let job = Submission { options: Vec::new(), script, arguments: arguments.to_vec() };
+        let text = job.text();
+        let second = r"set -- '$(touch a)' 'it'\''s' '-o x ' '#SBATCH --x' ''";
+        assert_eq!(text.lines().nth(1), Some(second));
+        assert_eq!(text.replacen(&format!("{second}\n"), "", 1), script);
+        let said = std::process::Command::new("bash").args(["-c", &text]).output().unwrap();
+        assert_eq!(String::from_utf8(said.stdout).unwrap(), arguments.join("\n") + "\n");
     }
 }

@@ -10,12 +10,14 @@ mod lock;
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
-use std::fs::{File, OpenOptions, Permissions};
+use std::fs::{File, Metadata, OpenOptions, Permissions};
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use rustix::fs::{XattrFlags, fremovexattr, fsetxattr, lgetxattr};
+use rustix::io::Errno;
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, ErrorKind, Problem, Result};
@@ -108,7 +110,8 @@ impl PartFile {
         prefix.push(".");
         prefix.push(MARK);
         // `tempfile` would add the name of the part file to every error.
-        let mode = if replaces_own(target) { 0o600 } else { 0o666 };
+        let old = Replaced::at(target);
+        let mode = if old.as_ref().is_some_and(|old| old.is_own) { 0o600 } else { 0o666 };
         let create = |path: &Path| {
             OpenOptions::new().read(true).write(true).create_new(true).mode(mode).open(path)
         };
@@ -121,7 +124,9 @@ impl PartFile {
                 .suffix(SUFFIX)
                 .make_in(folder_of(target), create)
                 .map_err(|error| folder_error(target, &error))?;
-            keep_mode(target, file.as_file());
+            if let Some(old) = &old {
+                old.give_rights(file.as_file());
+            }
             if lock::lock_new(file.as_file()) {
                 let live = Live::new(file.path());
                 return Ok(Self { target: target.to_owned(), file, live });
@@ -192,37 +197,58 @@ impl PartFile {
     }
 }
 
-/// Returns whether a file of this user is at `target`.
-fn replaces_own(target: &Path) -> bool {
-    let user = rustix::process::geteuid().as_raw();
-    std::fs::symlink_metadata(target).is_ok_and(|old| old.is_file() && old.uid() == user)
+/// The file that a new one will replace.
+struct Replaced<'a> {
+    path: &'a Path,
+    data: Metadata,
+    is_own: bool,
 }
 
-/// Gives a new file the group and the permissions of the file that it will replace, if that is the
-/// user's own: a file that was closed to others stays so.
-fn keep_mode(target: &Path, file: &File) {
-    let (Ok(old), Ok(new)) = (std::fs::symlink_metadata(target), file.metadata()) else { return };
-    if !old.is_file() || old.uid() != new.uid() {
-        return;
+impl<'a> Replaced<'a> {
+    fn at(path: &'a Path) -> Option<Self> {
+        let data = std::fs::symlink_metadata(path).ok().filter(Metadata::is_file)?;
+        let is_own = data.uid() == rustix::process::geteuid().as_raw();
+        Some(Self { path, data, is_own })
     }
-    let of_group = old.gid() == new.gid() || fchown(file, None, Some(old.gid())).is_ok();
-    let mut list = [0; 1024];
-    let has_list = is_there(rustix::fs::lgetxattr(target, ACCESS_LIST, &mut list))
-        || is_there(rustix::fs::fgetxattr(file, ACCESS_LIST, &mut list));
-    let mut mode = old.mode() & 0o777;
-    if !of_group || has_list {
-        // Another group may do what all may. Beside a list, the bits of the group are its limit.
-        mode &= !0o070 | (mode & 0o007) << 3;
+
+    /// Gives the user's `new` file the group and the permissions of the old one, if that was the
+    /// user's, too: a file that was closed to others stays so.
+    fn give_rights(&self, new: &File) {
+        // A file system may give the files of root to nobody.
+        if !self.is_own && new.metadata().map_or(true, |new| new.uid() != self.data.uid()) {
+            return;
+        }
+        let of_group = fchown(new, None, Some(self.data.gid())).is_ok();
+        let mode = mode_of(self.data.mode(), of_group && self.give_list(new));
+        let _ = new.set_permissions(Permissions::from_mode(mode));
     }
-    let _ = file.set_permissions(Permissions::from_mode(mode));
+
+    /// Gives `new` the list of access rights of the old file (`setfacl`), or none. A folder may
+    /// have given it one. Returns whether that succeeded.
+    fn give_list(&self, new: &File) -> bool {
+        const NONE: [Errno; 4] = [Errno::NODATA, Errno::OPNOTSUPP, Errno::NOSYS, Errno::NOENT];
+        let mut list = vec![0; MAX_LIST];
+        let done = match lgetxattr(self.path, ACCESS_LIST, &mut list[..]) {
+            Ok(bytes) => fsetxattr(new, ACCESS_LIST, &list[..bytes], XattrFlags::empty()),
+            Err(error) if NONE.contains(&error) => fremovexattr(new, ACCESS_LIST),
+            Err(_) => return false,
+        };
+        done.map_or_else(|error| NONE.contains(&error), |()| true)
+    }
 }
 
-/// The attribute of a file with a list of access rights (`setfacl`).
+/// The attribute of a file with its list of access rights, acl(5).
 const ACCESS_LIST: &str = "system.posix_acl_access";
 
-/// Returns whether an attribute exists, also one that is longer than the buffer for it.
-fn is_there(read: rustix::io::Result<usize>) -> bool {
-    matches!(read, Ok(_) | Err(rustix::io::Errno::RANGE))
+/// Most bytes of an attribute, in Linux's limits.h.
+const MAX_LIST: usize = 1 << 16;
+
+/// Returns the permissions of a file that replaces one of mode `old`, without setuid. If it did not
+/// get group and list of access rights, its group may do what all may: the bits would be for
+/// another group, and beside a list they are the most that the list grants.
+fn mode_of(old: u32, has_group: bool) -> u32 {
+    let old = old & 0o777;
+    if has_group { old } else { old & (!0o070 | (old & 0o007) << 3) }
 }
 
 /// Makes the error of a part file that another process has removed.
@@ -332,8 +358,6 @@ fn folder_error(target: &Path, error: &std::io::Error) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::Metadata;
-
     use super::*;
 
     #[cfg(unix)]
@@ -353,7 +377,7 @@ mod tests {
         alive.commit().unwrap();
     }
 
-    fn mode_of(path: &Path) -> u32 {
+    fn mode_at(path: &Path) -> u32 {
         std::fs::metadata(path).unwrap().mode() & 0o7777
     }
 
@@ -368,17 +392,26 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [path, other] = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
         std::fs::write(&other, "old").unwrap();
-        assert_eq!(replace(&path).mode() & 0o7777, mode_of(&other));
-        assert!(!replaces_own(&folder.path().join("c.exr")));
+        assert_eq!(replace(&path).mode() & 0o7777, mode_at(&other));
+        assert!(Replaced::at(&folder.path().join("c.exr")).is_none());
         for (before, after) in [(0o640, 0o640), (0o604, 0o604), (0o444, 0o444), (0o4755, 0o755)] {
             std::fs::set_permissions(&path, Permissions::from_mode(before)).unwrap();
-            assert!(replaces_own(&path));
+            assert!(Replaced::at(&path).unwrap().is_own);
             assert_eq!(replace(&path).mode() & 0o7777, after, "{before:o}");
         }
     }
 
     #[test]
-    fn another_group_gets_no_rights() {
+    fn another_group_may_do_what_all_may() {
+        let cases =
+            [(0o660, 0o600), (0o664, 0o644), (0o4755, 0o755), (0o771, 0o711), (0o606, 0o606)];
+        for (old, new) in cases {
+            assert_eq!([mode_of(old, true), mode_of(old, false)], [old & 0o777, new], "{old:o}");
+        }
+    }
+
+    #[test]
+    fn a_file_gives_its_group_to_its_successor() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         std::fs::write(&path, "old").unwrap();
@@ -392,21 +425,18 @@ mod tests {
             // Whoever may not: the file of another user is as a new one.
             if std::os::unix::fs::chown(&path, Some(own.uid() + 1), None).is_ok() {
                 std::fs::write(folder.path().join("b.exr"), "").unwrap();
-                let usual = mode_of(&folder.path().join("b.exr"));
+                let usual = mode_at(&folder.path().join("b.exr"));
                 let new = replace(&path);
                 assert_eq!((new.gid(), new.mode() & 0o7777), (own.gid(), usual));
             }
         }
     }
 
-    /// Beside a list of access rights, the bits of the group are the most that the list grants:
-    /// without the list, the group itself would have them.
     #[cfg(target_os = "linux")]
     #[test]
-    fn the_bits_of_a_list_of_access_rights_are_not_those_of_the_group() {
+    fn a_file_gives_its_list_of_access_rights_to_its_successor() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        std::fs::write(&path, "old").unwrap();
         // acl(5), linux/posix_acl_xattr.h: version 2; owner, user 65534, group, mask, all.
         let entries: [(u16, u16, u32); 5] =
             [(1, 6, !0), (2, 4, 65534), (4, 0, !0), (16, 4, !0), (32, 0, !0)];
@@ -415,12 +445,32 @@ mod tests {
             list.extend([tag.to_le_bytes(), rights.to_le_bytes()].concat());
             list.extend(id.to_le_bytes());
         }
-        let flags = rustix::fs::XattrFlags::empty();
-        if rustix::fs::setxattr(&path, ACCESS_LIST, &list, flags).is_err() {
+        let set = |path: &Path, name: &str| {
+            rustix::fs::setxattr(path, name, &list, XattrFlags::empty()).is_ok()
+        };
+        let has_list = |path: &Path| {
+            let mut found = [0; 256];
+            lgetxattr(path, ACCESS_LIST, &mut found[..]).is_ok_and(|bytes| found[..bytes] == list)
+        };
+        std::fs::write(&path, "old").unwrap();
+        if !set(&path, ACCESS_LIST) {
             return; // This file system has no such lists.
         }
-        assert_eq!(mode_of(&path), 0o640);
-        assert_eq!(replace(&path).mode() & 0o7777, 0o600);
+        assert!(has_list(&path));
+        assert_eq!(mode_at(&path), 0o640);
+        replace(&path);
+        assert!(has_list(&path));
+        assert_eq!(mode_at(&path), 0o640);
+        // A file without a list in a folder that gives one to new files.
+        rustix::fs::removexattr(&path, ACCESS_LIST).unwrap();
+        std::fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();
+        assert!(set(folder.path(), "system.posix_acl_default"));
+        replace(&path);
+        assert!(!has_list(&path));
+        assert_eq!(mode_at(&path), 0o640);
+        let new = folder.path().join("b.exr");
+        replace(&new);
+        assert!(has_list(&new));
     }
 
     /// EIO and ENOSPC; EINVAL and ENOSYS are what file systems say that cannot sync a folder.

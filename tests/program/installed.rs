@@ -60,6 +60,42 @@ fn all_users_can_read_an_installation_that_loads_no_library_from_elsewhere() {
     }
 }
 
+/// The library here is none, so the message names the file that was opened.
+#[test]
+fn an_installation_loads_its_own_embree_while_nobody_else_can_change_it() {
+    use std::io::Write;
+    let scratch = Scratch::new();
+    fs::create_dir(scratch.path("the embree")).unwrap();
+    scratch.write("the embree/libembree4.so.4", "no library");
+    install(&scratch, env!("CARGO_BIN_EXE_lightpath")).good();
+    let to = scratch.path("to here").canonicalize().unwrap();
+    let (program, folder) = (to.join("bin/lightpath"), to.join("lib/lightpath"));
+    let opened = format!("cannot load {}", folder.join("libembree4.so.4").display());
+    let command = |args: &[&str]| {
+        let mut command = Command::new(&program);
+        command.args(args).env_remove("LD_LIBRARY_PATH");
+        command
+    };
+    let version = || Done::of(&mut command(&["--version", "--verbose"])).good().stdout();
+    assert!(version().contains(&opened), "{}", version());
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o777)).unwrap();
+    assert!(!version().contains(&opened), "{}", version());
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o755)).unwrap();
+    // An upgrade may replace the program while it runs.
+    let mut render = command(&["render", "-", "-o", "x", "--backend", "embree"]);
+    render.current_dir(&to).stdin(std::process::Stdio::piped());
+    let mut child = render.stderr(std::process::Stdio::piped()).spawn().unwrap();
+    fs::remove_file(&program).unwrap();
+    let scene = r#"{ "camera": { "type": "pinhole", "width": 8, "height": 8, "fov": 40,
+                                 "position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0] },
+                     "scene": { "shapes": [{ "type": "sphere", "center": [0, 0, 0], "radius": 1,
+                                             "material": {} }] } }"#;
+    child.stdin.take().unwrap().write_all(scene.as_bytes()).unwrap();
+    let done = child.wait_with_output().unwrap();
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert!(said.contains(&opened), "{said}");
+}
+
 /// The guide's links lead to installed files, but for the notebook, pictures and examples in Rust.
 #[test]
 fn an_installed_guide_is_whole_and_goes_with_the_rest() {

@@ -71,10 +71,7 @@ pub fn load_library() -> Result<Arc<Api>> {
         let error = error.to_string();
         let help = match (needed_library(&error, file), &left_out) {
             (Some(name), _) => format!("install {name}, which Embree needs"),
-            (None, Some(other)) => format!(
-                "{} was left out: it or its folder belongs to another user than the program, or all may write it",
-                other.display()
-            ),
+            (None, Some(other)) => left_out_help(other),
             (None, None) => INSTALL.into(),
         };
         let problem = Problem::new("Embree", format!("cannot load {file}: {error}"));
@@ -87,6 +84,15 @@ pub fn load_library() -> Result<Arc<Api>> {
         false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
+}
+
+/// Returns what to do about a library beside the program that was not loaded.
+fn left_out_help(file: &Path) -> String {
+    format!(
+        "{} was left out: it or its folder is of another user than the program, or all may write it; make it yours, or \
+         name the folder in LD_LIBRARY_PATH",
+        file.display()
+    )
 }
 
 /// Returns the library that the loader's message `error` misses, if it is not `file` itself but one

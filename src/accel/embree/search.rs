@@ -53,12 +53,13 @@ fn find(of_loader: &OsStr, program: &Path, owner: u32) -> Library {
         return found;
     }
     for folder in folders(program) {
-        let file = folder.path.join(FILE);
         // Without links, which somebody could change between the look and the loading.
-        let Ok(real) = file.canonicalize() else { continue };
-        match real.is_file() {
-            true if folder.is_chosen => return Library { file, ..found },
-            true if is_trusted(&real, owner) => return Library { file: real, ..found },
+        let Ok(path) = folder.path.canonicalize() else { continue };
+        let file = path.join(FILE);
+        match file.is_file() {
+            true if folder.is_chosen || is_trusted(&path, &file, owner) => {
+                return Library { file, ..found };
+            }
             true => found.left_out = Some(file),
             false => {}
         }
@@ -66,14 +67,14 @@ fn find(of_loader: &OsStr, program: &Path, owner: u32) -> Library {
     found
 }
 
-/// Returns whether a file and its folder are of the system or of `owner`, and not everybody may
+/// Returns whether a folder and its file are of the system or of `owner`, and not everybody may
 /// change them. Anybody can make `lib/lightpath` beside a `bin` in a folder of all.
-fn is_trusted(file: &Path, owner: u32) -> bool {
-    let is_safe = |path: &Path| {
+fn is_trusted(folder: &Path, file: &Path, owner: u32) -> bool {
+    let is_safe = |path| {
         let data = fs::metadata(path);
         data.is_ok_and(|data| [0, owner].contains(&data.uid()) && data.mode() & 0o002 == 0)
     };
-    is_safe(file) && file.parent().is_some_and(is_safe)
+    [folder, file].into_iter().all(is_safe)
 }
 
 /// A folder that belongs to a program.
@@ -117,7 +118,9 @@ mod tests {
         let library = root.join("lib/lightpath").join(FILE);
         for file in [root.join("bin/lightpath"), library.clone()] {
             fs::create_dir_all(file.parent().unwrap()).unwrap();
-            fs::write(file, "").unwrap();
+            fs::write(&file, "").unwrap();
+            set_mode(file.parent().unwrap(), 0o755);
+            set_mode(&file, 0o644);
         }
         (root.join("bin/lightpath"), library, fs::metadata(root).unwrap().uid())
     }
@@ -135,7 +138,7 @@ mod tests {
         assert_eq!(find(OsStr::new(""), &program, owner), loaded(library.clone()));
         let left_out = || {
             let found = find(OsStr::new(""), &program, owner);
-            assert_eq!(found.left_out, Some(folder.join(FILE)));
+            assert_eq!(found.left_out, Some(folder.canonicalize().unwrap().join(FILE)));
             assert_ne!(found.file, library);
         };
         for path in [&library, folder] {
@@ -144,23 +147,27 @@ mod tests {
             set_mode(path, 0o755);
         }
         assert_eq!(find(OsStr::new(""), &program, owner), loaded(library.clone()));
-        // A link does not hide it.
+        // A link does not hide it: neither to a folder nor to a file.
         let elsewhere = scratch.path().canonicalize().unwrap().join("elsewhere");
         fs::rename(folder, &elsewhere).unwrap();
         std::os::unix::fs::symlink(&elsewhere, folder).unwrap();
-        assert_eq!(
-            find(OsStr::new(""), &program, owner),
-            loaded(elsewhere.join(FILE).canonicalize().unwrap())
-        );
+        let file = elsewhere.join(FILE);
+        assert_eq!(find(OsStr::new(""), &program, owner), loaded(file.clone()));
         set_mode(&elsewhere, 0o777);
         left_out();
-        // A file of somebody else, but for the system's. Who may give it away tests it.
         set_mode(&elsewhere, 0o755);
-        if std::os::unix::fs::chown(elsewhere.join(FILE), Some(owner + 1), None).is_ok() {
+        let other = elsewhere.join("other");
+        fs::rename(&file, &other).unwrap();
+        std::os::unix::fs::symlink(&other, &file).unwrap();
+        assert_eq!(find(OsStr::new(""), &program, owner), loaded(file.clone()));
+        set_mode(&other, 0o666);
+        left_out();
+        set_mode(&other, 0o644);
+        // A file of somebody else. Who may give it away tests it.
+        if std::os::unix::fs::chown(&other, Some(owner + 1), None).is_ok() {
             left_out();
-            assert!(is_trusted(&elsewhere.join(FILE), owner + 1));
+            assert!(is_trusted(&elsewhere, &file, owner + 1) == (owner == 0));
         }
-        set_mode(&elsewhere, 0o755);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use clap::{Args, Subcommand, ValueHint};
 
 use crate::batch::{self, Job, LimitKeys};
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::farm::{self, Chunks, Slurm};
+use crate::farm::{self, Chunks, Slurm, Submission};
 use crate::output::atomic::PartFile;
 use crate::paths;
 use crate::units::{self, parse_bytes};
@@ -117,13 +117,15 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         .and_then(|()| DirBuilder::new().recursive(true).mode(0o755).create(&folder));
     created.map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
+    let mut checked = Ok(());
     for (path, text) in &scripts {
         let mut part = PartFile::create(path)?;
         part.fill_by(|file, _| {
             let failed = |error| Error::io(path, "write", &error);
             let data = file.metadata().map_err(failed)?;
+            checked = check_owner(&folder, &data);
             if args.dry_run {
-                check_owner(&folder, &data)?;
+                checked.clone()?;
             }
             file.write_all(text.as_bytes()).map_err(failed)?;
             let not_by_others = Permissions::from_mode(data.mode() & 0o755);
@@ -142,27 +144,29 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         units::bytes(slurm.memory_mib << 20),
     ));
     print::paths(&written)?;
-    let script = |name: &str| format!("{}/slurm/{name}", slurm.folder);
-    let by_hand = |after: &str| slurm.sheet(&script("sheet.sh"), after);
+    let real = folder.canonicalize().map_err(|error| Error::io(&folder, "read", &error))?;
+    let script = |name: &str| paths::named(&real.join(name));
     if args.dry_run {
-        let commands = [slurm.frames(&script("frames.sh")), by_hand("ID")];
-        let commands = commands.map(|words| farm::command_line("sbatch", &words));
-        return print::text(&(commands.join("\n") + "\n"));
+        let frames = slurm.frames().command(&script("frames.sh")?);
+        let sheet = slurm.sheet("ID").command(&script("sheet.sh")?);
+        return print::text(&format!("{frames}\n{sheet}\n"));
     }
-    let array = submit(&slurm.frames(STDIN), farm::FRAMES_SCRIPT)?;
+    let array = submit(&slurm.frames())?;
     // Printed before the next step, which may fail.
     print::text(&format!("{array}\n"))?;
-    let sheet = slurm.sheet(STDIN, &array);
-    let submitted = submit(&sheet, farm::SHEET_SCRIPT).map_err(|error| {
-        let command = farm::command_line("sbatch", &by_hand(&array));
-        error.help(format!("job {array} renders all frames; only the sheet is missing: {command}"))
+    let sheet = slurm.sheet(&array);
+    let submitted = submit(&sheet).map_err(|error| {
+        let by_hand = match (checked, script("sheet.sh")) {
+            (Ok(()), Ok(path)) => sheet.command(&path),
+            _ => {
+                let words = ["batch", &slurm.job, "-o", &slurm.folder, "--sheet-only"];
+                farm::command_line(&slurm.program, &words.map(str::to_string))
+            }
+        };
+        error.help(format!("job {array} renders all frames; only the sheet is missing: {by_hand}"))
     })?;
     print::text(&format!("{submitted}\n"))
 }
-
-/// The script of a submission. The folder of the scripts may be one that others can change, so
-/// `sbatch` gets the text itself.
-const STDIN: &str = "/dev/stdin";
 
 /// Checks that not everybody can replace the scripts in `folder` before the user names them to
 /// `sbatch`. `file` is of a file in it: it has the owner that the file system gives to files of
@@ -192,10 +196,12 @@ fn check_owner(folder: &Path, file: &Metadata) -> Result<()> {
         return refused(folder, mode(&data));
     }
     let real = folder.canonicalize().map_err(|error| Error::io(folder, "read", &error))?;
+    // In a namespace of users, the system has another number.
+    let system = data_of("/".as_ref())?.uid();
     for above in real.ancestors().skip(1) {
         let data = data_of(above)?;
         // In a sticky folder only its owner can rename what belongs to others.
-        let is_sticky = data.mode() & 0o1000 != 0 && [0, file.uid()].contains(&data.uid());
+        let is_sticky = data.mode() & 0o1000 != 0 && [system, file.uid()].contains(&data.uid());
         if data.mode() & 0o002 != 0 && !is_sticky {
             return refused(above, mode(&data));
         }
@@ -418,21 +424,22 @@ const UNREACHABLE: [&str; 8] = [
     "Could not establish a configuration source",
 ];
 
-/// Runs `sbatch` with `script` as its standard input.
-fn sbatch(words: &[String], script: &str) -> std::io::Result<Output> {
+/// Runs `sbatch`, which reads the script from its standard input: a file may be one that everybody
+/// can replace.
+fn sbatch(job: &Submission) -> std::io::Result<Output> {
     let mut command = Command::new("sbatch");
-    command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(&job.options).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
     if let Some(mut stdin) = child.stdin.take() {
-        // A pipe holds a whole script. One that ends without reading it says why.
-        let _ = stdin.write_all(script.as_bytes());
+        // An `sbatch` that ends without reading it says why.
+        let _ = stdin.write_all(job.text().as_bytes());
     }
     child.wait_with_output()
 }
 
 /// Submits a job to Slurm and returns its id.
-fn submit(words: &[String], script: &str) -> Result<String> {
-    let output = sbatch(words, script).map_err(|error| {
+fn submit(job: &Submission) -> Result<String> {
+    let output = sbatch(job).map_err(|error| {
         let message = format!("cannot run sbatch: {error}");
         Error::new(ErrorKind::Unsupported, Problem::new("slurm", message))
             .help("run this where Slurm is installed; --dry-run only writes the scripts")

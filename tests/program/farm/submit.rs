@@ -289,7 +289,7 @@ fn scripts_that_others_change_are_not_submitted() {
     let scratch = scratch(2);
     std::fs::create_dir_all(scratch.path("out/slurm")).unwrap();
     let text = "#!/bin/bash\nfor name in frames sheet; do echo changed >out/slurm/$name.sh; done\n\
-                while [[ $1 == -* ]]; do shift; done\ncat \"$1\" >>submitted\necho 7\n";
+                cat >>submitted\necho 7\n";
     scratch.write("bin/sbatch", text);
     for (path, mode) in [("bin/sbatch", 0o755), ("out", 0o777), ("out/slurm", 0o777)] {
         let path = scratch.path(path);
@@ -303,7 +303,12 @@ fn scripts_that_others_change_are_not_submitted() {
         let path = format!("{}/farm/slurm-{name}.sh", env!("CARGO_MANIFEST_DIR"));
         std::fs::read_to_string(path).unwrap()
     });
-    assert_eq!(scratch.read("submitted"), scripts.concat().into_bytes());
+    let submitted = String::from_utf8(scratch.read("submitted")).unwrap();
+    let (arguments, rest): (Vec<_>, Vec<_>) =
+        submitted.split_inclusive('\n').partition(|line| line.starts_with("set -- "));
+    assert_eq!(rest.concat(), scripts.concat());
+    assert!(arguments.iter().all(|line| line.contains("/job.json ")), "{arguments:?}");
+    assert_eq!(arguments.len(), 2);
 }
 
 #[test]
@@ -525,4 +530,12 @@ fn a_controller_out_of_reach_is_worth_a_retry() {
     assert!(done.stdout().lines().any(|line| line == "77"), "{}", done.stdout());
     let help = "job 77 renders all frames; only the sheet is missing: sbatch ";
     assert!(done.stderr().contains(help), "{}", done.stderr());
+    // A script that everybody may change is not named.
+    std::fs::remove_file(scratch.path("once")).unwrap();
+    let folder = scratch.path("out/slurm");
+    std::fs::set_permissions(&folder, std::os::unix::fs::PermissionsExt::from_mode(0o777)).unwrap();
+    let done = program::Done::of(command.env("PATH", &path));
+    assert_eq!(done.code(), 2, "{}", done.stderr());
+    assert!(done.stderr().contains("the sheet is missing: /"), "{}", done.stderr());
+    assert!(done.stderr().contains("/out --sheet-only"), "{}", done.stderr());
 }
