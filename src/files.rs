@@ -115,7 +115,7 @@ pub fn open_file(path: &Path) -> Option<PathBuf> {
 /// nothing. Any other path is returned unchanged.
 pub fn behind_link(path: &Path) -> PathBuf {
     let mut behind = path.to_owned();
-    // Not one that the system refuses to follow. A link that is gone after that is a name.
+    // Not one that the system refuses to follow. A link that has gone since is a plain name.
     if !std::fs::metadata(path).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
         return behind;
     }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::ffi::{self, Api, DeviceHandle, Enum};
 use super::fixed::PinnedBox;
-use super::search::{self, Library};
+use super::search;
 use crate::accel::accelerator::over_limit;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::process::{left_by_limits, number};
@@ -65,34 +65,24 @@ const INSTALL: &str = "install libembree4-4 (Debian 13 and later), in a checkout
 /// # Errors
 /// `Unsupported` if the library is missing or not Embree 4, `Retry` if memory ran out.
 pub fn load_library() -> Result<Arc<Api>> {
-    let Library { file: path, left_out } = search::library();
-    let file = &path.display().to_string();
+    let found = search::library();
+    let file = &found.file.display().to_string();
     let missing = |error: &dyn std::fmt::Display| {
         let error = error.to_string();
-        let help = match (needed_library(&error, file), &left_out) {
-            (Some(name), _) => format!("install {name}, which Embree needs"),
-            (None, Some(other)) => left_out_help(other),
-            (None, None) => INSTALL.into(),
+        let help = match needed_library(&error, file) {
+            Some(name) => format!("install {name}, which Embree needs"),
+            None => found.help().unwrap_or_else(|| INSTALL.into()),
         };
         let problem = Problem::new("Embree", format!("cannot load {file}: {error}"));
         Error::new(ErrorKind::Unsupported, problem.help(help))
     };
     // SAFETY: Embree's and TBB's initialisers have no preconditions.
-    let library = unsafe { libloading::Library::new(&path) };
+    let library = unsafe { libloading::Library::new(&found.file) };
     let library = library.map_err(|error| match has_room(LIBRARY_BYTES) {
         true => missing(&error),
         false => Error::no_memory("Embree", format!("cannot load {file}: out of memory: {error}")),
     })?;
     Ok(Arc::new(Api::resolve(library).map_err(|e| missing(&e))?))
-}
-
-/// Returns what to do about a library beside the program that was not loaded.
-fn left_out_help(file: &Path) -> String {
-    format!(
-        "{} was left out: it or its folder is of another user than the program, or all may write it; make it yours, or \
-         name the folder in LD_LIBRARY_PATH",
-        file.display()
-    )
 }
 
 /// Returns the library that the loader's message `error` misses, if it is not `file` itself but one

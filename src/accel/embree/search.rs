@@ -31,6 +31,17 @@ pub struct Library {
     pub left_out: Option<PathBuf>,
 }
 
+impl Library {
+    /// Returns what to do about the file that was left out, if there is one.
+    pub fn help(&self) -> Option<String> {
+        let file = self.left_out.as_ref()?.display();
+        Some(format!(
+            "{file} was left out: it or its folder is of another user than the program, or all may write it; make it \
+             yours, or name the folder in LD_LIBRARY_PATH"
+        ))
+    }
+}
+
 /// Looks for the library as the program of this process.
 pub fn library() -> Library {
     let of_loader = env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
@@ -140,6 +151,8 @@ mod tests {
             let found = find(OsStr::new(""), &program, owner);
             assert_eq!(found.left_out, Some(folder.canonicalize().unwrap().join(FILE)));
             assert_ne!(found.file, library);
+            let help = found.help().unwrap();
+            assert!(help.starts_with(found.left_out.unwrap().to_str().unwrap()), "{help}");
         };
         for path in [&library, folder] {
             set_mode(path, 0o777);

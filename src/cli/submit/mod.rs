@@ -2,8 +2,9 @@
 //! second job for the contact sheet.
 
 mod needs;
+mod owner;
 
-use std::fs::{self, DirBuilder, Metadata, Permissions};
+use std::fs::{self, DirBuilder, Permissions};
 use std::io::Write;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -19,6 +20,7 @@ use crate::paths;
 use crate::units::{self, parse_bytes};
 
 use self::needs::{Needs, frame_seconds};
+use self::owner::check_owner;
 use super::{batch as batch_command, print, signals};
 
 /// Arguments of `lightpath submit`.
@@ -117,15 +119,13 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         .and_then(|()| DirBuilder::new().recursive(true).mode(0o755).create(&folder));
     created.map_err(|error| Error::io(&folder, "create", &error))?;
     let mut written = Vec::new();
-    let mut checked = Ok(());
     for (path, text) in &scripts {
         let mut part = PartFile::create(path)?;
         part.fill_by(|file, _| {
             let failed = |error| Error::io(path, "write", &error);
             let data = file.metadata().map_err(failed)?;
-            checked = check_owner(&folder, &data);
             if args.dry_run {
-                checked.clone()?;
+                check_owner(&folder, &data)?;
             }
             file.write_all(text.as_bytes()).map_err(failed)?;
             let not_by_others = Permissions::from_mode(data.mode() & 0o755);
@@ -156,9 +156,12 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
     print::text(&format!("{array}\n"))?;
     let sheet = slurm.sheet(&array);
     let submitted = submit(&sheet).map_err(|error| {
-        let by_hand = match (checked, script("sheet.sh")) {
-            (Ok(()), Ok(path)) => sheet.command(&path),
-            _ => {
+        let path = script("sheet.sh").ok().filter(|path| {
+            fs::metadata(path).is_ok_and(|data| check_owner(&folder, &data).is_ok())
+        });
+        let by_hand = match path {
+            Some(path) => sheet.command(&path),
+            None => {
                 let words = ["batch", &slurm.job, "-o", &slurm.folder, "--sheet-only"];
                 farm::command_line(&slurm.program, &words.map(str::to_string))
             }
@@ -166,47 +169,6 @@ pub fn run(args: &SubmitArgs, program: Option<&Path>) -> Result<()> {
         error.help(format!("job {array} renders all frames; only the sheet is missing: {by_hand}"))
     })?;
     print::text(&format!("{submitted}\n"))
-}
-
-/// Checks that not everybody can replace the scripts in `folder` before the user names them to
-/// `sbatch`. `file` is of a file in it: it has the owner that the file system gives to files of
-/// this user.
-///
-/// # Errors
-/// `Invalid` if the folder is of another user or a link, or if it or one above can be changed by
-/// all.
-fn check_owner(folder: &Path, file: &Metadata) -> Result<()> {
-    let data_of =
-        |path: &Path| fs::symlink_metadata(path).map_err(|error| Error::io(path, "read", &error));
-    let refused = |folder: &Path, what: String| {
-        let message =
-            format!("found a folder that others can change ({what}), expected one of your own");
-        Err(Error::invalid(folder.display().to_string(), message)
-            .help("scripts in it could run in your name: choose another output folder"))
-    };
-    let mode = |data: &Metadata| format!("mode {:o}", data.mode() & 0o7777);
-    let data = data_of(folder)?;
-    if !data.is_dir() {
-        return refused(folder, "a link".into());
-    }
-    if data.uid() != file.uid() {
-        return refused(folder, format!("it belongs to user {}", data.uid()));
-    }
-    if data.mode() & 0o002 != 0 {
-        return refused(folder, mode(&data));
-    }
-    let real = folder.canonicalize().map_err(|error| Error::io(folder, "read", &error))?;
-    // In a namespace of users, the system has another number.
-    let system = data_of("/".as_ref())?.uid();
-    for above in real.ancestors().skip(1) {
-        let data = data_of(above)?;
-        // In a sticky folder only its owner can rename what belongs to others.
-        let is_sticky = data.mode() & 0o1000 != 0 && [system, file.uid()].contains(&data.uid());
-        if data.mode() & 0o002 != 0 && !is_sticky {
-            return refused(above, mode(&data));
-        }
-    }
-    Ok(())
 }
 
 /// Loads the job and its limits as its tasks will load them.
