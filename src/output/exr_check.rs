@@ -1,6 +1,8 @@
 //! Checks an EXR before it is decoded. The `exr` crate trusts some values that may be wrong in a
 //! damaged file.
 
+mod chunks;
+
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -44,8 +46,8 @@ pub fn meta(mut file: &File, strict: bool) -> ExrResult<MetaData> {
 ///
 /// # Errors
 /// `Invalid` for a file that is not readable EXR, a zero sampling factor, a file that is too short
-/// for its pixels, or a chunk that announces more than its pixels need. `Unsupported` for a
-/// compression that cannot be read.
+/// for its pixels or its chunks, or a chunk that announces more than its pixels need.
+/// `Unsupported` for a compression that cannot be read.
 pub fn check(path: &Path) -> Result<()> {
     let failed = |error| exr_error(path, error);
     let file = File::open(path).map_err(|error| Error::io(path, "read", &error))?;
@@ -62,6 +64,7 @@ pub fn check(path: &Path) -> Result<()> {
         }
     }
     check_length(path, length, &headers)?;
+    check_chunks(path, &headers)?;
     if !headers.iter().any(is_dwa) {
         return Ok(());
     }
@@ -89,8 +92,25 @@ pub fn check_whole(path: &Path) -> Result<()> {
     if blocks.headers().iter().any(|header| header.deep) {
         return Ok(());
     }
+    check_chunks(path, blocks.headers())?;
     let mut chunks = blocks.all_chunks(true).map_err(failed)?;
     chunks.try_for_each(|chunk| chunk.map(drop)).map_err(failed)
+}
+
+/// Checks that no chunk states more bytes than the file has.
+///
+/// # Errors
+/// `Invalid`, as for a file that is cut short.
+fn check_chunks(path: &Path, headers: &[Header]) -> Result<()> {
+    let exceed = || {
+        let mut file = File::open(path)?;
+        let length = file.metadata()?.len();
+        chunks::exceed(&mut file, length, headers)
+    };
+    if exceed().map_err(|error| exr_error(path, error.into()))? {
+        return Err(exr_error(path, ExrError::Invalid("reference to missing bytes".into())));
+    }
+    Ok(())
 }
 
 /// Checks that a file of `length` bytes can hold the pixels that its headers declare. All sampling

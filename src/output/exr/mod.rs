@@ -35,7 +35,7 @@ use crate::simd::{Isa, dispatch};
 
 pub use self::options::{CameraMatrices, Compression, DWA_MAX, Options, Sequence};
 pub use self::parts::layer_of;
-pub use self::sorted::read_sorted;
+pub use self::sorted::{is_multi_part, read_sorted};
 
 use self::parts::ExrPart;
 use self::rows::Fill;

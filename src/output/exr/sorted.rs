@@ -36,7 +36,7 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
     if sorted[..4] != [0x76, 0x2f, 0x31, 0x01] {
         return Err(broken());
     }
-    let multi_part = sorted[FLAGS] & MULTI_PART != 0;
+    let multi_part = is_multi_part(&sorted);
     loop {
         let mut attributes = attributes(&mut file)?;
         attributes.sort();
@@ -50,6 +50,11 @@ pub fn read_sorted(file: &mut impl Read) -> Result<Vec<u8>> {
             return Ok(sorted);
         }
     }
+}
+
+/// Returns true if the start of a file says that it has several headers.
+pub fn is_multi_part(start: &[u8]) -> bool {
+    start[FLAGS] & MULTI_PART != 0
 }
 
 /// Reads the attributes of one header. Returns each name, and the bytes after its NUL.

@@ -1,7 +1,7 @@
 //! EXR files of other programs: every reader accepts what the format allows, or names what it
 //! cannot read.
 
-use crate::support::program::Scratch;
+use crate::support::program::{self, Scratch};
 use exr::prelude::*;
 
 const SCENE: &str = r#"{ "camera": { "type": "pinhole", "width": 12, "height": 8, "fov": 40,
@@ -92,6 +92,57 @@ fn a_size_that_the_file_cannot_hold_is_refused() {
         let said = done.stderr();
         let words = "picture.exr: found fewer bytes than its size needs";
         assert!(said.contains(words), "{arguments:?}: {said}");
+    }
+}
+
+/// A damaged header can declare tiles that need far more memory than the file has bytes.
+#[cfg(unix)]
+#[test]
+fn a_tile_that_the_file_cannot_hold_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("s.json", SCENE);
+    let size = |bytes: u32| bytes.to_le_bytes();
+    for parts in 1..=2 {
+        let layer = |part: usize| {
+            let values = ["R", "G", "B", "A"].into_iter().zip([0, 1, 2, 3].map(noise));
+            let list = values.map(|(name, v)| AnyChannel::new(name, FlatSamples::F32(v))).collect();
+            let encoding = Encoding {
+                compression: Compression::Uncompressed,
+                blocks: Blocks::Tiles(Vec2(12, 8)),
+                line_order: LineOrder::Increasing,
+            };
+            let named = LayerAttributes::named(["one", "two"][part]);
+            Layer::new((12, 8), named, encoding, AnyChannels::sort(list))
+        };
+        let layers = Layers::from_iter((0..parts).map(layer));
+        let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((12, 8)));
+        let path = scratch.path("picture.exr");
+        let image = Image::from_layers(attributes, layers);
+        image.write().non_parallel().to_file(&path).unwrap();
+        let whole = scratch.read("picture.exr");
+        let done = scratch.run(&["info", "picture.exr"]);
+        assert_eq!(done.code(), 0, "{}", done.stderr());
+        let patched = |mut bytes: Vec<u8>, key: &[u8], at: usize, new: u32| {
+            let starts = bytes.windows(key.len()).rposition(|window| window == key);
+            let at = starts.unwrap() + at;
+            bytes[at..at + 4].copy_from_slice(&size(new));
+            bytes
+        };
+        // 12 x 2^25 pixels of 16 bytes, and a tile that is stored in 1 GiB of them.
+        let tiles = [&b"tiles\0tiledesc\0\x09\0\0\0"[..], &size(12), &size(8)].concat();
+        let tall = patched(whole, &tiles, tiles.len() - 4, 1 << 25);
+        // The first coordinates of the tile are 0.
+        let stored = [[0; 16].as_slice(), &size(12 * 8 * 16)].concat();
+        std::fs::write(&path, patched(tall, &stored, 16, 1 << 30)).unwrap();
+        for arguments in READERS.into_iter().chain([&["info", "picture.exr"][..]]) {
+            let limited = "ulimit -v 800000; exec \"$0\" \"$@\"";
+            let mut command = std::process::Command::new("sh");
+            command.args(["-c", limited, env!("CARGO_BIN_EXE_lightpath")]).args(arguments);
+            let done = program::Done::of(command.current_dir(scratch.path("")));
+            let said = done.stderr();
+            assert_eq!(done.code(), 2, "{parts} {arguments:?}: {said}");
+            assert!(said.contains("reference to missing bytes"), "{parts} {arguments:?}: {said}");
+        }
     }
 }
 
