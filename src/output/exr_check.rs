@@ -17,6 +17,8 @@ use exr::meta::{BlockDescription, MetaData};
 
 use crate::error::{Error, ErrorKind, Problem, Result};
 
+pub use self::chunks::table;
+
 /// Number of 64-bit integers at the start of a DWAA or DWAB chunk (OpenEXR,
 /// `internal_dwa_compressor.h`). They hold the version, then sizes and counts of the sections, then
 /// the packing of the AC coefficients.

@@ -7,7 +7,6 @@ use std::path::Path;
 use ::exr::meta::attribute::AttributeValue;
 use ::exr::meta::header::Header;
 
-use super::exr::read_sorted;
 use super::exr_check;
 
 /// Name of the EXR attribute and of the PNG text with the fingerprint: a line of hashes that
@@ -31,26 +30,12 @@ pub fn exr(path: &Path) -> FileState {
     inspect(path, |file| {
         let meta = exr_check::meta(file, false).ok()?;
         let header = meta.headers.first()?;
-        file.rewind().ok()?;
-        let table_at = read_sorted(file).ok()?.len() as u64;
-        // The tables of all parts follow each other.
-        let mut counts = meta.headers.iter().map(|header| u64::try_from(header.chunk_count).ok());
-        let count = counts.try_fold(0u64, |sum, count| sum.checked_add(count?))?;
         let length = file.metadata().ok()?.len();
-        if count == 0 || length < table_at.checked_add(count.checked_mul(8)?)? {
-            return None;
-        }
-        file.seek(SeekFrom::Start(table_at)).ok()?;
-        let mut table = BufReader::new(&mut *file);
-        let mut last = 0;
-        for _ in 0..count {
-            let mut offset = [0; 8];
-            table.read_exact(&mut offset).ok()?;
-            last = last.max(u64::from_le_bytes(offset));
-        }
+        let table = exr_check::table(file, length, &meta.headers).ok()??;
+        let last = table.offsets.iter().max()?;
         // A block begins with its part number (if there are several parts), its first line and its
         // size.
-        let size_at = last.checked_add(if meta.headers.len() > 1 { 8 } else { 4 })?;
+        let size_at = last.checked_add(if table.several { 8 } else { 4 })?;
         file.seek(SeekFrom::Start(size_at)).ok()?;
         let mut size = [0; 4];
         file.read_exact(&mut size).ok()?;

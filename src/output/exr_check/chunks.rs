@@ -3,7 +3,7 @@
 //! the chunk.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Result, Seek, SeekFrom};
+use std::io::{Read, Result, Seek, SeekFrom};
 
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
@@ -14,6 +14,38 @@ use crate::output::exr::{is_multi_part, read_sorted};
 /// data.
 const MAX_START: u64 = 4 + 16 + 24;
 
+/// Where the chunks of a file begin.
+pub struct Table {
+    /// Offset in the file of each chunk, part after part.
+    pub offsets: Vec<u64>,
+    /// Whether chunks begin with the number of their part.
+    pub several: bool,
+    /// Offset of the byte after the table.
+    end: u64,
+}
+
+/// Reads the table of a file of `length` bytes. Returns `None` if it is cut short.
+///
+/// # Errors
+/// For a file that cannot be read.
+pub fn table(file: &mut File, length: u64, headers: &[Header]) -> Result<Option<Table>> {
+    file.rewind()?;
+    let start = read_sorted(file)?;
+    let begin = start.len() as u64;
+    let counts = headers.iter().map(|header| header.chunk_count as u64);
+    let count = counts.fold(0, u64::saturating_add);
+    let end = begin.saturating_add(count.saturating_mul(8));
+    if end > length {
+        return Ok(None);
+    }
+    file.seek(SeekFrom::Start(begin))?;
+    let mut bytes = Vec::new();
+    file.take(end - begin).read_to_end(&mut bytes)?;
+    let number = |eight: &[u8]| eight.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+    let offsets = bytes.chunks_exact(8).map(number).collect();
+    Ok(Some(Table { offsets, several: is_multi_part(&start), end }))
+}
+
 /// Returns true if a chunk states more bytes than the file has, and the `exr` crate would allocate
 /// them. Reads the starts of all chunks, if the crate may allocate more than the file's length.
 ///
@@ -23,24 +55,14 @@ pub fn exceed(file: &mut File, length: u64, headers: &[Header]) -> Result<bool> 
     if headers.iter().all(|header| max_block_bytes(header) <= length) {
         return Ok(false);
     }
-    file.rewind()?;
-    let start = read_sorted(file)?;
-    let table = start.len() as u64;
-    let counts = headers.iter().map(|header| header.chunk_count as u64);
-    let count = counts.fold(0, u64::saturating_add);
-    let first = table.saturating_add(count.saturating_mul(8));
     // The crate refuses a table that is cut short.
-    if first > length {
+    let Some(Table { offsets, several, end }) = table(file, length, headers)? else {
         return Ok(false);
-    }
-    file.seek(SeekFrom::Start(table))?;
-    let mut offsets = Vec::new();
-    BufReader::new(&mut *file).take(first - table).read_to_end(&mut offsets)?;
-    let mut chunks = Chunks { file, length, headers, several: is_multi_part(&start) };
+    };
+    let mut chunks = Chunks { file, length, headers, several };
     // Chunks are read at the offsets of the table or one after another. These differ in few files.
-    let mut next = first;
-    for offset in offsets.chunks_exact(8) {
-        let start = offset.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+    let mut next = end;
+    for start in offsets {
         let Some(mut end) = chunks.end(start)? else { return Ok(true) };
         if start != next {
             let Some(other) = chunks.end(next)? else { return Ok(true) };

@@ -146,6 +146,38 @@ fn a_tile_that_the_file_cannot_hold_is_refused() {
     }
 }
 
+/// So can wide rows: 16 of them are a block, even if there is only one.
+#[cfg(unix)]
+#[test]
+fn a_block_of_rows_that_the_file_cannot_hold_is_refused() {
+    let scratch = Scratch::new();
+    let size = (1 << 22, 1);
+    let values = vec![f16::ONE; size.0];
+    let channel = |name: &str| AnyChannel::new(name, FlatSamples::F16(values.clone()));
+    let channels = AnyChannels::sort(["R", "G", "B"].map(channel).into_iter().collect());
+    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
+    let layer = Layer::new(size, LayerAttributes::default(), encoding, channels);
+    let path = scratch.path("picture.exr");
+    Image::from_layer(layer).write().non_parallel().to_file(&path).unwrap();
+    let mut bytes = scratch.read("picture.exr");
+    // The table has one offset, and the chunk after it begins with its row.
+    let at = (0..bytes.len()).find(|&at| bytes[at..at + 8] == (at as u64 + 8).to_le_bytes());
+    let stated = at.unwrap() + 12;
+    let stored = u32::from_le_bytes(bytes[stated..stated + 4].try_into().unwrap());
+    assert_eq!(stored as usize, bytes.len() - stated - 4);
+    // A block may have 2^22 x 16 pixels of 6 bytes, 384 MiB.
+    bytes[stated..stated + 4].copy_from_slice(&(380u32 << 20).to_le_bytes());
+    std::fs::write(&path, bytes).unwrap();
+    for arguments in [READERS[1], READERS[3], &["info", "picture.exr"]] {
+        let limited = "ulimit -v 300000; exec \"$0\" \"$@\"";
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", limited, env!("CARGO_BIN_EXE_lightpath")]).args(arguments);
+        let done = program::Done::of(command.current_dir(scratch.path("")));
+        assert_eq!(done.code(), 2, "{arguments:?}: {}", done.stderr());
+        assert!(done.stderr().contains("reference to missing bytes"), "{}", done.stderr());
+    }
+}
+
 #[test]
 fn info_reports_a_file_that_is_cut_short() {
     let scratch = Scratch::new();
